@@ -10,11 +10,11 @@ from bt_agents_groot.models import Models
 from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_export import TreeExport
 from bt_agents_groot.xml_files import Xml, xml_text
+from bt_agents_language.fields.inputs import read_inputs
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.imports import read_imports
-from bt_agents_language.files.inputs import read_inputs
 from bt_agents_language.model.specs import SubtreeSpec, Tunable
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader

@@ -27,7 +27,7 @@ from bt_agents_groot.yaml_nodes import (
     with_comments,
     yaml_lines,
 )
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import FORMAT

@@ -14,11 +14,11 @@ from bt_agents_groot.agent_export import export_agent
 from bt_agents_groot.agent_import import ImportedAgent, import_agent
 from bt_agents_groot.naming import snake
 from bt_agents_groot.translation import Remark, RemarkLevel
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.source import read_source
 
 _OUT = click.option("-o", "--out", metavar="OUT", default="", help="The file to write.")

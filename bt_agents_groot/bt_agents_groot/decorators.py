@@ -20,8 +20,8 @@ from bt_agents_groot.yaml_nodes import (
     selector,
     sequence,
 )
-from bt_agents_language.model.node_type import FOREVER
 from bt_agents_language.nodes.catalogue import DECORATORS as OWN_DECORATORS
+from bt_agents_language.nodes.node_type import FOREVER
 
 Translate = Callable[[Translation, Element], YamlNode]
 

@@ -19,7 +19,7 @@ from bt_agents_groot.catalogue import (
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scripts import ScriptError, parse_script
 from bt_agents_groot.xml_files import Attribute, Element, XmlReading
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.yaml.source import Source
 
 _WHOLE = re.compile(r"[-+]?[0-9]{1,9}")

@@ -17,8 +17,8 @@ from bt_agents_groot.formulas import (
     script_name,
 )
 from bt_agents_groot.ports import only_name
-from bt_agents_language.model.node_type import FOREVER
-from bt_agents_language.model.quantities import QuantityError, duration
+from bt_agents_language.expression.quantities import QuantityError, duration
+from bt_agents_language.nodes.node_type import FOREVER
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 

@@ -14,7 +14,7 @@ from bt_agents_groot.script_nodes import as_node
 from bt_agents_groot.translation import RemarkLevel, Translation
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
-from bt_agents_language.model.node_type import FOREVER
+from bt_agents_language.nodes.node_type import FOREVER
 
 
 def count(tree: Translation, element: Element, port: str, default: str = "") -> Data:

@@ -10,9 +10,9 @@ from bt_agents_groot.catalogue import BUILTINS, EXPLICIT
 from bt_agents_groot.naming import pascal, port
 from bt_agents_groot.ports import cpp_type, plain_port
 from bt_agents_groot.xml_files import Xml
-from bt_agents_language.model.node_type import NodeField, NodeType
 from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec, Tunable
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
+from bt_agents_language.nodes.node_type import NodeField, NodeType
 
 
 class Models:

@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Collection
 
-from bt_agents_language.model.scope import RESERVED
+from bt_agents_language.fields.scope import RESERVED
 from bt_agents_language.yaml.typed_reader import MAX_NAME
 
 _BORDER = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")

@@ -14,8 +14,8 @@ from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
-from bt_agents_language.model.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.nodes.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.set import SET
 
 RemarkFunction = Callable[[RemarkLevel, Element | Attribute, str], None]

@@ -13,7 +13,7 @@ from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_groot.formulas import GROUPS, script_name
 from bt_agents_groot.yaml_nodes import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
-from bt_agents_language.model.quantities import QuantityError
+from bt_agents_language.expression.quantities import QuantityError
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence

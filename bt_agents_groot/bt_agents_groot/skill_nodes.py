@@ -15,9 +15,9 @@ from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
-from bt_agents_language.model.node_type import NodeType
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import WORDS
+from bt_agents_language.nodes.node_type import NodeType
 
 
 @dataclass

@@ -16,10 +16,10 @@ from bt_agents_groot.naming import port
 from bt_agents_groot.ports import JSON, as_port
 from bt_agents_groot.translation import RemarkLevel, Remarks
 from bt_agents_groot.xml_files import Xml
-from bt_agents_language.model.node_type import Content, NodeField, NodeType, RawNode
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.nodes.check import CHECK
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, RawNode
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
 from bt_agents_language.nodes.set import SET
@@ -95,7 +95,7 @@ class TreeExport:
         ports = self._ports(self._fields(raw, own.main), types, verbatim)
         if own.plugin is not None:
             return Xml(tag=self._models.plugin(own), attributes=ports)
-        what = "Condition" if own.looks_only else "Action"
+        what = "Condition" if own.read_only else "Action"
         return Xml(tag=self._declared_tag(raw.key, what, own.key, own.fields), attributes=ports)
 
     def _declared_tag(

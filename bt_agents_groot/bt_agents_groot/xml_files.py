@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import quote
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import MAX_BYTES, TOO_LARGE, Source
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stage for trees: an agent written in a test, a scripted environment, a manual clock."""
+"""Harness for trees: an agent written in a test, a scripted environment, a clock set by hand."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.symbols import SymbolTable
 
 TREES = Path(__file__).parents[2] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space

@@ -14,7 +14,7 @@ from bt_agents.engine.context import NodeMaker, RunContext
 from bt_agents.engine.nodes.plugin import PluginLeaf
 from bt_agents.engine.nodes.skill import SkillLeaf
 from bt_agents.engine.scope import Scope
-from bt_agents_language.gc_pause import gc_paused
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.model.specs import NodeSpec
 
 

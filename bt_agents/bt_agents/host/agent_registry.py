@@ -13,7 +13,8 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import AgentSpec
 
 

@@ -9,8 +9,8 @@ from pkgutil import iter_modules
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_language import nodes
-from bt_agents_language.model.node_type import Content, NodeField, NodeType, Role, SiblingKey
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, Role, SiblingKey
 from bt_agents_language.nodes.plugin import PLUGIN
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.nodes.subtree import OUTPUTS, WITH

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.endings import skippable
-from bt_agents_language.model.node_type import Mark, NodeType, Role
+from bt_agents_language.nodes.endings import skippable
+from bt_agents_language.nodes.node_type import Mark, NodeType, Role
 
 ONCE = NodeType(
     key="once",
@@ -16,7 +16,7 @@ ONCE = NodeType(
     skips=True,
     unaffected=True,
     single_round=True,
-    ways=((Mark.LEFT_OUT, "never left out"),),
+    to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:
   repeat: 3

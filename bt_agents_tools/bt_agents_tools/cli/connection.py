@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import loading
 from bt_agents_tools.launcher.domain_lock import holder
 from bt_agents_tools.launcher.supervisor import set_local_discovery

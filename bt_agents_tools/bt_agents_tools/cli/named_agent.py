@@ -8,9 +8,9 @@ from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import enclosing_folder, find_trees
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.yaml.diagnostics import did_you_mean
 
 
 def named_agent(

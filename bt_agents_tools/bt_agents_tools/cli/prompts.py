@@ -19,7 +19,7 @@ from bt_agents_language.files.testing.scenarios import (
 )
 from bt_agents_language.files.testing.test_reader import read_scenario_text
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_tools.cli.scenario_options import TypedYaml, is_event, typed_answer, typed_event
 from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.scene import SceneSpace
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.files.testing.path_patterns import nodes_of
 from bt_agents_language.model.specs import AgentSpec, Literal
-from bt_agents_language.yaml.diagnostics import did_you_mean
-from bt_agents_language.yaml.renderers import columns
 
 _PLAIN = re.compile(r"[\w.+][\w.+ /%-]*")
 _TIME = re.compile(r"\s*([0-9.]+\s*(?:ms|s|min|h))\b\s*(.*)", re.DOTALL)

@@ -21,7 +21,7 @@ from bt_agents_core.feedback import TUNING
 from bt_agents_core.text import quote
 from bt_agents_interfaces.msg import Feedback, Tunables, Tunings
 from bt_agents_interfaces.srv import GiveFeedback, Tune
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros import qos
 from bt_agents_tools.client.observer import Observer
 from bt_agents_tools.client.system import manage_profiles

@@ -12,7 +12,8 @@ from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scope import MessageNames, explain_false, is_true
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.field_types import Plain
-from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.files.testing.path_patterns import is_path, matches
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,

@@ -25,7 +25,7 @@ from bt_agents_language.files.testing.scenarios import (
     Visits,
     Within,
 )
-from bt_agents_language.model.node_type import Mark
+from bt_agents_language.nodes.node_type import Mark
 from bt_agents_tools.rehearsal.events import Rehearsed, Use
 from bt_agents_tools.rehearsal.transcript import phrase, time_text, value_text
 

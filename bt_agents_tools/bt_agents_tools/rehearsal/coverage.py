@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_language.model.endings import Outcome
-from bt_agents_language.model.node_type import Mark, Role
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.nodes.node_type import Mark, Role
 from bt_agents_language.tools.linting.outcomes import outcomes
 
 Marks = Mapping[str, frozenset[Mark]]
@@ -100,8 +100,8 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
 def _branches(node: NodeSpec) -> Iterator[tuple[NodeSpec, Mark, str]]:
     """Yield the possible branches of a node: the node, the mark it needs, and the gap as text."""
     node_type = type_of(node)
-    possible = outcomes(node) if node_type.ways else frozenset()
-    for mark, text in node_type.ways:
+    possible = outcomes(node) if node_type.to_cover else frozenset()
+    for mark, text in node_type.to_cover:
         if _OUTCOMES.get(mark, Outcome.FAILURE) in possible or mark is Mark.LEFT_OUT:
             yield node, mark, text
     for child in node_type.alternatives(node):

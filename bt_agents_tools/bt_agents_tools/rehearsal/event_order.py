@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from py_trees.common import Status
 
+from bt_agents.engine.node_errors import LocatedReason
 from bt_agents.engine.run import StatusChange
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
@@ -83,4 +84,5 @@ class EventOrder:
 
 def _gives_up(node: NodeSpec, change: StatusChange) -> bool:
     """Return whether a failure is an event: a limit, or an error of a leaf."""
-    return f"({node.path}, " in change.message and (type_of(node).gives_up or not node.children)
+    own = isinstance(change.message, LocatedReason) and change.message.path == node.path
+    return own and (type_of(node).gives_up or not node.children)

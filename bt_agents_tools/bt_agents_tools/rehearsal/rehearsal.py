@@ -23,9 +23,9 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedAnswer, ScriptedEvent
 from bt_agents_language.model.mood_rule import MoodAction
-from bt_agents_language.model.node_type import Mark, Waits
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.node_type import Mark, Waits
 from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use

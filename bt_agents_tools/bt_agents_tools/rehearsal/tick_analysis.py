@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents_language.model.node_type import Mark
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, type_of
+from bt_agents_language.nodes.node_type import Mark
 
 Ticked = Sequence[tuple[Behaviour, Status]]
 """Nodes of one tick in the order in which they answered, and how."""
@@ -64,7 +64,7 @@ def _rests(node: Behaviour, status: Status, deadlines: Mapping[str, float]) -> b
         below = any(child.status is Status.RUNNING for child in node.children)
         return not running or below or spec.path in deadlines
     node_type = type_of(spec)
-    return node_type.idle and (running or node_type.looks_only)
+    return node_type.idle and (running or node_type.read_only)
 
 
 def running_leaves(ticked: Iterable[tuple[Behaviour, Status]]) -> list[NodeSpec]:

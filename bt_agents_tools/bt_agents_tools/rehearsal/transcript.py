@@ -14,10 +14,10 @@ from py_trees.common import Status
 from bt_agents.engine.run import StatusChange, TreeOutcome
 from bt_agents.engine.scope import format_value
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
-from bt_agents_language.model.node_type import Waits
+from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.model.specs import NodeSpec, Tunable
 from bt_agents_language.nodes.catalogue import type_of
-from bt_agents_language.yaml.renderers import columns
+from bt_agents_language.nodes.node_type import Waits
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed
 
 WIDTH = 80

@@ -22,11 +22,11 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot import tree_export
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.model.endings import always_success
-from bt_agents_language.model.node_type import Children, NodeType, Resources, Role
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes import catalogue
 from bt_agents_language.nodes.catalogue import BRANCHES, DECORATORS, NODE_TYPES, SIBLINGS, type_of
+from bt_agents_language.nodes.endings import always_success
+from bt_agents_language.nodes.node_type import Children, NodeType, Resources, Role
 from bt_agents_language.nodes.plugin import PLUGIN
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.reference.node_pages import node_page

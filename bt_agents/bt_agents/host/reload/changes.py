@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import ellipsize
+from bt_agents_language.expression.quantities import format_quantity
 from bt_agents_language.files.agent_file import AgentFile
-from bt_agents_language.model.quantities import spoken
 from bt_agents_language.model.specs import AgentSpec, Tunable
 from bt_agents_language.tree.tree_fingerprint import difference
 
@@ -83,7 +83,7 @@ def _default_text(tunable: Tunable) -> str:
     value = tunable.default
     if isinstance(value, str | bool):
         return str(value).lower() if isinstance(value, bool) else f"'{value}'"
-    return spoken(value, tunable.type, _DIGITS)
+    return format_quantity(value, tunable.type, _DIGITS)
 
 
 def _range(tunable: Tunable) -> tuple[float | None, float | None, float]:

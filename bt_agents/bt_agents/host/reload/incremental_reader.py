@@ -21,8 +21,8 @@ from bt_agents_language.files.folder_reader import (
 )
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.model.plugins import installed_plugins
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
+from bt_agents_language.nodes.symbols import SymbolTable
 
 FILE_CHANGED = "file changed"
 NEW_FILE = "new file"

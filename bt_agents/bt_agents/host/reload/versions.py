@@ -15,10 +15,10 @@ from bt_agents.host.reload.version_history import (
     new_history,
 )
 from bt_agents_core.errors import Refused
+from bt_agents_language.diagnostics.renderers import as_hinted_lines
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.yaml.renderers import as_hinted_lines
 
 _MAX_REMOVED = 100
 

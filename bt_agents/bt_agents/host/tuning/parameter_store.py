@@ -22,7 +22,7 @@ from bt_agents.host.tuning.presets import Presets, check_name
 from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, same, shown_value
 from bt_agents_core.errors import Refused
 from bt_agents_core.text import quote
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 
 FILE = "file"
 """Author of what a changed file has set."""

@@ -19,10 +19,12 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import quote
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_language.model.plugins import installed_plugins
+from bt_agents_language.diagnostics.collection import nearest
+from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.model.specs import SubtreeSpec
-from bt_agents_language.model.symbols import ImportProblem, SymbolTable
-from bt_agents_language.reference.codes.table import Code, codes
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
+from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
+from bt_agents_language.reference.codes import Code, codes
 from bt_agents_language.reference.file_pages import FilePage, file_pages, file_words
 from bt_agents_language.reference.node_pages import (
     FieldEntry,
@@ -33,8 +35,7 @@ from bt_agents_language.reference.node_pages import (
     subtree_page,
 )
 from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
-from bt_agents_language.tools.schema.folder import FILE_KINDS, folder_vocabulary
-from bt_agents_language.yaml.diagnostics import nearest
+from bt_agents_language.tools.schema.folder import folder_vocabulary
 
 _FORM_WIDTH = 34
 """Columns for the form, so that its meaning has room beside it."""

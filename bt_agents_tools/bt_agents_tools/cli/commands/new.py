@@ -12,7 +12,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import SUFFIXES, read_trees
-from bt_agents_language.tools.templates import new_agent, new_library, new_test
+from bt_agents_language.tools.templates.first_files import new_agent, new_library, new_test
 from bt_agents_language.yaml.typed_reader import MAX_NAME
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 from bt_agents_tools.cli.decisions import last_decisions, names_of_scenes, show_decision

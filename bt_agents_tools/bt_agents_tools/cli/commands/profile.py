@@ -17,7 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_language.model.quantities import QuantityError, duration
+from bt_agents_language.expression.quantities import QuantityError, duration
 from bt_agents_tools.cli.commands.tune import user
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 from bt_agents_tools.cli.formatting import KINDS, counted

@@ -9,7 +9,7 @@ import click
 from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.connection import connect
 from bt_agents_tools.cli.decisions import disagreements, last_decisions

@@ -15,7 +15,7 @@ import click
 
 from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_language.model.quantities import QuantityError, number
+from bt_agents_language.expression.quantities import QuantityError, number
 from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.tune_table import table
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outcomes: how nodes can end as far as their fields alone say it, and what can never run."""
+"""Outcomes of nodes, as far as their fields alone tell, and nodes that can never run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from enum import Enum
 from itertools import pairwise
 from typing import NamedTuple
 
-from bt_agents_language.expression.expressions import EvaluationError, Expression, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expressions import Expression, MissingValue
 from bt_agents_language.model.specs import Literal, NodeSpec, Value
 
 
@@ -36,12 +37,12 @@ class Unreached(NamedTuple):
 
     Attributes:
         node: The node, or what wraps it.
-        why: The reason, in words.
-        hint: How to mend it.
+        reason: The reason, in words.
+        hint: How to fix it.
     """
 
     node: NodeSpec
-    why: str
+    reason: str
     hint: str
 
 
@@ -56,18 +57,18 @@ def always_success(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
     return SUCCESS if plain else EITHER
 
 
-def in_turn(children: Sequence[Outcomes], goes_on: Outcome) -> Outcomes:
+def in_sequence(children: Sequence[Outcomes], continues_on: Outcome) -> Outcomes:
     """Return the outcomes of children that run one after the other.
 
     Args:
         children: Their outcomes in order.
-        goes_on: The outcome of a child after which the next one starts.
+        continues_on: The outcome of a child after which the next one starts.
     """
     ends: set[Outcome] = set()
     for child in children:
         ends |= child
-        if goes_on not in child:
-            ends.discard(goes_on)
+        if continues_on not in child:
+            ends.discard(continues_on)
             return frozenset(ends)
     return frozenset(ends)
 
@@ -91,9 +92,9 @@ def skippable(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
     """Return the outcomes of a decorator that skips its node under its ``condition``."""
     inner = children[0]
     skipped = FAILURE if spec.fields.get("otherwise") == Literal(value="failure") else SUCCESS
-    said = constant(spec.fields.get("condition"))
-    if said is not None:
-        return inner if said else skipped
+    is_true = constant(spec.fields.get("condition"))
+    if is_true is not None:
+        return inner if is_true else skipped
     return inner | skipped
 
 
@@ -108,24 +109,24 @@ def constant(condition: Value | Expression | None) -> bool | None:
 
 
 def behind(
-    composite: NodeSpec, goes_on: Outcome, outcomes: Mapping[int, Outcomes]
+    composite: NodeSpec, continues_on: Outcome, outcomes: Mapping[int, Outcomes]
 ) -> Iterator[Unreached]:
     """Give the first child that comes behind one after which no other ever starts.
 
     Args:
         composite: Runs its children one after the other.
-        goes_on: The outcome of a child after which the next one starts.
+        continues_on: The outcome of a child after which the next one starts.
         outcomes: Those of each node, by its identity.
     """
     for before, after in pairwise(composite.children):
         ends = outcomes[id(before)]
-        if goes_on in ends:
+        if continues_on in ends:
             continue
         how = " or ".join(sorted(outcome.value for outcome in ends))
         yield Unreached(
             after,
             f"'{before.kind}' in line {before.position.line} {how}, and '{composite.kind}' goes "
-            f"on only when a child {goes_on.value}",
+            f"on only when a child {continues_on.value}",
             "move it before that node, or remove it",
         )
         return

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import quote
-from bt_agents_language.expression.expression_tokens import NAME
-from bt_agents_language.expression.expressions import Expression, ExpressionError
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.expression.expression_tokens import NAME, ExpressionError
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import Computed, Reference
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
@@ -135,14 +135,6 @@ def _report_name(
     offset: int,
     problem: tuple[str, str, str],
 ) -> None:
-    """Report where it stands that a name cannot be used here.
-
-    Args:
-        reading: The file.
-        node: The scalar.
-        name: The name.
-        offset: Where it begins in the text of the scalar.
-        problem: Code, message and hint.
-    """
+    """Report where it stands that a name cannot be used here."""
     code, message, hint = problem
     reading.error_in(code, node, offset, len(name), message, hint)

@@ -20,7 +20,7 @@ class _Template(Template):
 
 
 def _filled(template: str, **names: str) -> str:
-    folder = files("bt_agents_language").joinpath("templates")
+    folder = files("bt_agents_language").joinpath("tools/templates")
     text = folder.joinpath(f"{template}.yaml").read_text(encoding="utf-8")
     return _Template(text).substitute(names)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector, check_value
 from bt_agents_core.text import join_quoted, quote
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.yaml.typed_reader import TypedReader, adding
 from bt_agents_language.yaml.yaml_reader import Node
 

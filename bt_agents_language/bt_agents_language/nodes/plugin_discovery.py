@@ -12,9 +12,9 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TypeGuard
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.model.node_type import Content, NodeField, NodeType
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import WORDS
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
 
 GROUP = "bt_agents.nodes"
 """Entry point group; the name of an entry point is the key of the node, its object the class."""

@@ -53,7 +53,7 @@ class Single:
 
 
 @dataclass(frozen=True)
-class Choice:
+class WordChoice:
     """One of some words."""
 
     words: tuple[str, ...]
@@ -142,7 +142,7 @@ class SceneValues:
 
 
 @dataclass(frozen=True)
-class SceneNames:
+class SceneNameList:
     """A list of names of scene parameters, or a word that stands for all."""
 
     every: str
@@ -261,7 +261,7 @@ class FileKind(KeyTable):
 
 
 Value: TypeAlias = (
-    Single | Choice | Items | Several | Entries | SceneValues | SceneNames | Either | Shared
+    Single | WordChoice | Items | Several | Entries | SceneValues | SceneNameList | Either | Shared
     | KeyTable
 )  # fmt: skip
 """What may stand behind a key."""

@@ -13,10 +13,10 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.endings import Outcome, Outcomes, Unreached, as_its_child
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.fields.interfaces import Interfaces
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import Binding, Literal, NodeSpec, SkillSpec, Value
+from bt_agents_language.nodes.endings import Outcome, Outcomes, Unreached, as_its_child
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
@@ -237,7 +237,7 @@ class NodeReader(Protocol):
     def interfaces(self) -> Interfaces | None:
         """The installed ROS types; None leaves types unchecked."""
 
-    def written(self, raw: RawNode) -> Mapping[str, Node] | None:
+    def written_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
         """Return the written fields of a leaf by name; None when there are none to be read."""
 
     def values(
@@ -316,7 +316,7 @@ class NodeType:
             fields as written, and as read.
         outcomes: How a node can end: the node, and the outcomes of its children.
         unreached: Gives nodes that never run: the node, and the outcomes of all nodes by identity.
-        goes_on: Outcome of a child after which a composite goes on to its next child.
+        continues_on: Outcome of a child after which a composite goes on to its next child.
         concurrent: Whether its children run at the same time.
         exclusive: Whether only one of its children runs.
         alternatives: The nodes of which one success is enough.
@@ -329,9 +329,9 @@ class NodeType:
         waits: What a leaf waits for; None for a leaf that does something.
         takes_time: Whether a leaf runs for longer than a tick, as far as its binding does not say.
         idle: Whether nothing but an event or a time changes a running leaf.
-        looks_only: Whether the leaf has no effect on anything.
+        read_only: Whether the leaf has no effect on anything.
         gives_up: Whether a rehearsal shows its failures.
-        ways: What tests should have seen it do, and how it is said that they have not.
+        to_cover: What tests should have seen it do, each with the text where they have not.
         resources: What a node uses outside of its tree.
         drawn_key: Word for a node in a picture.
     """
@@ -358,7 +358,7 @@ class NodeType:
     complete: Callable[[TypedReader, Node, Mapping[str, Node], FieldValues], None] | None = None
     outcomes: Callable[[NodeSpec, Sequence[Outcomes]], Outcomes] = as_its_child
     unreached: Callable[[NodeSpec, Mapping[int, Outcomes]], Iterator[Unreached]] | None = None
-    goes_on: Outcome = Outcome.SUCCESS
+    continues_on: Outcome = Outcome.SUCCESS
     concurrent: bool = False
     exclusive: bool = False
     alternatives: Callable[[NodeSpec], tuple[NodeSpec, ...]] = lambda spec: ()
@@ -371,9 +371,9 @@ class NodeType:
     waits: Waits | None = None
     takes_time: bool = False
     idle: bool = False
-    looks_only: bool = False
+    read_only: bool = False
     gives_up: bool = False
-    ways: tuple[tuple[Mark, str], ...] = ()
+    to_cover: tuple[tuple[Mark, str], ...] = ()
     resources: Callable[[NodeSpec], Resources] = bound
     drawn_key: Callable[[NodeSpec], str] = lambda spec: spec.kind
 

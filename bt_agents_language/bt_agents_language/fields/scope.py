@@ -10,12 +10,13 @@ from functools import lru_cache
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
+from bt_agents_language.diagnostics.collection import did_you_mean, nearest
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
-from bt_agents_language.expression.expressions import Expression, ValueKind, parse_expression
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
-from bt_agents_language.model.interfaces import MessageFields
-from bt_agents_language.model.units import ANGLE, LENGTH, TIME, Dimension
-from bt_agents_language.yaml.diagnostics import did_you_mean, nearest
+from bt_agents_language.expression.units import ANGLE, LENGTH, TIME, Dimension
+from bt_agents_language.fields.interfaces import MessageFields
 
 RESERVED = (
     "scene", "live", "mood", "profile", "msg", "result",
@@ -157,7 +158,7 @@ class NameScope:
         return ("unknown-name", f"there is no name '{name[:80]}' here", hint)
 
     def _hint(self, name: str, known: list[str], maybe_text: bool) -> str:
-        """Return how to mend a name that is not known."""
+        """Return how to fix a name that is not known."""
         if name == "mood.change":
             if "live.person" not in known:
                 return "moods change only while a tree runs; name scene.mood, the mood before it"
@@ -189,12 +190,7 @@ class NameScope:
 
 @lru_cache(maxsize=1024)
 def _parsed(text: str, types: tuple[FieldType | None, ...]) -> Expression:
-    """Return an expression; files say the same ones again and again.
-
-    Args:
-        text: What is written.
-        types: Type of each word in it, None where it is no name.
-    """
+    """Return an expression; files say the same ones again and again."""
     known = dict(zip(_WORD.findall(text), types, strict=True))
     return parse_expression(
         text,

@@ -7,18 +7,18 @@ from dataclasses import replace
 
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.text import quote
-from bt_agents_language.model.file_kinds import ANY, TEXT, Choice, Either, FieldDecl, KeyTable
-from bt_agents_language.model.scope import RESERVED, NameScope
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.scope import RESERVED, NameScope
+from bt_agents_language.fields.values import plain, read_value
 from bt_agents_language.model.specs import FieldSpec
-from bt_agents_language.model.values import plain, read_value
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.field_tables import ANY, TEXT, Either, FieldDecl, KeyTable, WordChoice
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar
 
 TYPES = tuple(one.value for one in FieldType)
 """Words for types in a file."""
 
-_TYPE = FieldDecl("type", Choice(TYPES), "Its type.", required=True)
+_TYPE = FieldDecl("type", WordChoice(TYPES), "Its type.", required=True)
 _DESCRIPTION = FieldDecl("description", TEXT, "What it means.")
 _INPUT = KeyTable(
     fields=(_TYPE, FieldDecl("default", ANY, "Taken when it is not given."), _DESCRIPTION)

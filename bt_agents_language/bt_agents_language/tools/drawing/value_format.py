@@ -9,7 +9,7 @@ from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.quantities import spoken
+from bt_agents_language.expression.quantities import format_quantity
 from bt_agents_language.model.specs import (
     Computed,
     ListValue,
@@ -25,7 +25,7 @@ LONGEST_TEXT = 60
 """Characters of a text or expression; the rest is left out."""
 
 
-def shown_value(
+def format_value(
     value: Value | Expression,
     field_type: FieldType = FieldType.ANY,
     longest_text: int = LONGEST_TEXT,
@@ -33,14 +33,14 @@ def shown_value(
     """Return a value as an author would write it, texts of more characters shortened."""
 
     def inner(one: Value) -> str:
-        return shown_value(one, longest_text=longest_text)
+        return format_value(one, longest_text=longest_text)
 
     match value:
         case Expression():
             return excerpt(value.text, LONGEST_TEXT)
         case Literal():
             known = field_type if field_type is not FieldType.ANY else value.type
-            return shown_plain(value.value, known, longest_text)
+            return format_plain(value.value, known, longest_text)
         case Reference():
             return f"${{{value.name}}}"
         case Computed():
@@ -54,13 +54,13 @@ def shown_value(
             return f"{{{_pairs({key: inner(one) for key, one in value.items.items()})}}}"
 
 
-def shown_plain(
+def format_plain(
     value: Plain, field_type: FieldType = FieldType.ANY, longest_text: int = LONGEST_TEXT
 ) -> str:
     """Return a value without names as an author would write it."""
 
     def inner(one: Plain) -> str:
-        return shown_plain(one, longest_text=longest_text)
+        return format_plain(one, longest_text=longest_text)
 
     match value:
         case None:
@@ -68,7 +68,7 @@ def shown_plain(
         case bool():
             return "true" if value else "false"
         case int() | float():
-            return spoken(value, field_type)
+            return format_quantity(value, field_type)
         case str():
             return f'"{excerpt(value, longest_text)}"'
         case tuple():
@@ -76,16 +76,16 @@ def shown_plain(
     return f"{{{_pairs({key: inner(one) for key, one in value.items()})}}}"
 
 
-def shown_tunable(tunable: Tunable) -> str:
+def format_tunable(tunable: Tunable) -> str:
     """Return a tunable with its range: ``patience 8 s (2 s to 30 s)``."""
-    default = shown_plain(tunable.default, tunable.type)
+    default = format_plain(tunable.default, tunable.type)
     if tunable.minimum is None or tunable.maximum is None:
         return f"{tunable.name} {default}"
-    limits = (spoken(limit, tunable.type) for limit in (tunable.minimum, tunable.maximum))
+    limits = (format_quantity(limit, tunable.type) for limit in (tunable.minimum, tunable.maximum))
     return f"{tunable.name} {default} ({' to '.join(limits)})"
 
 
-def shown_profile(profile: Vector, space: SceneSpace) -> str:
+def format_profile(profile: Vector, space: SceneSpace) -> str:
     """Return a profile in words: ``age 4, familiarity 1.5``."""
     values = zip(space.names, profile, strict=True)
     return ", ".join(f"{name} {value:g}" for name, value in values)

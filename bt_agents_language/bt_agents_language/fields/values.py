@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_language.expression.expressions import Expression, ValueKind
-from bt_agents_language.model import quantities
-from bt_agents_language.model.scope import UNITS, NameScope
+from bt_agents_language.expression import quantities
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.fields.references import Part, read_expression, read_parts
+from bt_agents_language.fields.scope import UNITS, NameScope
 from bt_agents_language.model.specs import (
     Computed,
     ListValue,
@@ -16,7 +18,6 @@ from bt_agents_language.model.specs import (
     Text,
     Value,
 )
-from bt_agents_language.tree.references import Part, read_expression, read_parts
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.typed_reader import Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence

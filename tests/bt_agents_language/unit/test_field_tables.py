@@ -9,10 +9,11 @@ import pytest
 import yaml
 from jsonschema import Draft7Validator
 
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.files.file_kinds import FILE_KINDS
+from bt_agents_language.tools.schema.generator import file_schema
+from bt_agents_language.yaml.field_tables import (
     NAME,
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -20,12 +21,11 @@ from bt_agents_language.model.file_kinds import (
     Items,
     KeyTable,
     Several,
+    WordChoice,
     integer,
     number,
     one_of,
 )
-from bt_agents_language.tools.schema.folder import FILE_KINDS
-from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from tree_harness import SPACE
@@ -34,7 +34,7 @@ CUP = KeyTable(
     what="a cup",
     fields=(
         FieldDecl("size", number(0.1, 2), "How much goes into it.", required=True),
-        FieldDecl("sort", Choice(("tea", "coffee")), "What is in it."),
+        FieldDecl("sort", WordChoice(("tea", "coffee")), "What is in it."),
     ),
 )
 BAR = FileKind(

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
-from bt_agents_language.yaml.renderers import MAX_COLLECTED, as_lines, as_text
+from bt_agents_language.diagnostics.renderers import MAX_COLLECTED, as_lines, as_text
 
 _LONGEST_WORD = 64
 _MANY_WORDS = 200
@@ -120,7 +120,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     if head is not None:
         return head
     if len(words) > _MANY_WORDS:
-        # So many are no list of keys; a slip in the first letter is not worth the time.
+        # So many are no list of keys; a wrong first letter is not worth the time.
         words = [other for other in words if other[:1] == word[:1]][:_MANY_WORDS]
     folded = {other.casefold(): other for other in reversed(words)}
     alike = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)

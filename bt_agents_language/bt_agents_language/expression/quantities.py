@@ -9,7 +9,7 @@ import re
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import ellipsize
-from bt_agents_language.model.units import (
+from bt_agents_language.expression.units import (
     ANGLE,
     LENGTH,
     TIME,
@@ -48,7 +48,7 @@ class QuantityError(BtAgentsError):
 
     Attributes:
         message: What was found and what is expected.
-        hint: How to mend it; may be empty.
+        hint: How to fix it; may be empty.
     """
 
     def __init__(self, message: str, hint: str = "") -> None:
@@ -144,7 +144,7 @@ def is_clock(text: str) -> bool:
     return _CLOCK.fullmatch(text.strip()) is not None
 
 
-def spoken(value: float, field_type: FieldType, digits: int = 3) -> str:
+def format_quantity(value: float, field_type: FieldType, digits: int = 3) -> str:
     """Return a value of a type as people write it: ``1.5 min``, ``250 ms``, ``90 deg``.
 
     Args:
@@ -157,9 +157,9 @@ def spoken(value: float, field_type: FieldType, digits: int = 3) -> str:
     size = abs(float(f"{value:.{digits - 1}e}"))
     match field_type:
         case FieldType.DURATION:
-            unit = _shown_time(size)
+            unit = _time_unit(size)
         case FieldType.LENGTH:
-            unit = _shown_length(size)
+            unit = _length_unit(size)
         case FieldType.ANGLE:
             unit = "deg"
         case _:
@@ -168,7 +168,7 @@ def spoken(value: float, field_type: FieldType, digits: int = 3) -> str:
     return f"{_amount(value * over / times, digits)} {unit}"
 
 
-def _shown_time(seconds: float) -> str:
+def _time_unit(seconds: float) -> str:
     if seconds < 60:
         return "s" if seconds >= 1 or seconds == 0 else "ms"
     for unit, size in (("h", 3600.0), ("min", 60.0)):
@@ -179,7 +179,7 @@ def _shown_time(seconds: float) -> str:
     return "s" if seconds < 600 else "min" if seconds < 7200 else "h"
 
 
-def _shown_length(metres: float) -> str:
+def _length_unit(metres: float) -> str:
     if metres >= 1 or metres == 0:
         return "km" if metres >= 1000 else "m"
     return "cm" if metres >= 0.01 else "mm"

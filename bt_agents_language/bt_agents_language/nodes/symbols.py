@@ -10,10 +10,10 @@ from typing import Protocol
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.node_type import NodeType
+from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.nodes.node_type import NodeType
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class ImportProblem(BtAgentsError):
     Attributes:
         code: Code of the problem at the place of the import.
         message: What was found and what is expected.
-        hint: How to mend it; may be empty.
+        hint: How to fix it; may be empty.
     """
 
     def __init__(self, code: str, message: str, hint: str = "") -> None:

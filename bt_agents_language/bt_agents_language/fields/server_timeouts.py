@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.model.file_kinds import DURATION, ROS_NAME, ROS_TYPE, FieldDecl, KeyTable
-from bt_agents_language.model.interfaces import Interfaces, read_ros_name, read_ros_type
+from bt_agents_language.fields.interfaces import Interfaces, read_ros_name, read_ros_type
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
+from bt_agents_language.yaml.field_tables import DURATION, ROS_NAME, ROS_TYPE, FieldDecl, KeyTable
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 
 TIMEOUTS = KeyTable(

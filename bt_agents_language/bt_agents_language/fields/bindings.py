@@ -8,7 +8,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bt_agents_core.field_types import BindingKind, Plain
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.fields.interfaces import (
+    Interfaces,
+    MessageFields,
+    read_ros_name,
+    read_ros_type,
+)
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.server_timeouts import (
+    HEARTBEAT,
+    TIMEOUTS,
+    read_heartbeat,
+    read_timeouts,
+    timeout_keys,
+)
+from bt_agents_language.fields.values import is_plain, plain, read_condition, read_map
+from bt_agents_language.model.specs import Binding, MapValue
+from bt_agents_language.yaml.field_tables import (
     CONDITION,
     FIELDS,
     ROS_NAME,
@@ -16,22 +32,6 @@ from bt_agents_language.model.file_kinds import (
     FieldDecl,
     KeyTable,
 )
-from bt_agents_language.model.interfaces import (
-    Interfaces,
-    MessageFields,
-    read_ros_name,
-    read_ros_type,
-)
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.server_timeouts import (
-    HEARTBEAT,
-    TIMEOUTS,
-    read_heartbeat,
-    read_timeouts,
-    timeout_keys,
-)
-from bt_agents_language.model.specs import Binding, MapValue
-from bt_agents_language.model.values import is_plain, plain, read_condition, read_map
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of
@@ -53,7 +53,7 @@ _FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*(#[A-Za-z_]\w*)?")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Back:
+class ReceivedMessages:
     """What comes back from an interface.
 
     Attributes:
@@ -77,23 +77,25 @@ class Outputs:
     result: dict[str, str] = field(default_factory=dict)
     feedback: dict[str, str] = field(default_factory=dict)
 
-    def read(self, reading: TypedReader, name: str, node: Node, what: str, back: Back) -> None:
-        """Note where an output comes from, unless it is wrong, which is then reported.
+    def read(
+        self, reading: TypedReader, name: str, node: Node, what: str, received: ReceivedMessages
+    ) -> None:
+        """Store where an output comes from, unless it is wrong, which is then reported.
 
         Args:
             reading: The file.
             name: The output.
             node: What is written: ``answer``, ``result.answer`` or ``feedback.progress``.
             what: The output, for messages.
-            back: What it may come from.
+            received: What it may come from.
         """
         is_feedback = isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}.")
-        if back.feedback is not None and is_feedback:
-            path = read_output(reading, node, what, back.feedback, FEEDBACK)
+        if received.feedback is not None and is_feedback:
+            path = read_output(reading, node, what, received.feedback, FEEDBACK)
             if path is not None:
                 self.feedback[name] = path
             return
-        path = read_output(reading, node, what, back.result)
+        path = read_output(reading, node, what, received.result)
         if path is not None:
             self.result[name] = path
 
@@ -209,12 +211,12 @@ def result_fields(
     return MessageFields(known, kind, type_name or "", RECEIVED.get(kind, ""))
 
 
-def what_comes_back(
+def received_messages(
     kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
-) -> Back:
+) -> ReceivedMessages:
     """Return all that an output may come from."""
     feedback = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
-    return Back(
+    return ReceivedMessages(
         result=result_fields(kind, type_name, interfaces),
         feedback=feedback if kind is BindingKind.ACTION else None,
     )
