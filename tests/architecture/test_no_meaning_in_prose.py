@@ -48,9 +48,7 @@ MATCHES = {"findall", "finditer", "fullmatch", "match", "search"}
 DRESSED = {"casefold", "lower", "lstrip", "rstrip", "strip", "upper"}
 
 FORMATTED = {
-    ("cli/commands/tune.py", "'=' not in words[0]"),
     ("cli/event_printer.py", "calculation.partition('= ')"),
-    ("cli/scenario_options.py", "_ASSIGNMENT.findall(words)"),
     ("rehearsal/assertions.py", "expected != _NOTHING"),
     ("rehearsal/assertions.py", "expected == _NOTHING"),
 }
