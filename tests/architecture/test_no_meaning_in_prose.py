@@ -62,9 +62,7 @@ MATCHES = {"findall", "finditer", "fullmatch", "match", "search"}
 DRESSED = {"casefold", "lower", "lstrip", "rstrip", "strip", "upper"}
 
 FORMATTED = {
-    ("bt_agents_tools/cli/commands/tune.py", "'=' not in words[0]"),
     ("bt_agents_tools/cli/event_printer.py", "calculation.partition('= ')"),
-    ("bt_agents_tools/cli/scenario_options.py", "_ASSIGNMENT.findall(words)"),
     ("bt_agents_tools/rehearsal/assertions.py", "expected != _NOTHING"),
     ("bt_agents_tools/rehearsal/assertions.py", "expected == _NOTHING"),
 }
