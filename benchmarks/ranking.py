@@ -239,7 +239,7 @@ def _number(numbers: int, effort: Effort) -> int:
 
 def _ranked(of: Case) -> tuple[Floats, Integers]:
     """Return distances and order, as the market finds them for its record."""
-    contest = RoundModel(
+    model = RoundModel(
         terms=of.terms,
         table=of.table,
         field=of.table.field(of.space, of.terms),
@@ -247,8 +247,8 @@ def _ranked(of: Case) -> tuple[Floats, Integers]:
         options={},
         seed="",
     )
-    scores = contest.measure().scores
-    return scores.distance, contest.order(scores.score)
+    scores = model.score().scores
+    return scores.distance, model.order(scores.score)
 
 
 def _ranked_plainly(vectors: Sequence[Sequence[float]], of: Case) -> tuple[list[float], list[int]]:

@@ -19,7 +19,7 @@ from bt_agents.engine.light_behaviour import LightBehaviour
 from bt_agents.engine.run import Run, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents.engine.ticker import Ticker
-from bt_agents.recording.run import RecordingRun
+from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_vocabulary
@@ -229,7 +229,7 @@ def _plain(space: SceneSpace, agent: AgentSpec) -> Run:
         profile=agent.profile,
         live=lambda: scene,
         tunables={},
-        world=_World(),
+        environment=_World(),
         steady=time.monotonic,
     )
 
@@ -243,7 +243,7 @@ def _recording(space: SceneSpace, agent: AgentSpec, lines: deque[str]) -> Run:
         profile=agent.profile,
         live=lambda: scene,
         tunables={},
-        world=_World(),
+        environment=_World(),
         steady=time.monotonic,
         seed=1,
         sink=lambda _tick, line: lines.append(line),

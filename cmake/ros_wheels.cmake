@@ -33,16 +33,41 @@ endfunction()
 
 cmake_language(SET_DEPENDENCY_PROVIDER ros_wheels_find SUPPORTED_METHODS FIND_PACKAGE)
 
-# The files that are generated for each interface are small and share large headers: most of them
-# are compiled together. Some generators repeat names from file to file, theirs are not.
-function(ros_wheels_compile_apart)
-  foreach(generator IN ITEMS rosidl_generator_c rosidl_typesupport_introspection_cpp)
-    if(TARGET ${PROJECT_NAME}__${generator})
-      set_target_properties(${PROJECT_NAME}__${generator} PROPERTIES UNITY_BUILD OFF)
-    endif()
+# The files that are generated for each interface are small and share large headers, so they are
+# compiled together, except those that define the same names.
+function(ros_wheels_compile_together)
+  set(prefix "${PROJECT_NAME}__rosidl")
+  if(NOT TARGET ${prefix}_generator_c)
+    return() # no interfaces in this package
+  endif()
+
+  get_target_property(sources ${prefix}_generator_c SOURCES)
+  list(FILTER sources INCLUDE REGEX "__description\\.c$")
+  set_source_files_properties(${sources} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+
+  # A message that has another one as a field refers to its type support before that is defined.
+  set(declarations "#pragma once\n#include <memory>\n")
+  string(APPEND declarations
+    "#include <rosidl_typesupport_introspection_cpp/message_type_support_decl.hpp>\n")
+  file(GLOB messages RELATIVE "${CMAKE_CURRENT_SOURCE_DIR}/msg" CONFIGURE_DEPENDS msg/*.msg)
+  foreach(message IN LISTS messages)
+    cmake_path(GET message STEM name)
+    string(APPEND declarations
+      "namespace ${PROJECT_NAME}::msg {template<class> struct ${name}_;}\n"
+      "template<> const rosidl_message_type_support_t * rosidl_typesupport_introspection_cpp::"
+      "get_message_type_support_handle<${PROJECT_NAME}::msg::${name}_<std::allocator<void>>>();\n")
+  endforeach()
+  set(header "${CMAKE_CURRENT_BINARY_DIR}/ros_wheels_declarations.hpp")
+  file(CONFIGURE OUTPUT "${header}" CONTENT "${declarations}" @ONLY)
+  set_target_properties(${prefix}_typesupport_introspection_cpp PROPERTIES
+    UNITY_BUILD_CODE_BEFORE_INCLUDE "#include \"${header}\"")
+
+  # What is only for nodes in C++ and other middlewares than the one of the wheels is not made fast.
+  foreach(name IN ITEMS cpp fastrtps_cpp introspection_c introspection_cpp)
+    target_compile_options(${prefix}_typesupport_${name} PRIVATE -O0)
   endforeach()
 endfunction()
 
 set(CMAKE_UNITY_BUILD ON)
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 16)
-cmake_language(DEFER CALL ros_wheels_compile_apart)
+cmake_language(DEFER CALL ros_wheels_compile_together)

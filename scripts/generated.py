@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 
-from bt_agents_groot.page import with_table
+from bt_agents_groot.catalogue import with_table
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.codes import codes_page

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every part shares: scenes, profiles, errors, files and queues; no ROS, no YAML."""
+"""Shared core of all packages: scenes, profiles, errors, files and queues; no ROS, no YAML."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Position(NamedTuple):
-    """Where something stands; line and column count from 1."""
+    """Position in a file; line and column count from 1."""
 
     file: str
     line: int
@@ -20,7 +20,7 @@ class Position(NamedTuple):
 
 
 class Severity(Enum):
-    """How bad a problem is; the value is the word in a report."""
+    """Severity of a problem; the value is its name in a report."""
 
     ERROR = "error"
     WARNING = "warning"

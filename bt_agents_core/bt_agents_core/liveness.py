@@ -7,18 +7,18 @@ STALL_S = 0.5
 """A process in which nobody had a turn for longer than this has stalled [s]."""
 
 
-def extended_after_stall(heard: float, lease_s: float, since: float, now: float) -> float:
-    """Return when a peer counts as heard, as nobody has listened after ``since``.
+def extended_after_stall(last_seen: float, lease_s: float, since: float, now: float) -> float:
+    """Return the last sign of life of a peer, extended as this process has not listened since.
 
     A lease that was valid then lasts for half its length from now at least.
 
     Args:
-        heard: When a sign of life was heard last, on the steady clock [s].
+        last_seen: When a sign of life was heard last, on the steady clock [s].
         lease_s: How long one counts [s].
         since: When somebody listened last.
         now: The time.
     """
-    return max(heard, now - lease_s / 2) if since - heard < lease_s else heard
+    return max(last_seen, now - lease_s / 2) if since - last_seen < lease_s else last_seen
 
 
 class StallDetector:

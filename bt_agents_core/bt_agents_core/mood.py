@@ -11,7 +11,7 @@ from bt_agents_core.scene import MISSING, Scene, SceneSpace, SceneValue, mood_of
 
 
 class Addressee:
-    """Person whom a run is about; live scenes about somebody else count as nobody there.
+    """Person whom a run is about; live scenes about another person count as nobody there.
 
     Args:
         awarded: Scene as awarded; when it does not say who it is, the first live one does.
@@ -21,7 +21,7 @@ class Addressee:
         self._person_id = awarded.person_id
 
     def mask(self, live: Scene) -> Scene:
-        """Return a live scene, without the person when it is somebody else."""
+        """Return a live scene, without the person if it is about another one."""
         self._person_id = self._person_id or live.person_id
         if not live.person_id or live.person_id == self._person_id:
             return live

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Paths of what a system keeps between starts, by the XDG rules."""
+"""Paths of the files that outlive a start, by the XDG rules."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ AGAIN = "+again"
 
 
 class Origin(IntEnum):
-    """Where a value of a scene comes from; the numbers are those of ``SceneValue.msg``."""
+    """Origin of a value of a scene; the numbers are those of ``SceneValue.msg``."""
 
     MISSING = 0
     MEASURED = 1
@@ -85,12 +85,12 @@ class SceneValue:
 
     @property
     def observed(self) -> bool:
-        """True when somebody measured or gave it, so that it is neither estimated nor assumed."""
+        """True for a measured or given value, which is neither estimated nor assumed."""
         return self.origin in (Origin.MEASURED, Origin.GIVEN)
 
     @classmethod
     def missing(cls, name: str) -> SceneValue:
-        """Return the value of a parameter that nobody measured."""
+        """Return the missing value of a parameter."""
         return cls(
             name=name,
             value=MISSING,

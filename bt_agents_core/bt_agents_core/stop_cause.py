@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class StopCause(IntEnum):
-    """Why a run was stopped; the numbers are those of ``RunAgent.action`` and ``Run.msg``.
+    """Cause of the stop of a run; the numbers are those of ``RunAgent.action`` and ``Run.msg``.
 
     Attributes:
         NOT_STOPPED: Its tree has ended by itself.

@@ -84,7 +84,7 @@ def nested(fields: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def pause_after(spec: SceneSpec, seen: Iterable[str], coming: Visit | None, pace: float) -> float:
-    """Return the pause in which nobody should come [s].
+    """Return the pause before the next visitor [s].
 
     Readings of the last visitor must be stale before somebody comes of whom less is known;
     staleness is in real time, whatever the pace.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated robot: it says, asks, shows, drives and lights up behind real ROS interfaces."""
+"""Simulated robot behind real ROS interfaces: speech, questions, screen, driving and light."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ class RobotNode(BaseNode):
             self._report(act.line)
 
     def _end(self, performed: _Performed, message: str | None) -> None:
-        """End an act; a message says why it did not come to its own end."""
+        """End an act; a message is the reason why it was cut short."""
         self._performed.remove(performed)
         performed.act.stop()
         performed.done.set_result(message)

@@ -37,12 +37,12 @@ class BidEncoder:
     def __init__(self, host: str, instance: str) -> None:
         self._host = host
         self._instance = instance
-        self._said: tuple[str, HostAnswer] | None = None
+        self._encoded: tuple[str, HostAnswer] | None = None
         self._rest = b""
 
     def message(self, epoch: str, number: int, answer: HostAnswer) -> bytes:
         """Return the serialized message of an answer in a round of a market."""
-        if self._said != (epoch, answer):
+        if self._encoded != (epoch, answer):
             message = serialize_message(
                 Bids(
                     epoch=epoch,
@@ -52,7 +52,7 @@ class BidEncoder:
                 )
             )
             self._rest = message[len(_before(epoch)) + _NUMBER_BYTES :]
-            self._said = (epoch, answer)
+            self._encoded = (epoch, answer)
         return _before(epoch) + number.to_bytes(_NUMBER_BYTES, sys.byteorder) + self._rest
 
 

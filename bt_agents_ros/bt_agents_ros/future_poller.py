@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Jobs of other threads whose end is reported in the executor's thread."""
+"""Futures of other threads, whose end is reported in the executor's thread."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import Future as Job
+from concurrent.futures import Future as ThreadFuture
 from typing import Any
 
 from rclpy.node import Node
@@ -13,30 +13,30 @@ from rclpy.node import Node
 from bt_agents_ros.timers import steady_timer
 
 LIMIT_S = 5.0
-"""How long a job is waited for [s]; it goes on after that."""
+"""How long a future is waited for [s]; its work goes on after that."""
 
 _POLL_S = 0.01
 
 
 class FuturePoller:
-    """Polls jobs while there are some: their threads must not call into rclpy.
+    """Polls the futures of other threads, which must not call into rclpy.
 
     Args:
         node: Whose executor calls back; call from its thread only.
     """
 
     def __init__(self, node: Node) -> None:
-        self._watched: list[tuple[Job[Any], float, Callable[[str], None]]] = []
+        self._watched: list[tuple[ThreadFuture[Any], float, Callable[[str], None]]] = []
         self._timer = steady_timer(node, _POLL_S, self._poll, running=False)
 
-    def watch(self, job: Job[Any], done: Callable[[str], None]) -> None:
-        """Call back once, when a job has ended or :data:`LIMIT_S` has passed.
+    def watch(self, future: ThreadFuture[Any], done: Callable[[str], None]) -> None:
+        """Call back once, when a future is done or :data:`LIMIT_S` has passed.
 
         Args:
-            job: Of another thread.
-            done: Takes what went wrong; empty when the job has succeeded.
+            future: Of another thread.
+            done: Takes what went wrong; empty when it has succeeded.
         """
-        self._watched.append((job, time.monotonic() + LIMIT_S, done))
+        self._watched.append((future, time.monotonic() + LIMIT_S, done))
         if self._timer.is_canceled():
             self._timer.reset()
 
@@ -46,10 +46,10 @@ class FuturePoller:
         self._watched = [one for one in self._watched if one not in ended]
         if not self._watched:
             self._timer.cancel()
-        for job, _, done in ended:
-            if not job.done():
+        for future, _, done in ended:
+            if not future.done():
                 done(f"not done within {LIMIT_S:g} s, but it goes on")
-            elif job.cancelled():
+            elif future.cancelled():
                 done("given up")
             else:
-                done(str(job.exception() or ""))
+                done(str(future.exception() or ""))

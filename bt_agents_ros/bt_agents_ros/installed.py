@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tree language asks about the ROS types of this machine, answered from their classes."""
+"""Answers to the questions of the tree language about the ROS types of this machine."""
 
 from __future__ import annotations
 

@@ -61,8 +61,8 @@ def load_type(name: str, kind: BindingKind | None = None) -> Any:
     if not known:
         raise Refused("UNKNOWN_TYPE", f"no ROS type '{name}': {_package_problem(name)}")
     if f"{folder}/{short}" not in known:
-        alike = _did_you_mean(name, [f"{package}/{type_name}" for type_name in known])
-        raise Refused("UNKNOWN_TYPE", f"no ROS type '{name}' in package {package}{alike}")
+        suggestion = _did_you_mean(name, [f"{package}/{type_name}" for type_name in known])
+        raise Refused("UNKNOWN_TYPE", f"no ROS type '{name}' in package {package}{suggestion}")
     try:
         return getattr(importlib.import_module(f"{package}.{folder}"), short)
     except (ImportError, AttributeError) as error:
@@ -117,9 +117,9 @@ def read_field(message: Any, path: str) -> Any:
         done = error.found.split(".") if error.found else []
         if hasattr(error.value, "get_fields_and_field_types"):
             fields = error.value.get_fields_and_field_types()
-            raise Refused("UNKNOWN_FIELD", _field_words(error.part, done, fields)) from None
-        words = _leaf_words(error.part, done, is_list(error.value))
-        raise Refused("UNKNOWN_FIELD", words) from None
+            raise Refused("UNKNOWN_FIELD", _no_field_text(error.part, done, fields)) from None
+        text = _no_subfield_text(error.part, done, is_list(error.value))
+        raise Refused("UNKNOWN_FIELD", text) from None
 
 
 def message_field(value: Any, part: str) -> Any:
@@ -191,9 +191,9 @@ def _package_problem(name: str) -> str:
     )
 
 
-def _did_you_mean(word: str, known: Collection[str]) -> str:
-    alike = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"; did you mean {alike[0]}?" if alike else f"; there are {', '.join(known)}"
+def _did_you_mean(name_given: str, known: Collection[str]) -> str:
+    suggestion = difflib.get_close_matches(name_given, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {suggestion[0]}?" if suggestion else f"; there are {', '.join(known)}"
 
 
 def _slots(message_type: Any) -> dict[str, Any]:
@@ -219,7 +219,7 @@ def slot_at(message_type: Any, path: str) -> Any:
         if hasattr(current, "SLOT_TYPES"):
             slots = _slots(current)
             if part not in slots:
-                raise Refused("UNKNOWN_FIELD", _field_words(part, done, slots))
+                raise Refused("UNKNOWN_FIELD", _no_field_text(part, done, slots))
             current = _resolved(slots[part])
         elif isinstance(current, idl.AbstractNestedType) and is_index(part):
             size = getattr(current, "size", getattr(current, "maximum_size", math.inf))
@@ -231,7 +231,7 @@ def slot_at(message_type: Any, path: str) -> Any:
             current = _resolved(current.value_type)
         else:
             is_list = isinstance(current, idl.AbstractNestedType)
-            raise Refused("UNKNOWN_FIELD", _leaf_words(part, done, is_list))
+            raise Refused("UNKNOWN_FIELD", _no_subfield_text(part, done, is_list))
         done.append(part)
     return current
 
@@ -243,14 +243,14 @@ def _resolved(slot: Any) -> Any:
     return getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
 
 
-def _field_words(part: str, done: Sequence[str], fields: Collection[str]) -> str:
+def _no_field_text(part: str, done: Sequence[str], fields: Collection[str]) -> str:
     where = f" in '{'.'.join(done)}'" if done else ""
     if not fields:
         return f"no field '{part}'{where}; the message has no fields"
     return f"no field '{part}'{where}{_did_you_mean(part, fields)}"
 
 
-def _leaf_words(part: str, done: Sequence[str], is_list: bool) -> str:
+def _no_subfield_text(part: str, done: Sequence[str], is_list: bool) -> str:
     if is_list:
         return f"'{'.'.join(done)}' is a list; pick an item by its number instead of '{part}'"
     return f"no field '{part}': '{'.'.join(done)}' is a single value"
@@ -280,7 +280,7 @@ def _assignments(message: Any, values: Any, path: str) -> Iterable[tuple[Any, st
     for name, value in values.items():
         if name not in slots:
             done = path.split(".") if path else []
-            raise Refused("UNKNOWN_FIELD", _field_words(str(name), done, slots))
+            raise Refused("UNKNOWN_FIELD", _no_field_text(str(name), done, slots))
         here = f"{path}.{name}" if path else name
         if isinstance(slots[name], idl.NamespacedType):
             found.extend(_assignments(getattr(message, name), value, here))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from bt_agents_core.mood import Addressee
 from bt_agents_core.scene import MISSING, Scene, SceneSpace, mood_of
-from feedback_node.learning.runs import AnnouncedRun
+from feedback_node.announced_runs import AnnouncedRun
 
 MOST_LEAVES = 1000
 """Nodes of one run that are told apart; what others do is counted for nobody."""

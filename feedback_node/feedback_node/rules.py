@@ -15,7 +15,7 @@ from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.model.mood_rule import MoodRule
 
-LEAST_AGAIN_S = 1.0
+MIN_REPEAT_S = 1.0
 """A rule that may fire again does so after this at the earliest, whatever its cooldown [s]."""
 
 
@@ -81,7 +81,7 @@ class _Watched:
         self.count += 1
         self.done = not rule.repeats
         self._released = rule.release is None
-        self._ready_at = now + max(rule.cooldown_s, LEAST_AGAIN_S)
+        self._ready_at = now + max(rule.cooldown_s, MIN_REPEAT_S)
         return since
 
 

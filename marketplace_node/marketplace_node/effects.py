@@ -72,7 +72,7 @@ class Disconnect:
 
 @dataclass(frozen=True, kw_only=True)
 class OpenCall:
-    """Publish the call for bids as soon as all hosts hear it, then report ``called``."""
+    """Publish the call for bids once it reaches all hosts, then report ``called``."""
 
     round: int
     scene: Scene
@@ -274,7 +274,7 @@ class Note:
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
-    """Log a warning that is said once, so that it must not be lost among notes."""
+    """Log a warning that occurs once, without the rate limit of notes."""
 
     message: str
 

@@ -23,15 +23,15 @@ from marketplace_node.effects import (
 from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
 from marketplace_node.interaction.interaction import Interaction
 from marketplace_node.interaction.market_failover import InheritedRuns
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import PREVIEWS, MarketState
+from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators.operator_commands import OperatorCommands
-from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators.previews import Previews
 from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.auction import check_round
 from marketplace_node.round.decision import Bids, External
-from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import Settings
 
 
@@ -60,12 +60,12 @@ class Market:
     ) -> None:
         self.epoch = epoch
         self.late_bids = 0
-        self._floor = MarketState(space, epoch, settings or Settings(), rules)
+        self._market_state = MarketState(space, epoch, settings or Settings(), rules)
         self._interaction: Interaction | None = None
-        self._arrivals = SceneAdmission(self._floor)
-        self._operating = OperatorCommands(self._floor, self._arrivals)
-        self._previews = Previews(self._floor)
-        self._earlier = InheritedRuns(self._floor)
+        self._admission = SceneAdmission(self._market_state)
+        self._operator_commands = OperatorCommands(self._market_state, self._admission)
+        self._previews = Previews(self._market_state)
+        self._inherited = InheritedRuns(self._market_state)
         self._finished_scene_id = ""
         self._last_round = 0
         self._last_text = "waiting for a scene"
@@ -74,7 +74,7 @@ class Market:
     @property
     def settings(self) -> Settings:
         """Settings in force; replaced by :meth:`configure`."""
-        return self._floor.settings
+        return self._market_state.settings
 
     @property
     def state(self) -> State:
@@ -94,13 +94,13 @@ class Market:
 
     def configure(self, settings: Settings, now: float) -> list[Effect]:
         """Replace the settings; deadlines that are already set stay."""
-        self._floor.settings = settings
-        self._floor.registry.lease_s = settings.host_lease_s
+        self._market_state.settings = settings
+        self._market_state.registry.lease_s = settings.host_lease_s
         return self._settle(now)
 
     def shut_down(self, reason: str, now: float) -> list[Effect]:
         """Take no more scenes, give up those that wait and stop the running tree."""
-        self._arrivals.close(reason, now)
+        self._admission.close(reason, now)
         self._previews.give_up(SHUTTING_DOWN, reason)
         self._ask_again(math.inf)
         if self._interaction is not None:
@@ -109,60 +109,60 @@ class Market:
 
     def scene(self, scene: Scene, now: float) -> list[Effect]:
         """Take a new scene: start an interaction, let it wait, or refuse it."""
-        self._arrivals.take(scene, self._interaction)
+        self._admission.take(scene, self._interaction)
         return self._settle(now)
 
     def malformed(self, scene_id: str, refused: Refused, now: float) -> list[Effect]:
         """End a scene that could not be read; ``scene_id`` as far as it was found."""
-        self._arrivals.refuse(scene_id, refused.code, refused.reason)
+        self._admission.refuse(scene_id, refused.code, refused.reason)
         return self._settle(now)
 
     def unreported(self, host: str, runs: Iterable[EarlierRun], now: float) -> list[Effect]:
-        """Take runs of an earlier market that a registered host has to tell the end of."""
-        self._earlier.take(host, runs, now, obstacle=self._arrivals.closed_reason)
+        """Take ended runs of an earlier market that a registered host reports."""
+        self._inherited.take(host, runs, now, obstacle=self._admission.closed_reason)
         return self._settle(now)
 
     def register(
         self, registration: Registration, now: float
     ) -> tuple[RegistrationAnswer, list[Effect]]:
         """Enter a host; ``Connect`` follows when it has to be reached anew."""
-        registry = self._floor.registry
+        registry = self._market_state.registry
         before = registry.get(registration.host)
         if before is None and (dead := registry.replaceable(now)):
-            self._floor.forget(dead)
+            self._market_state.forget(dead)
         answer = registry.register(registration, now)
         entry = registry.get(registration.host)
         if answer.accepted and entry is not None:
             if before is None or before.instance != entry.instance:
-                self._floor.free(entry.host)
+                self._market_state.free(entry.host)
             if before is None or replace(before, agents=entry.agents) != entry:
-                self._floor.effects.append(Connect(entry=entry))
+                self._market_state.effects.append(Connect(entry=entry))
         return answer, self._check_host(now)
 
     def disconnect(self, host: str, now: float) -> list[Effect]:
         """Forget a host that cannot be reached."""
-        self._floor.registry.remove(host)
-        self._floor.free(host)
+        self._market_state.registry.remove(host)
+        self._market_state.free(host)
         return self._check_host(now)
 
     def heartbeat(
         self, host: str, instance: str, epoch: str, round_number: int, now: float
     ) -> list[Effect]:
-        """A host is alive and says which run it is busy with; round 0 means none."""
-        if self._floor.registry.beat(host, instance, now):
-            self._floor.heartbeat(host, epoch, round_number, self._under_way, now)
+        """Take the heartbeat of a host with the run that it is busy with; round 0 means none."""
+        if self._market_state.registry.heartbeat(host, instance, now):
+            self._market_state.heartbeat(host, epoch, round_number, self._under_way, now)
             if self._interaction is not None:
                 self._interaction.on_heartbeat(host, epoch, round_number, now)
         return self._settle(now)
 
     def extend_after_stall(self, since: float, now: float) -> list[Effect]:
         """Renew leases and move deadlines: the market itself has not listened since ``since``."""
-        self._floor.extend_after_stall(since, now)
-        self._earlier.extend_after_stall(now - since)
+        self._market_state.extend_after_stall(since, now)
+        self._inherited.extend_after_stall(now - since)
         if self._interaction is not None:
             self._interaction.extend_after_stall(now - since)
-        if self._arrivals.open_round is not None:
-            self._arrivals.open_round.extend_after_stall(now - since)
+        if self._admission.open_round is not None:
+            self._admission.open_round.extend_after_stall(now - since)
         self._previews.extend_after_stall(now - since)
         return self._settle(now)
 
@@ -174,7 +174,7 @@ class Market:
         return self._settle(now)
 
     def bids(self, bids: Bids, now: float) -> list[Effect]:
-        """Take a host's answer, whatever it looks like."""
+        """Take a host's answer, unchecked."""
         rounds = self._open_rounds()
         named = next((r for r in rounds if r.number == bids.round), None)
         real = [r for r in rounds if r.number <= PREVIEWS]
@@ -190,7 +190,7 @@ class Market:
             real[0].take(bids)
         else:
             try:
-                check_round(bids, self.epoch, self._floor.rounds)
+                check_round(bids, self.epoch, self._market_state.rounds)
                 self._note(f"bids of {bids.host} refused: no round has been opened yet")
             except Refused as refused:
                 self._note(f"bids of {bids.host} refused: {refused}")
@@ -204,23 +204,23 @@ class Market:
             self._interaction.close_when_due(now)
         return self._settle(now)
 
-    def operate(self, order: OperatorCommand, now: float) -> tuple[str, list[Effect]]:
-        """Do what an operator asks for.
+    def operate(self, command: OperatorCommand, now: float) -> tuple[str, list[Effect]]:
+        """Execute a command of an operator.
 
         Returns:
             The answer in words, and the effects.
 
         Raises:
-            Refused: ``UNKNOWN_AGENT``, ``NO_SCENE``, or as in :class:`Say` and for scenes that
-                come in; nothing is changed then.
+            Refused: ``UNKNOWN_AGENT``, ``NO_SCENE``, or as in :class:`OperatorOverrides` and
+                for scenes that come in; nothing is changed then.
         """
-        message = self._operating.take(order, self._interaction, now)
-        if order.act is not OperatorAction.AWARD:
-            self._floor.store()
+        message = self._operator_commands.take(command, self._interaction, now)
+        if command.action is not OperatorAction.AWARD:
+            self._market_state.store()
         return message, self._settle(now)
 
-    def restore_orders(self, text: str, now: float) -> tuple[str, list[Effect]]:
-        """Take over pins, vetoes and counts that an earlier market had kept, before any scene.
+    def restore_overrides(self, text: str, now: float) -> tuple[str, list[Effect]]:
+        """Take over pins, vetoes and counts that an earlier market had stored, before any scene.
 
         Returns:
             The pins and vetoes in words, empty for none, and the effects.
@@ -228,7 +228,7 @@ class Market:
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
         """
-        return self._operating.restore(text), self._settle(now)
+        return self._operator_commands.restore(text), self._settle(now)
 
     def preview(self, scene: Scene | None, strategy: str, now: float) -> tuple[int, list[Effect]]:
         """Ask who would win; ``PreviewEnded`` with the number follows.
@@ -244,9 +244,9 @@ class Market:
         Raises:
             Refused: ``NO_SCENE``, ``SHUTTING_DOWN``, ``UNKNOWN_STRATEGY`` or ``BUSY``.
         """
-        if self._arrivals.closed_reason:
-            raise Refused(SHUTTING_DOWN, self._arrivals.closed_reason)
-        number = self._previews.ask(self._operating.scene(scene), strategy, now)
+        if self._admission.closed_reason:
+            raise Refused(SHUTTING_DOWN, self._admission.closed_reason)
+        number = self._previews.ask(self._operator_commands.scene(scene), strategy, now)
         return number, self._settle(now)
 
     def goal_accepted(self, goal: RunGoal, now: float) -> list[Effect]:
@@ -255,7 +255,7 @@ class Market:
             self._interaction.accepted(goal, now)
         else:
             late = f"it took the run of round {goal.round} too late"
-            self._floor.give_up(goal, late, now, runs=True)
+            self._market_state.give_up(goal, late, now, runs=True)
         return self._settle(now)
 
     def goal_refused(self, goal: RunGoal, reason: str, now: float) -> list[Effect]:
@@ -269,7 +269,7 @@ class Market:
         if self._interaction is not None:
             self._interaction.ended(goal, end, now)
         else:
-            self._floor.ended(goal)
+            self._market_state.ended(goal)
         return self._settle(now)
 
     def collected(self, round_number: int, message: str, now: float) -> list[Effect]:
@@ -309,7 +309,7 @@ class Market:
         else:
             accepted, message = self._interaction.stop(stop, now)
             if accepted and round_number == 0 and not stop.again:
-                message += self._arrivals.forget(stop.reason, now)
+                message += self._admission.forget(stop.reason, now)
         return accepted, message, self._settle(now)
 
     def tick(self, now: float) -> list[Effect]:
@@ -330,40 +330,40 @@ class Market:
         return self._settle(now)
 
     def _ask_again(self, now: float) -> None:
-        for scene in self._earlier.due(now):
-            self._arrivals.take(scene, self._interaction)
+        for scene in self._inherited.due(now):
+            self._admission.take(scene, self._interaction)
 
     def _open_rounds(self) -> list[OpenRound]:
         of_interaction = self._interaction.open_round if self._interaction else None
-        of_market = [r for r in (of_interaction, self._arrivals.open_round) if r is not None]
+        of_market = [r for r in (of_interaction, self._admission.open_round) if r is not None]
         return [*of_market, *self._previews.open_rounds]
 
     def _was_opened(self, round_number: int) -> bool:
-        previews = PREVIEWS < round_number <= PREVIEWS + self._floor.previews
-        return previews or 0 < round_number <= self._floor.rounds
+        previews = PREVIEWS < round_number <= PREVIEWS + self._market_state.previews
+        return previews or 0 < round_number <= self._market_state.rounds
 
     def _note(self, message: str) -> None:
-        self._floor.effects.append(Note(message=message))
+        self._market_state.effects.append(Note(message=message))
 
     def _settle(self, now: float) -> list[Effect]:
         """End what is over, begin what waits, report a changed state, hand over the effects."""
         self._previews.update(now)
-        self._arrivals.update(self._interaction, now)
+        self._admission.update(self._interaction, now)
         if self._interaction is not None:
             self._interaction.go_on(now)
         self._finish()
-        while self._interaction is None and (waiting := self._arrivals.next()) is not None:
-            self._interaction = Interaction(self._floor, waiting, now)
+        while self._interaction is None and (waiting := self._admission.next()) is not None:
+            self._interaction = Interaction(self._market_state, waiting, now)
             self._finish()
         status = self._describe(now)
-        effects = self._floor.effects
+        effects = self._market_state.effects
         for effect in effects:
             if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE":
-                self._floor.overrides.forget(effect.scene_id)
+                self._market_state.overrides.forget(effect.scene_id)
         if status != self._status:
             self._status = status
             effects.append(status)
-        self._floor.effects = []
+        self._market_state.effects = []
         return effects
 
     def _finish(self) -> None:
@@ -375,12 +375,12 @@ class Market:
         self._last_round = interaction.round
         self._last_text = f"scene '{scene_id}' is over: {interaction.over.message}"
         self._interaction = None
-        self._floor.effects.append(interaction.over)
+        self._market_state.effects.append(interaction.over)
 
     def _describe(self, now: float) -> StatusChanged:
         interaction = self._interaction
         goal = interaction.goal if interaction else None
-        live = self._floor.registry.with_heartbeat(now)
+        live = self._market_state.registry.with_heartbeat(now)
         return StatusChanged(
             state=self.state,
             round=interaction.round if interaction else self._last_round,
@@ -388,13 +388,13 @@ class Market:
             agent=goal.agent if goal else "",
             host=goal.host if goal else "",
             finished_scene_id=self._finished_scene_id,
-            queued=len(self._arrivals),
+            queued=len(self._admission),
             hosts=len(live),
             agents=sum(len(entry.agents) for entry in live),
             strategy=self.settings.strategy,
             shadow_strategy=self.settings.shadow_strategy,
-            pinned=self._floor.overrides.pinned,
-            vetoed=self._floor.overrides.vetoed,
-            starved=self._floor.starved(),
+            pinned=self._market_state.overrides.pinned,
+            vetoed=self._market_state.overrides.vetoed,
+            starved=self._market_state.starved(),
             message=interaction.state_text() if interaction else self._last_text,
         )

@@ -22,17 +22,17 @@ from marketplace_node.effects import (
     StoreOverrides,
 )
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.operators.operator_overrides import OperatorOverrides
-from marketplace_node.operators.statistics import MarketStatistics, Tally, counts
+from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms
 from marketplace_node.settings import Settings
+from marketplace_node.statistics import MarketStatistics, RunCounts, counts
 
 PREVIEWS = 2**31
 """Numbers of rounds that only foretell begin after this one, so that no other is counted."""
 
 _CANCEL_AGAIN_S = 1.0
-_SURE_S = 0.3  # a heartbeat of a run may come after its end
+_CONFIRMED_S = 0.3  # a heartbeat of a run may come after its end
 _OF_ANOTHER = "it still runs a tree for another market"
 
 
@@ -42,18 +42,18 @@ class _OrphanRun:
 
     Attributes:
         instance: The start of its host.
-        reason: What is known of it, in words.
+        reason: Reason why its host is not free.
         goal: Its goal, as far as it is known.
         blocks: True when its host is not to be asked, as it surely is not free.
-        heard_at: Since when the host says that it runs, steady time [s]; None when it does not.
-        cancelled_at: When it was last told to stop, steady time [s]; None before.
+        running_since: When the host first reported it, steady time [s]; None while it does not.
+        cancelled_at: When it was last cancelled, steady time [s]; None before.
     """
 
     instance: str
     reason: str
     goal: RunGoal | None = None
     blocks: bool = True
-    heard_at: float | None = None
+    running_since: float | None = None
     cancelled_at: float | None = None
 
 
@@ -65,9 +65,9 @@ class MarketState:
         epoch: Name of this instance of the market.
         settings: The settings in force.
         registry: The hosts and agents.
-        overrides: What operators have ordered.
+        overrides: Pins, vetoes and awards by operators.
         record: Counters over the decisions so far.
-        effects: What is to be done, in order.
+        effects: Pending effects, in order.
         rounds: How many rounds there have been; the number of the last one.
         previews: How many rounds there have been that only foretold.
         last_scene: The scene that was taken last; None before the first.
@@ -91,8 +91,8 @@ class MarketState:
         self.previews = 0
         self.last_scene: Scene | None = None
         self._rules = rules
-        self._tally = Tally()
-        self._strays: dict[str, _OrphanRun] = {}
+        self._run_counts = RunCounts()
+        self._orphans: dict[str, _OrphanRun] = {}
         self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
 
     def terms(
@@ -140,18 +140,18 @@ class MarketState:
             tie_break=settings.tie_break,
             rules=self._rules,
             excluded=dict(excluded),
-            barred=self.overrides.excluded(self.registry.live(now), awarded),
+            operator_exclusions=self.overrides.excluded(self.registry.live(now), awarded),
             intervention=self.overrides.intervention(awarded),
             unasked=self._unasked(now),
-            last_run=self._tally.last_run,
-            runs=self._tally.runs,
-            rounds_run=self._tally.total,
-            earlier_runs=self._tally.earlier,
+            last_run=self._run_counts.last_run,
+            runs=self._run_counts.runs,
+            rounds_run=self._run_counts.total,
+            earlier_runs=self._run_counts.earlier,
             preview=preview is not None,
         )
 
     def outcome(self, decision: Decision, reason_fn: Callable[[], str]) -> PublishAuction:
-        """Return a decision as it is published, with what the record says at this moment."""
+        """Return a decision as it is published, with the statistics of this moment."""
         return PublishAuction(
             decision=decision,
             reason_fn=reason_fn,
@@ -177,31 +177,31 @@ class MarketState:
         return known[2]
 
     def count_run(self, agent: str, decision: Decision) -> None:
-        """Note that an agent runs; ties go to whoever has not run for longest.
+        """Count a run of an agent; ties go to the agent that has not run for longest.
 
         Args:
             agent: Who took the run; not the winner when its host did not.
             decision: Of the round.
         """
-        self._tally.count(agent)
+        self._run_counts.count(agent)
         starvation = self.record.starvation
         starvation.ran(agent, decision.ranked.bidders)
-        news = starvation.news(self.settings.starvation_rounds)
-        self.effects += [Alarm(message=one) for one in news]
+        newly_starved = starvation.newly_starved(self.settings.starvation_rounds)
+        self.effects += [Alarm(message=one) for one in newly_starved]
         self.store()
 
     def store(self) -> None:
-        """Have everything kept that outlives this start of the market."""
+        """Store what outlives this start of the market."""
         stored = {
             **self.overrides.to_dict(),
-            "runs": self._tally.runs,
-            "last_run": self._tally.last_run,
+            "runs": self._run_counts.runs,
+            "last_run": self._run_counts.last_run,
             "in_vain": dict(self.record.starvation.in_vain),
         }
         self.effects.append(StoreOverrides(text=json.dumps(stored, ensure_ascii=False)))
 
     def restore(self, text: str) -> None:
-        """Take over what an earlier start of the market has kept.
+        """Take over what an earlier start of the market has stored.
 
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
@@ -213,15 +213,15 @@ class MarketState:
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise Refused(
                 "MALFORMED",
-                "the kept pins, vetoes and counts cannot be read, so none counts; set pins and "
+                "the stored pins, vetoes and counts cannot be read, so none counts; set pins and "
                 "vetoes again",
             ) from None
-        self._tally.restore(found[0], found[1])
+        self._run_counts.restore(found[0], found[1])
         self.record.starvation.restore(found[2])
 
-    def asked(self, barred: Collection[str], now: float) -> list[HostEntry]:
+    def asked(self, excluded: Collection[str], now: float) -> list[HostEntry]:
         """Return the hosts to ask: those that are free and have an agent that may bid."""
-        unasked, names = self._unasked(now), set(barred)
+        unasked, names = self._unasked(now), set(excluded)
         return [
             entry
             for entry in self.registry.entries()
@@ -253,14 +253,14 @@ class MarketState:
         That is no obstacle for ever: a tree that does not stop is waited for as long as for a
         run that was told to stop, and a host without a heartbeat is not waited for.
         """
-        for other, stray in self._strays.items():
+        for other, orphan in self._orphans.items():
             if (
                 other != host
-                and stray.heard_at is not None
-                and now - stray.heard_at < self.settings.cancel_deadline_s
-                and self.registry.is_live(other, stray.instance, now)
+                and orphan.running_since is not None
+                and now - orphan.running_since < self.settings.cancel_deadline_s
+                and self.registry.is_live(other, orphan.instance, now)
             ):
-                return f"{other} has not stopped: {stray.reason}"
+                return f"{other} has not stopped: {orphan.reason}"
         return ""
 
     def give_up(self, goal: RunGoal, reason: str, now: float, *, runs: bool) -> None:
@@ -274,24 +274,24 @@ class MarketState:
         """
         entry = self.registry.get(goal.host)
         if entry is not None and entry.instance == goal.instance:
-            self._strays[goal.host] = _OrphanRun(
+            self._orphans[goal.host] = _OrphanRun(
                 instance=goal.instance,
                 reason=reason,
                 goal=goal,
-                heard_at=now if runs else None,
+                running_since=now if runs else None,
                 cancelled_at=now,
             )
         self.effects.append(CancelGoal(goal=goal))
 
     def ended(self, goal: RunGoal) -> None:
         """Free the host of a goal that was given up and has ended after all."""
-        stray = self._strays.get(goal.host)
-        if stray is not None and stray.goal == goal:
-            del self._strays[goal.host]
+        orphan = self._orphans.get(goal.host)
+        if orphan is not None and orphan.goal == goal:
+            del self._orphans[goal.host]
 
     def free(self, host: str) -> None:
         """Free a host, as it was started anew."""
-        self._strays.pop(host, None)
+        self._orphans.pop(host, None)
 
     def forget(self, host: str) -> None:
         """Forget a host, and reach it no more."""
@@ -302,9 +302,9 @@ class MarketState:
     def extend_after_stall(self, since: float, now: float) -> None:
         """Renew leases and move deadlines, as nobody has listened since ``since``."""
         self.registry.extend_after_stall(since, now)
-        for stray in self._strays.values():
-            if stray.heard_at is not None:
-                stray.heard_at += now - since
+        for orphan in self._orphans.values():
+            if orphan.running_since is not None:
+                orphan.running_since += now - since
 
     def heartbeat(
         self, host: str, epoch: str, round_number: int, award: RunGoal | None, now: float
@@ -315,16 +315,16 @@ class MarketState:
         if round_number == 0 or (of_this and awarded):
             self.free(host)
             return
-        stray = self._strays.get(host)
-        if stray is None:
-            stray = self._strays[host] = self._suspect(host, round_number)
-        if stray.heard_at is None:
-            stray.heard_at = now
+        orphan = self._orphans.get(host)
+        if orphan is None:
+            orphan = self._orphans[host] = self._suspect(host, round_number)
+        if orphan.running_since is None:
+            orphan.running_since = now
         if not of_this:
             # Its host stops it, as it misses the heartbeat of that market.
-            stray.reason, stray.goal, stray.blocks = _OF_ANOTHER, None, True
-        elif _is_due(stray, now):
-            stray.blocks, stray.cancelled_at = True, now
+            orphan.reason, orphan.goal, orphan.blocks = _OF_ANOTHER, None, True
+        elif _is_due(orphan, now):
+            orphan.blocks, orphan.cancelled_at = True, now
             self.effects.append(CancelAll(host=host))
 
     def _suspect(self, host: str, round_number: int) -> _OrphanRun:
@@ -336,12 +336,12 @@ class MarketState:
         )
 
     def _blocked(self, host: str) -> str:
-        stray = self._strays.get(host)
-        return stray.reason if stray is not None and stray.blocks else ""
+        orphan = self._orphans.get(host)
+        return orphan.reason if orphan is not None and orphan.blocks else ""
 
 
-def _is_due(stray: _OrphanRun, now: float) -> bool:
-    """Whether a tree is to be told to stop: once that is sure, and then again and again."""
-    if stray.cancelled_at is not None:
-        return now - stray.cancelled_at >= _CANCEL_AGAIN_S
-    return stray.heard_at is not None and now - stray.heard_at >= _SURE_S
+def _is_due(orphan: _OrphanRun, now: float) -> bool:
+    """Whether to cancel an orphan now: once it is confirmed, and then repeatedly."""
+    if orphan.cancelled_at is not None:
+        return now - orphan.cancelled_at >= _CANCEL_AGAIN_S
+    return orphan.running_since is not None and now - orphan.running_since >= _CONFIRMED_S

@@ -17,7 +17,7 @@ _MAX_NAME = 180
 MOST_HOSTS = 100
 """Hosts that are known; a new one takes the place of the one that is gone for longest."""
 
-FIRST_BEAT_S = 3.0
+FIRST_HEARTBEAT_S = 3.0
 """A start of a host that was never heard is alive for so long beyond its lease [s].
 
 The middleware takes its time to connect the market to the heartbeat of a host that is new.
@@ -88,7 +88,7 @@ class Registry:
         self._parameters = parameters
         self._entries: dict[str, HostEntry] = {}
         self._seen: dict[str, float] = {}
-        self._heard: dict[str, str] = {}
+        self._heartbeat_of: dict[str, str] = {}
         self._ids: dict[str, int] = {}
         self._agents: dict[str, HostEntry] | None = None
 
@@ -125,8 +125,8 @@ class Registry:
             agents=agents,
         )
         self._agents = None
-        known = self._heard.get(registration.host) == registration.instance
-        self._seen[registration.host] = now if known else now + FIRST_BEAT_S
+        known = self._heartbeat_of.get(registration.host) == registration.instance
+        self._seen[registration.host] = now if known else now + FIRST_HEARTBEAT_S
         refused_count = len(registration.agents) - len(agents)
         message = f"{registration.host} is registered with {len(agents)} agents"
         if refused_count:
@@ -147,15 +147,15 @@ class Registry:
         self._entries.pop(host, None)
         self._agents = None
         self._seen.pop(host, None)
-        self._heard.pop(host, None)
+        self._heartbeat_of.pop(host, None)
 
-    def beat(self, host: str, instance: str, now: float) -> bool:
-        """Note a heartbeat; return False when it is not from a registered start of a host."""
+    def heartbeat(self, host: str, instance: str, now: float) -> bool:
+        """Take a heartbeat; return False when it is not from a registered start of a host."""
         entry = self._entries.get(host)
         if entry is None or entry.instance != instance:
             return False
         self._seen[host] = now
-        self._heard[host] = instance
+        self._heartbeat_of[host] = instance
         return True
 
     def extend_after_stall(self, since: float, now: float) -> None:
@@ -197,8 +197,8 @@ class Registry:
         return tuple(e for e in self._entries.values() if self.is_live(e.host, e.instance, now))
 
     def with_heartbeat(self, now: float) -> tuple[HostEntry, ...]:
-        """Return the hosts within their lease of which a heartbeat was heard."""
-        return tuple(e for e in self.live(now) if self._heard.get(e.host) == e.instance)
+        """Return the hosts within their lease that have sent a heartbeat."""
+        return tuple(e for e in self.live(now) if self._heartbeat_of.get(e.host) == e.instance)
 
     def _check_host(self, registration: Registration, now: float) -> None:
         for what, name in (

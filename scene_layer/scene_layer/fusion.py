@@ -49,9 +49,9 @@ def fused(readings: Sequence[Reading]) -> Reading:
     # Relative to the smallest deviation, so that no square leaves the range of numbers.
     smallest = min(stated, default=1.0)
     counts = [(smallest / std) ** 2 for std in stated] or [1.0]
-    usual = math.fsum(counts) / len(counts)
+    mean_count = math.fsum(counts) / len(counts)
     weights = [
-        reading.confidence * ((smallest / reading.std) ** 2 if reading.std > 0.0 else usual)
+        reading.confidence * ((smallest / reading.std) ** 2 if reading.std > 0.0 else mean_count)
         for reading in readings
     ]
     values = [reading.value for reading in readings]

@@ -39,7 +39,7 @@ LONGEST_NAME = 200
 
 @dataclass(frozen=True, kw_only=True)
 class Estimated:
-    """An estimate of a value that nobody measures now.
+    """Estimate of a value that is not measured now.
 
     Attributes:
         value: In the unit of the parameter.
@@ -171,7 +171,7 @@ class Memory:
         self._shunned: set[str] = set()
 
     def came(self, person: str, now: float) -> None:
-        """Begin the visit of somebody; ``now`` is in unix time [s], as everywhere here."""
+        """Begin the visit of a person; ``now`` is in unix time [s], as everywhere here."""
         known = self._persons.pop(person, None) or KnownPerson()
         known.visits += 1
         known.seen_at = now
@@ -181,7 +181,7 @@ class Memory:
     def measured(
         self, person: str, parameter: str, value: float, std: float, confidence: float, now: float
     ) -> None:
-        """Take a value that was measured just now of somebody who is here.
+        """Take a value that was measured just now of a present person.
 
         One without any confidence, or of somebody who is to be forgotten, is left out.
         """
@@ -335,14 +335,14 @@ def to_text(
         for name, known in every.items()
     ]
     room = most_bytes - len(f"{_HEAD}{{}}{_MIDDLE}{{}}}}\n")
-    kept = set()
+    remaining = set()
     for number in sorted(range(len(pieces)), key=lambda number: -pieces[number][0]):
         room -= len(pieces[number][2].encode()) + len(", ")
         if room < 0:
             break
-        kept.add(number)
+        remaining.add(number)
     known, here = (
-        ", ".join(pieces[number][2] for number in sorted(kept) if pieces[number][1] == kind)
+        ", ".join(pieces[number][2] for number in sorted(remaining) if pieces[number][1] == kind)
         for kind in (0, 1)
     )
     return f"{_HEAD}{{{known}}}{_MIDDLE}{{{here}}}}}\n"
@@ -368,8 +368,8 @@ def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
     except (
         ValueError, TypeError, KeyError, AttributeError, RecursionError, ArithmeticError,
     ) as error:  # fmt: skip
-        words = f"no {error}" if isinstance(error, KeyError) else str(error)
-        raise DamagedMemoryError(f"not a memory of the scene layer: {words}") from None
+        text = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise DamagedMemoryError(f"not a memory of the scene layer: {text}") from None
 
 
 def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
@@ -394,8 +394,8 @@ def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
     except FileNotFoundError:
         return {}, {}
     except OSError as error:
-        words = error.strerror or error
-        raise BtAgentsError(f"{path} cannot be read ({words}); {another}") from None
+        text = error.strerror or error
+        raise BtAgentsError(f"{path} cannot be read ({text}); {another}") from None
     if not content.strip():
         return {}, {}
     if not content.startswith(_HEAD.encode()):

@@ -35,14 +35,14 @@ MOST_AWAY = 50
 THRESHOLD = 0.5
 """A person is there, or known by name, from this reading on: true, one face, a half."""
 
-_WORDS = {
+_RULE_TEXTS = {
     AddresseeRule.ENGAGED: ("most engaged", "more engaged", ""),
     AddresseeRule.NEAREST: ("nearest", "nearer", " m"),
 }
 
 
 def check_id(person_id: object) -> str:
-    """Return the id of a person, as a tracker says it, when it can be used; 7 is ``"7"``.
+    """Return the id of a person from a tracker as a text if it is usable; 7 is ``"7"``.
 
     Raises:
         Refused: ``NOT_A_TEXT``, ``EMPTY``, ``TOO_LONG`` or ``BAD_ID``.
@@ -209,7 +209,7 @@ class Persons:
         if ready:
             before, challenger = self.addressee, self._best(ready, ranks)
             self._take(challenger, ranks, now)
-            _, word, _ = _WORDS[self._rule.rule]
+            _, word, _ = _RULE_TEXTS[self._rule.rule]
             self.reason = f"{challenger} has been {word} than {before} for {self._rule.hold_s:g} s"
 
     def _take(self, person: str, ranks: Mapping[str, float], now: float) -> None:
@@ -224,7 +224,7 @@ class Persons:
         rank = ranks.get(person, math.nan)
         if self._rule.rule is AddresseeRule.FIRST or math.isnan(rank):
             return f"{person} came first"
-        best, _, unit = _WORDS[self._rule.rule]
+        best, _, unit = _RULE_TEXTS[self._rule.rule]
         return f"{person} is {best}: {rank:.2g}{unit}"
 
     def _best(self, candidates: list[str], ranks: Mapping[str, float]) -> str:
@@ -246,7 +246,7 @@ class Persons:
 
 
 class Encounters:
-    """Visits of persons, told apart by the ids of a tracker, or of one at a time without ids.
+    """Visits of persons, identified by the ids of a tracker, or of one at a time without ids.
 
     What is measured of whoever is here goes into the memory: what sources say of that person, or
     what no source says of one. The person whom a run began with is kept until the run ends, though
@@ -287,17 +287,17 @@ class Encounters:
 
     @property
     def tracked(self) -> tuple[str, ...]:
-        """Ids of all who are here, in the order they came; empty where nobody tells them apart."""
+        """Ids of all present persons in order of arrival; empty without identification."""
         return self._persons.tracked if self._persons is not None else ()
 
     @property
     def addressee(self) -> str:
-        """Whom a scene is about; :data:`NOBODY` without anybody or without ids."""
+        """Person whom a scene is about; :data:`NOBODY` without a person or without ids."""
         return self._persons.addressee if self._persons is not None else NOBODY
 
     @property
     def reason(self) -> str:
-        """Why this one is the addressee, in words."""
+        """Reason why this person is the addressee."""
         return self._persons.reason if self._persons is not None else ""
 
     @property
@@ -353,7 +353,7 @@ class Encounters:
 
     @property
     def known(self) -> frozenset[str]:
-        """Those who are here, or kept, and whose id is a name by which they come again."""
+        """Present or retained persons whose id is the same at their next visit."""
         return frozenset(self._names)
 
     def _moved(self, now: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -379,10 +379,10 @@ class Encounters:
 
     def _observe(self, person: str, now: float, wall: float) -> None:
         """Remember what has been measured of a person since the last update."""
-        looked_at = self._observed_at.get(person, -math.inf)
+        observed_at = self._observed_at.get(person, -math.inf)
         for name in self._remembered:
             read = self._sources.latest(name, now, person, alone=True)
-            if read is not None and looked_at < read.at and now <= read.stale_at:
+            if read is not None and observed_at < read.at and now <= read.stale_at:
                 self._memory.measured(person, name, read.value, read.std, read.confidence, wall)
         self._observed_at[person] = now
         source = self._spec.persons.known if self._spec.persons is not None else None
@@ -403,7 +403,7 @@ class Encounters:
             self._observed_at.pop(person, None)
 
     def _forget_others(self) -> None:
-        """Drop what was read of anybody who is neither here, nor listed, nor still awaited."""
+        """Drop readings of persons who are neither present, nor listed, nor still awaited."""
         for person in self._sources.people - {*self.candidates, *self._away}:
             self._sources.forget(person)
 
@@ -418,7 +418,7 @@ class _Departure:
 
 
 def somebody_is_measured(spec: SceneSpec, sources: Sources, now: float) -> bool:
-    """Return whether the sources see somebody, where nobody is told apart.
+    """Return whether the sources measure a person, where persons are not identified.
 
     A person source that is silent or stale sees nobody. Without one somebody is there when
     anything at all is measured.

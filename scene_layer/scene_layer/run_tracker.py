@@ -47,7 +47,7 @@ class RunTracker:
             self.run = None
 
     def _is_over(self, run: LiveRun) -> bool:
-        """Whether the market has gone past a run; another epoch says nothing about a new run."""
+        """Whether the market has gone past a run; another epoch proves nothing about a new run."""
         if self._market is None or self._market[0] != run.epoch:
             return False
         _, round_number, idle = self._market

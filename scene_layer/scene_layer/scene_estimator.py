@@ -13,7 +13,7 @@ from scene_layer.memory import Memory, ignorance
 from scene_layer.persons import NOBODY, THRESHOLD, Encounters, somebody_is_measured
 from scene_layer.sources import Sources
 
-KEPT = 1000
+MAX_INTERACTIONS = 1000
 """Interactions whose given values are remembered: more than scenes may wait in a market."""
 
 
@@ -41,8 +41,8 @@ def check_given(
 
 
 @dataclass(frozen=True, kw_only=True)
-class GivenScene:
-    """A value that somebody gave, and when, in steady time [s]."""
+class GivenValue:
+    """Value given for a scene, with its steady time of arrival [s]."""
 
     value: float
     at: float
@@ -64,8 +64,8 @@ class SceneInteraction:
 
     scene_id: str
     label: str = ""
-    values: Mapping[str, GivenScene] = field(default_factory=dict)
-    person: GivenScene | None = None
+    values: Mapping[str, GivenValue] = field(default_factory=dict)
+    person: GivenValue | None = None
     urgent: bool = False
     person_id: str = NOBODY
     met: bool = False
@@ -74,8 +74,8 @@ class SceneInteraction:
         self, values: Mapping[str, float], person: bool | None, now: float
     ) -> SceneInteraction:
         """Return the interaction with more values given; a person of None stays as it was."""
-        given = {name: GivenScene(value=value, at=now) for name, value in values.items()}
-        present = self.person if person is None else GivenScene(value=float(person), at=now)
+        given = {name: GivenValue(value=value, at=now) for name, value in values.items()}
+        present = self.person if person is None else GivenValue(value=float(person), at=now)
         return replace(self, values={**self.values, **given}, person=present)
 
 
@@ -126,13 +126,13 @@ class SceneEstimator:
         begun = empty.with_given(values, person, now)
         if person_id is not None:
             begun = replace(begun, person_id=person_id, met=bool(person_id))
-        return self._keep(begun)
+        return self._store(begun)
 
     def give(
         self, scene_id: str, values: Mapping[str, float], person: bool | None, now: float
     ) -> SceneInteraction:
         """Add checked given values to an interaction, known or not."""
-        return self._keep(self._known(scene_id).with_given(values, person, now))
+        return self._store(self._known(scene_id).with_given(values, person, now))
 
     def adopt(self, scene: Scene, now: float) -> SceneInteraction:
         """Return the interaction of an awarded scene; for a foreign scene, its given values."""
@@ -216,10 +216,10 @@ class SceneEstimator:
     def _known(self, scene_id: str) -> SceneInteraction:
         return self._interactions.get(scene_id, SceneInteraction(scene_id=scene_id))
 
-    def _keep(self, interaction: SceneInteraction) -> SceneInteraction:
+    def _store(self, interaction: SceneInteraction) -> SceneInteraction:
         self._interactions.pop(interaction.scene_id, None)
         self._interactions[interaction.scene_id] = interaction
-        while len(self._interactions) > KEPT:
+        while len(self._interactions) > MAX_INTERACTIONS:
             del self._interactions[next(iter(self._interactions))]
         return interaction
 
@@ -264,7 +264,7 @@ class SceneEstimator:
     def _expected(
         self, name: str, interaction: SceneInteraction, place: str, wall: float
     ) -> SceneValue:
-        """Return the estimate or default of a value that nobody measures."""
+        """Return the estimate or default of a value that is not measured."""
         rule = self._spec.missing_rule(name)
         if not interaction.met:
             if name in self._spec.no_person:

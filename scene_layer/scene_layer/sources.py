@@ -112,14 +112,14 @@ class Sources:
     def people(self) -> frozenset[str]:
         """Ids of all persons of whom something has been read and not been forgotten."""
         return frozenset(
-            person for kept in (self._latest, self._texts) for _, person in kept if person
+            person for store in (self._latest, self._texts) for _, person in store if person
         )
 
     def forget(self, person: str) -> None:
         """Drop all that was read of a person."""
-        for kept in (self._latest, self._texts):
-            for of in [one for one in kept if one[1] == person and one[0].per_person]:
-                del kept[of]
+        for store in (self._latest, self._texts):
+            for of in [one for one in store if one[1] == person and one[0].per_person]:
+                del store[of]
 
     # What is known now
 
@@ -168,12 +168,12 @@ class Sources:
         return found if found is not None and now <= found.stale_at else None
 
     def place(self, now: float) -> str:
-        """Return where the robot is; empty when nobody says so."""
+        """Return the place of the robot; empty when unknown."""
         place = self._spec.place
         return place if isinstance(place, str) else self._text(place, now, "")
 
     def topics(self, people: Iterable[str], now: float) -> dict[tuple[SourceSpec, str], str]:
-        """Return the topics that tell something about each of some persons.
+        """Return the topics with readings of each of some persons.
 
         Args:
             people: Their ids; those that cannot stand in the name of a topic have no topics.
@@ -307,7 +307,7 @@ def _number(source: SourceSpec, raw: object) -> float:
 
 
 def _in_table(source: SourceSpec, raw: object) -> float:
-    word = _word(raw)
+    word = _table_key(raw)
     for known, value in source.table:
         if known == word:
             return value
@@ -320,7 +320,7 @@ def _in_table(source: SourceSpec, raw: object) -> float:
     )
 
 
-def _word(raw: object) -> str | None:
+def _table_key(raw: object) -> str | None:
     """Return a value as it stands in a table; None for what cannot stand there."""
     match raw:
         case bool():

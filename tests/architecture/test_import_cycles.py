@@ -6,25 +6,19 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
-from importlib.util import find_spec
 from pathlib import Path
 
-PACKAGES = (
-    "bt_agents", "marketplace_node", "scene_layer", "feedback_node", "bt_agents_robot",
-    "bt_agents_lab",
-)  # fmt: skip
+from programs import ROOT
+
+PACKAGES = sorted(path.parent for path in ROOT.glob("*/setup.py"))
 
 
 def modules() -> Mapping[str, Path]:
     found: dict[str, Path] = {}
     for package in PACKAGES:
-        spec = find_spec(package)
-        assert spec is not None
-        assert spec.origin is not None
-        folder = Path(spec.origin).parent
-        for path in folder.rglob("*.py"):
-            parts = (package, *path.relative_to(folder).with_suffix("").parts)
-            found[".".join(parts).removesuffix(".__init__")] = path
+        for path in (package / package.name).rglob("*.py"):
+            name = ".".join(path.relative_to(package).with_suffix("").parts)
+            found[name.removesuffix(".__init__")] = path
     return found
 
 

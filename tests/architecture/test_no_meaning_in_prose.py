@@ -10,20 +10,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = (
-    "bt_agents_core/bt_agents_core",
-    "bt_agents_language/bt_agents_language",
-    "bt_agents_groot/bt_agents_groot",
-    "bt_agents_ros/bt_agents_ros",
-    "bt_agents/bt_agents",
-    "marketplace_node/marketplace_node",
-    "scene_layer/scene_layer",
-    "feedback_node/feedback_node",
-    "bt_agents_tools/bt_agents_tools",
-    "bt_agents_lab/bt_agents_lab",
-    "bt_agents_robot/bt_agents_robot",
-)
-
 PROSE = {
     "additional_constraints",
     "calculation",
@@ -62,16 +48,16 @@ MATCHES = {"findall", "finditer", "fullmatch", "match", "search"}
 DRESSED = {"casefold", "lower", "lstrip", "rstrip", "strip", "upper"}
 
 FORMATTED = {
-    ("bt_agents_tools/cli/commands/tune.py", "'=' not in words[0]"),
-    ("bt_agents_tools/cli/event_printer.py", "calculation.partition('= ')"),
-    ("bt_agents_tools/cli/scenario_options.py", "_ASSIGNMENT.findall(words)"),
-    ("bt_agents_tools/rehearsal/assertions.py", "expected != _NOTHING"),
-    ("bt_agents_tools/rehearsal/assertions.py", "expected == _NOTHING"),
+    ("cli/commands/tune.py", "'=' not in words[0]"),
+    ("cli/event_printer.py", "calculation.partition('= ')"),
+    ("cli/scenario_options.py", "_ASSIGNMENT.findall(words)"),
+    ("rehearsal/assertions.py", "expected != _NOTHING"),
+    ("rehearsal/assertions.py", "expected == _NOTHING"),
 }
 """What only puts a text into form, or reads what a person types."""
 
 STILL = {
-    ("bt_agents/host/reload/host_card_diff.py", "_PLACE.match(problem)"),
+    ("host/reload/host_card_diff.py", "_PLACE.match(problem)"),
 }
 """What is to go; nothing comes to it."""
 
@@ -156,9 +142,10 @@ def test_what_reads_anything_else_is_not(source: str) -> None:
 
 def test_nothing_is_decided_by_a_text_for_people() -> None:
     found: set[tuple[str, str]] = set()
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            where = str(path.relative_to((ROOT / package).parent))
+    for manifest in ROOT.glob("*/package.xml"):
+        package = manifest.parent / manifest.parent.name
+        for path in sorted(package.rglob("*.py")):
+            where = str(path.relative_to(package))
             tree = ast.parse(path.read_text(encoding="utf-8"))
             found |= {(where, ast.unparse(node)) for node in decisions(tree)}
 

@@ -38,8 +38,8 @@ NAMED = {
 # Forks a writer for each line that it reads, so that none of them has to start Python.
 WRITER = """
 import json, os, random, sys
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger.rows import LAYER, Cause
+from feedback_node.ledger import Ledger, LedgerEntry
+from feedback_node.ledger.rows import LAYER, RevisionCause
 
 def say(*words):
     os.write(1, (json.dumps(words) + "\\n").encode())
@@ -63,12 +63,12 @@ def write(path, seed):
             continue
         age, one = chance.random(), f"{seed}/{number}"
         entries = []
-        causes = [(age, Cause(feedback_id=one))]
+        causes = [(age, RevisionCause(feedback_id=one))]
         if layer and ledger.current(agent, layer) is None:
-            causes.insert(0, (0.0, Cause(cause=LAYER)))
+            causes.insert(0, (0.0, RevisionCause(cause=LAYER)))
         for value, cause in causes:
             profile = {"age": value}
-            entries.append(Entry(agent=agent, layer=layer, profile=profile, cause=cause))
+            entries.append(LedgerEntry(agent=agent, layer=layer, profile=profile, cause=cause))
         say("recording", one)
         row = ledger.record(entries)[-1]
         say("recorded", one, agent, layer, row.revision, age)

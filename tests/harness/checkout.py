@@ -42,6 +42,13 @@ class RosPackage:
         found = (self.folder / self.name).rglob("*.py")
         return {path.relative_to(self.folder) for path in found}
 
+    @property
+    def package_data(self) -> set[Path]:
+        """The files beside the Python modules that are installed with them, relative as they."""
+        found = (path for path in (self.folder / self.name).rglob("*.*") if path.is_file())
+        other = {path.relative_to(self.folder) for path in found if path.suffix != ".pyc"}
+        return other - self.modules
+
     def setup(self) -> dict[str, Any]:
         """Return the arguments of ``setup()`` in ``setup.py`` that are literals."""
         tree = ast.parse((self.folder / "setup.py").read_text(encoding="utf-8"))
@@ -58,8 +65,12 @@ class RosPackage:
 
     def executables(self) -> dict[str, str]:
         """Return the names of the executables and the functions they call."""
-        lines = self.setup().get("entry_points", {}).get("console_scripts", [])
-        return dict(line.split(" = ") for line in lines)
+        return self.entry_points().get("console_scripts", {})
+
+    def entry_points(self) -> dict[str, dict[str, str]]:
+        """Return what others find the package by: group → name → function or module."""
+        groups = self.setup().get("entry_points", {}).items()
+        return {group: dict(line.split(" = ") for line in lines) for group, lines in groups}
 
 
 def ros_packages() -> list[RosPackage]:
@@ -71,6 +82,17 @@ def ros_packages() -> list[RosPackage]:
             RosPackage(folder=path.parent, name=manifest.findtext("name", ""), manifest=manifest)
         )
     return sorted(found, key=lambda package: package.name)
+
+
+def needed_by(name: str) -> set[str]:
+    """Return the keys of all that is installed with a package: its own, and those of these."""
+    packages = {package.name: package for package in PACKAGES}
+    found: set[str] = set()
+    new = {name}
+    while new:
+        found |= new
+        new = {key for one in new & packages.keys() for key in packages[one].dependencies} - found
+    return found
 
 
 PACKAGES = ros_packages()

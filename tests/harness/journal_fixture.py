@@ -15,10 +15,10 @@ from typing import Any
 from rclpy.serialization import serialize_message
 
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
-from bt_agents.host.reload.source_bundle import texts
+from bt_agents.host.reload.source_bundle import source_bundle
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
-from bt_agents.recording.run import RecordingRun
+from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import (
@@ -41,7 +41,7 @@ from bt_agents_ros.messages import scene_to_msg, to_time
 from feedback_node.learning.learning_step import PLAIN, Evidence, step
 from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.explanation.reason import reason
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
 from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Decision, Terms
 from marketplace_node.round.ranking import decide
@@ -119,7 +119,7 @@ class Town:
         self._revisions = dict.fromkeys(self.profiles, 0)
         self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
         versions = AgentVersions(self._trees, 0.0)
-        found = texts(versions, lambda _package: True)
+        found = source_bundle(versions, lambda _package: True)
         self.publish(
             "/agents/files",
             AgentFiles(
@@ -174,7 +174,7 @@ class Town:
             auction_to_msg(
                 PublishAuction(
                     decision=decision,
-                    reason_fn=partial(reason, decision),
+                    reason_fn=partial(reason_of, decision),
                     explanation_fn=partial(explanation, decision, SPACE),
                 ),
                 self._stamp(),
@@ -222,7 +222,7 @@ class Town:
             profile=spec.profile,
             live=lambda: moody,
             tunables={},
-            world=world,
+            environment=world,
             steady=world.clock,
             seed=5,
             sink=record,
@@ -358,6 +358,6 @@ def ticks(path: Path) -> list[int]:
     return [entry.decode().tick for entry in JournalReader([path]).entries()]
 
 
-def story_of(path: Path) -> RecordingIndex:
+def index_of(path: Path) -> RecordingIndex:
     """Return the contents of a journal."""
     return index_entries(JournalReader([path]).entries())

@@ -13,7 +13,7 @@ from feedback_node.learning.cards import AgentEntry, LearningCard
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.rows import LAYER, RevisionCause
-from feedback_node.management.management import Done, Management, ManagementCommand
+from feedback_node.management.management import Management, ManagementCommand, ManagementResult
 
 SPACE = SceneSpace(
     parameters=tuple(
@@ -23,7 +23,7 @@ SPACE = SceneSpace(
 )
 
 
-class Desk:
+class ManagedLedger:
     """A ledger with two agents and the management of their profiles."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class Desk:
         self.documents += 1
         return f"document-{self.documents}"
 
-    def execute(self, action: int, **fields: Any) -> Done:
+    def execute(self, action: int, **fields: Any) -> ManagementResult:
         return self._management.execute(ManagementCommand(action=action, **fields))
 
     def document(self, action: int, **fields: Any) -> Any:

@@ -22,7 +22,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.market import Market
-from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
@@ -175,11 +175,11 @@ class Driver:
         self.do(effects)
         return accepted, message
 
-    def operate(self, act: OperatorAction, agent: str = "", **fields: Any) -> str:
+    def operate(self, action: OperatorAction, agent: str = "", **fields: Any) -> str:
         """Have a say; return the answer, or the code of the refusal."""
-        order = OperatorCommand(act=act, agent=agent, **fields)
+        command = OperatorCommand(action=action, agent=agent, **fields)
         try:
-            message, effects = self.market.operate(order, self.now)
+            message, effects = self.market.operate(command, self.now)
         except Refused as refused:
             return refused.code
         self.do(effects)

@@ -147,14 +147,16 @@ class FakeHost(Node):
 class Stage:
     """A market, what it says, and the ways to talk to it."""
 
-    def __init__(self, ros: Any, orders: Path | None = None, **parameters: Any) -> None:
+    def __init__(self, ros: Any, overrides_file: Path | None = None, **parameters: Any) -> None:
         self.ros = ros
         overrides = [
             Parameter(name, value=value)
             for name, value in ({"collect_deadline": 0.1} | parameters).items()
         ]
         self.market = ros.add(
-            MarketplaceNode(SPACE, "epoch", orders=orders, parameter_overrides=overrides)
+            MarketplaceNode(
+                SPACE, "epoch", overrides_file=overrides_file, parameter_overrides=overrides
+            )
         )
         self.auctions = ros.collect(Auction, "auctions", qos.HISTORY)
         self.runs = ros.collect(Run, "runs", qos.HISTORY)

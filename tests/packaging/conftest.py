@@ -24,6 +24,11 @@ COLCON = [
     "setuptools<80",  # the last that installs by setup.py, as colcon does
 ]
 
+CMAKE = ["cmake>=3.24", "ninja"]
+
+NOT_COMPILED = "--no-compile"
+"""Of the many modules of an environment few are imported; Python compiles these when they are."""
+
 
 class Installation:
     """One installed copy of the project, and its programs run in an empty folder."""
@@ -67,11 +72,25 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def tools(tmp_path_factory: pytest.TempPathFactory, pyproject: dict[str, Any]) -> Path:
+def requirements(tmp_path_factory: pytest.TempPathFactory, pyproject: dict[str, Any]) -> Path:
+    """An environment with what the project says that it needs to run, and nothing else."""
+    folder = tmp_path_factory.mktemp("installed")
+    run([sys.executable, "-m", "venv", str(folder)], folder, folder)
+    _install(folder / "bin", NOT_COMPILED, *pyproject["project"]["dependencies"])
+    return folder
+
+
+@pytest.fixture(scope="session")
+def tools(
+    requirements: Path, tmp_path_factory: pytest.TempPathFactory, pyproject: dict[str, Any]
+) -> Path:
     """The programs of an environment that can build the project but has not installed it."""
-    folder = tmp_path_factory.mktemp("tools")
-    needed = [*pyproject["build-system"]["requires"], *pyproject["project"]["dependencies"]]
-    return _environment(folder, [*needed, *COLCON, "cmake>=3.24", "ninja"])
+    folder = tmp_path_factory.mktemp("tools") / "environment"
+    # Installers replace files and never write into them, so a second name is as good as a copy.
+    shutil.copytree(requirements, folder, symlinks=True, copy_function=os.link)
+    needed = [*pyproject["build-system"]["requires"], *COLCON, *CMAKE]
+    _install(folder / "bin", NOT_COMPILED, *needed)
+    return folder / "bin"
 
 
 @pytest.fixture(scope="session")
@@ -83,18 +102,20 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def wheel(source: Path, tools: Path, build: Path) -> Path:
     """The one wheel of the project."""
-    shared = f"build-dir={build / 'build' / 'bt_agents_interfaces'}"
-    pip = ["python", "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-C", shared]
+    shared = f"--config-settings=build-dir={build / 'build' / 'bt_agents_interfaces'}"
+    pip = ["python", "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", shared]
     run([*pip, "--wheel-dir", str(build / "dist"), str(source)], tools, build)
     (found,) = (build / "dist").iterdir()
     return found
 
 
 @pytest.fixture(scope="session")
-def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installation:
+def installed(
+    wheel: Path, requirements: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Installation:
     """The wheel in an environment of its own."""
-    programs = _environment(tmp_path_factory.mktemp("installed"), [str(wheel)])
-    return Installation(programs, "", tmp_path_factory.mktemp("empty"))
+    _install(requirements / "bin", str(wheel))
+    return Installation(requirements / "bin", "", tmp_path_factory.mktemp("empty"))
 
 
 @pytest.fixture(scope="session")
@@ -122,9 +143,11 @@ def sourced(
 def run(command: list[str], programs: Path, cwd: Path) -> str:
     """Return what a command prints, with ``programs`` first on its path; fail unless it ends well.
 
-    The environment of these tests runs on ROS wheels too, and would hand down its own paths.
+    The environment of these tests runs on ROS wheels too, and would hand down its own paths; what
+    Python has compiled is kept, as it is for everybody else.
     """
-    own = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH"}
+    own = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH"}
+    own |= {"PYTHONDONTWRITEBYTECODE", "PYTHONPATH"}
     environment = {name: value for name, value in os.environ.items() if name not in own}
     environment |= {"PATH": f"{programs}:/usr/bin:/bin", "XDG_STATE_HOME": str(cwd)}
     done = subprocess.run(
@@ -135,8 +158,5 @@ def run(command: list[str], programs: Path, cwd: Path) -> str:
     return done.stdout
 
 
-def _environment(folder: Path, requirements: list[str]) -> Path:
-    run([sys.executable, "-m", "venv", str(folder)], folder, folder)
-    programs = folder / "bin"
-    run(["python", "-m", "pip", "install", "--quiet", *requirements], programs, folder)
-    return programs
+def _install(programs: Path, *requirements: str) -> None:
+    run(["python", "-m", "pip", "install", "--quiet", *requirements], programs, programs.parent)

@@ -20,8 +20,15 @@ def test_every_package_is_built(install_space: Path):
 
 def test_every_executable_is_where_ros_looks_for_it(install_space: Path):
     for package in PYTHON_PACKAGES:
-        folder = install_space / package.name / "lib" / package.name
-        assert {path.name for path in folder.iterdir()} == set(package.executables())
+        found = (install_space / package.name / "lib" / package.name).glob("*")
+        assert {path.name for path in found} == set(package.executables())
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
+def test_every_module_is_installed_with_the_files_beside_it(install_space: Path, package: Any):
+    (folder,) = (install_space / package.name).glob("lib/python3.*/site-packages")
+    for path in package.modules | package.package_data:
+        assert (folder / path).is_file()
 
 
 def test_the_programs_of_the_workspace_play_an_experiment_together(

@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
-from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage
+from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage, needed_by
 
-pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
+pytestmark = pytest.mark.packaging
 
 KEYS = {
     "aiohttp": ("python3-aiohttp", "aiohttp>=3.8"),
@@ -27,6 +29,10 @@ KEYS = {
     "zstandard": ("python3-zstandard", "zstandard"),
 }
 """What a module that is no ROS package is called by rosdep and on PyPI."""
+
+LAUNCH_FILES = sorted(
+    path for package in PACKAGES for path in package.folder.rglob("*.launch.yaml")
+)
 
 PYTEST = {"pytest", "_pytest"}
 
@@ -80,22 +86,30 @@ def test_a_python_package_is_registered_in_the_ament_index(package: RosPackage):
     ]
 
 
+def test_the_packages_hold_more_than_python_modules():
+    held = set().union(*(package.package_data for package in PYTHON_PACKAGES))
+    assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
+    language = Path("bt_agents_language")
+    assert {language / "reference/codes.yaml", language / "templates/agent.yaml"} <= held
+
+
 @every_python_package
 def test_executables_call_functions_that_exist_and_go_where_ros_looks(package: RosPackage):
     settings = (package.folder / "setup.cfg").read_text(encoding="utf-8")
     assert settings.count(f"=$base/lib/{package.name}\n") == 2
     for target in package.executables().values():
-        module, _, function = target.partition(":")
-        stem = module.replace(".", "/")
-        (path,) = {Path(f"{stem}.py"), Path(f"{stem}/__init__.py")} & package.modules
-        defined = ast.parse((package.folder / path).read_text(encoding="utf-8")).body
-        assert function in {node.name for node in defined if isinstance(node, ast.FunctionDef)}
+        assert _exists(package, target)
 
 
 @every_python_package
 def test_a_manifest_names_what_the_package_imports_and_nothing_else(package: RosPackage):
     imported = {KEYS.get(module, (module,))[0] for module in _imports(package)}
     assert package.dependencies == imported
+
+
+@every_package
+def test_no_package_needs_itself_so_there_is_an_order_to_build_them_in(package: RosPackage):
+    assert package.name not in set().union(*map(needed_by, package.dependencies))
 
 
 def test_the_wheel_requires_what_the_packages_import(pyproject: dict[str, Any]):
@@ -117,10 +131,42 @@ def test_the_wheel_holds_every_python_package(pyproject: dict[str, Any]):
     assert set(pyproject["tool"]["importlinter"]["root_packages"]) == set(folders)
 
 
+def test_the_wheel_is_found_by_what_the_packages_are_found_by(pyproject: dict[str, Any]):
+    found: dict[str, dict[str, str]] = {}
+    for package in PYTHON_PACKAGES:
+        for group, names in package.entry_points().items():
+            assert all(_exists(package, target) for target in names.values())
+            found.setdefault(group, {}).update(names)
+    executables = found.pop("console_scripts")
+    project = pyproject["project"]
+    assert project["entry-points"] == found
+    assert project["scripts"].items() <= executables.items()
+
+
+@pytest.mark.parametrize("launch", LAUNCH_FILES, ids=lambda path: path.name)
+def test_a_launch_file_uses_packages_that_its_own_depends_on(launch: Path):
+    (owner,) = (package for package in PACKAGES if launch.is_relative_to(package.folder))
+    text = launch.read_text(encoding="utf-8")
+    started = {entry["node"]["pkg"] for entry in yaml.safe_load(text)["launch"] if "node" in entry}
+    shares = set(re.findall(r"\$\(find-pkg-share (\w+)\)", text))
+    assert started
+    assert started | shares <= owner.dependencies | {owner.name}
+
+
 def test_the_scripts_link_every_data_package():
     script = (ROOT / "scripts" / "setup.bash").read_text(encoding="utf-8")
     folders = " ".join(sorted(package.folder.name for package in DATA_PACKAGES))
     assert f"for folder in {folders}; do" in script
+
+
+def _exists(package: RosPackage, target: str) -> bool:
+    """Return whether a package has a module, or a function that a module defines."""
+    module, _, function = target.partition(":")
+    stem = module.replace(".", "/")
+    (path,) = {Path(f"{stem}.py"), Path(f"{stem}/__init__.py")} & package.modules
+    defined = ast.parse((package.folder / path).read_text(encoding="utf-8")).body
+    functions = {node.name for node in defined if isinstance(node, ast.FunctionDef)}
+    return not function or function in functions
 
 
 def _imports(package: RosPackage) -> set[str]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -20,10 +21,17 @@ def test_the_project_builds_into_one_wheel_with_every_module(
     assert wheel.name.startswith(f"bt_agents-{pyproject['project']['version']}-cp3")
     held = {Path(name) for name in zipfile.ZipFile(wheel).namelist()}
     for package in PYTHON_PACKAGES:
-        assert package.modules <= held
-    assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
-    language = Path("bt_agents_language")
-    assert {language / "reference/codes.yaml", language / "tools/templates/agent.yaml"} <= held
+        assert package.modules | package.package_data <= held
+
+
+def test_the_wheel_names_what_it_needs(wheel: Path, pyproject: dict[str, Any]):
+    with zipfile.ZipFile(wheel) as file:
+        (metadata,) = (name for name in file.namelist() if name.endswith("/METADATA"))
+        lines = file.read(metadata).decode().splitlines()
+    named = {line.removeprefix("Requires-Dist: ") for line in lines}
+    for requirement in pyproject["project"]["dependencies"]:
+        name, *versions = re.split(r"(?=[<>=])", requirement, maxsplit=1)
+        assert f"{name}{','.join(sorted(''.join(versions).split(',')))}" in named
 
 
 def test_the_installed_command_says_its_version(installed: Any, pyproject: dict[str, Any]):

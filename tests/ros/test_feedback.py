@@ -157,7 +157,7 @@ class Scenario:
 
     def run(self) -> None:
         self.event(Run.STARTED)
-        self.ros.until(lambda: self.node._teaching._runs.current is not None)
+        self.ros.until(lambda: self.node._controller._runs.current is not None)
 
     def give(self, **fields: Any) -> GiveFeedback.Response:
         return self.ros.call(self.give_client, GiveFeedback.Request(**fields))
@@ -259,7 +259,7 @@ def test_people_push_the_last_agent_towards_and_away_from_its_scene(scenario):
     room.introduce()
     room.run()
     room.event(Run.ENDED)
-    room.ros.until(lambda: room.node._teaching._runs.current is None)
+    room.ros.until(lambda: room.node._controller._runs.current is None)
     towards = room.give(kind=Feedback.POSITIVE, source="button")
     assert list(towards.feedback.after) == [4.5, 1.25, 3.5]
     away = room.give(kind=Feedback.NEGATIVE, source="button")
@@ -306,7 +306,7 @@ def test_the_mood_is_credited_to_the_node_of_the_tree_that_was_at_work(scenario)
     room.ros.until(lambda: status.get_subscription_count() == 1)
     room.run()
     status.publish(TreeStatus(epoch="e", round=1, agent="guide", tick=1, tip="tree/0.say"))
-    room.ros.until(lambda: room.node._teaching._trace.leaf_at(math.inf) == "tree/0.say")
+    room.ros.until(lambda: room.node._controller._trace.leaf_at(math.inf) == "tree/0.say")
     room.ros.until(lambda: room.live.get_subscription_count() == 1)
     room.live.publish(scene(2.5))
     room.ros.until(lambda: room.feedback)
@@ -403,7 +403,7 @@ def test_a_run_that_has_ended_is_not_asked_to_be_cancelled_any_more(scenario):
     room.live.publish(scene(2.5))
     room.ros.until(lambda: room.node._stops._unanswered)
     room.event(Run.ENDED)
-    room.ros.until(lambda: room.node._teaching._runs.current is None)
+    room.ros.until(lambda: room.node._controller._runs.current is None)
     room.ros.until(lambda: not (room.node._stops._unanswered or room.node._calls._open))
     room.start_market()
     room.ros.turns(150)
@@ -440,7 +440,7 @@ def test_a_run_replayed_from_history_that_is_over_is_not_watched(ros, ledger):
     room.introduce(eager)
     ros.until(lambda: room.live.get_subscription_count() == 1)
     room.live.publish(scene(1.0))
-    ros.until(lambda: room.node._teaching._runs.last() is not None)
+    ros.until(lambda: room.node._controller._runs.last() is not None)
     room.live.publish(scene(1.0))
     ros.turns()
     assert room.cancels == room.feedback == []

@@ -19,9 +19,9 @@ from bt_agents_interfaces.msg import RunRecord, Scene
 from bt_agents_interfaces.srv import ReloadAgents
 from bt_agents_lab.node import JournalNode
 from bt_agents_lab.recorder.reading import JournalReader
-from bt_agents_lab.replay.findings import ReplayVerdict, tally
+from bt_agents_lab.replay.findings import ReplayVerdict, count_findings
 from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
-from bt_agents_lab.replay.trees import runs_again
+from bt_agents_lab.replay.trees import replay_runs
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from fake_market import Market, folder, make_host
@@ -90,7 +90,7 @@ class Town:
         """Run an agent to its end; return how it ended."""
         return self.market.result(self.begin(agent)).result
 
-    def story(self) -> RecordingIndex:
+    def recording(self) -> RecordingIndex:
         """Return the contents of all files."""
         return index_entries(JournalReader(sorted(self.files.glob("*.mcap"))).entries())
 
@@ -141,13 +141,13 @@ def test_runs_of_every_kind_go_the_same_way_again(town: Town) -> None:
 
     ros.until(lambda: len(journal._hosts) == 1)
     ros.remove(journal)
-    story = town.story()
-    found = tally(runs_again(story.runs.values()))
+    recording = town.recording()
+    found = count_findings(replay_runs(recording.runs.values()))
     assert [one.text for one in found.unequal] == []
     assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 8}
-    assert story.problems == []
-    assert story.lost == {}
-    assert story.counts["/agents/files"] == 2
+    assert recording.problems == []
+    assert recording.lost == {}
+    assert recording.counts["/agents/files"] == 2
 
 
 def test_nothing_is_recorded_while_nobody_listens(town: Town) -> None:
@@ -168,7 +168,7 @@ def test_a_journal_that_comes_late_says_what_it_has_not_heard(town: Town) -> Non
     town.market.result(handle)
     town.run("talker")
     town.ros.remove(journal)
-    found = tally(runs_again(town.story().runs.values()))
+    found = count_findings(replay_runs(town.recording().runs.values()))
     assert [one.text for one in found.unequal] == [
         "nothing was recorded of what its tree received"
     ]
@@ -182,10 +182,10 @@ def test_each_day_can_be_done_again_by_itself(town: Town) -> None:
     town.run("gambler")
     town.ros.remove(journal)
     for path in sorted(town.files.glob("*.mcap")):
-        story = index_entries(JournalReader([path]).entries())
-        found = tally(runs_again(story.runs.values()))
+        recording = index_entries(JournalReader([path]).entries())
+        found = count_findings(replay_runs(recording.runs.values()))
         assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 1}
-        assert story.counts["/cards"] >= 1
+        assert recording.counts["/cards"] >= 1
 
 
 def test_a_second_journal_in_the_same_folder_is_refused(town: Town, tmp_path: Path) -> None:

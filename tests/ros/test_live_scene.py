@@ -188,17 +188,17 @@ class Learning:
         ros.until(lambda: self.node._profiles.knows("mira"))
         awarded = scene_to_msg(AWARDED)
         runs.publish(Run(epoch="e", round=1, event=Run.STARTED, agent="mira", scene=awarded))
-        ros.until(lambda: self.node._teaching.watching)
+        ros.until(lambda: self.node._controller.watching)
         ros.until(self.live.get_subscription_count)
 
     def _count_looks(self) -> None:
-        receive = self.node._teaching.receive
+        receive = self.node._controller.receive
 
         def counted(live: Scene) -> Any:
             self.looks.append(mood(live))
             return receive(live)
 
-        self.node._teaching.receive = counted
+        self.node._controller.receive = counted
 
     def _cancel(self, request: Any, response: Any) -> Any:
         self.cancels.append(request)
@@ -250,8 +250,8 @@ def test_rules_are_looked_at_when_a_scene_comes_and_when_one_has_held_and_not_in
     )
     room = Learning(ros, ledger, worse)
     passed = []
-    tick = room.node._teaching.tick
-    room.node._teaching.tick = lambda: passed.append(tick()) or passed[-1]
+    tick = room.node._controller.tick
+    room.node._controller.tick = lambda: passed.append(tick()) or passed[-1]
     room.publish(1.0)
     ros.until(lambda: room.cancels)
     assert room.looks == [1.0]

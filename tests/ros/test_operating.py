@@ -23,7 +23,7 @@ from marketplace_node.node import MarketplaceNode
 pytestmark = pytest.mark.ros
 
 
-class Desk:
+class OperatorClient:
     """An operator at a market with one host."""
 
     def __init__(self, ros: Any, **parameters: Any) -> None:
@@ -73,41 +73,41 @@ class Desk:
 
 
 @pytest.fixture
-def desk(ros: Any) -> Desk:
-    return Desk(ros)
+def operator(ros: Any) -> OperatorClient:
+    return OperatorClient(ros)
 
 
-def test_a_pin_a_veto_and_their_ends_are_seen_by_all(desk: Desk) -> None:
-    assert desk.operate(OperateMarket.Request.PIN, EXPRESS, reason="a film crew").accepted
-    auction = desk.play("s1")
+def test_a_pin_a_veto_and_their_ends_are_seen_by_all(operator: OperatorClient) -> None:
+    assert operator.operate(OperateMarket.Request.PIN, EXPRESS, reason="a film crew").accepted
+    auction = operator.play("s1")
     assert auction.winner == EXPRESS
     assert [(bid.agent, bid.code) for bid in auction.refused] == [(GUIDE, "NOT_PINNED")]
     assert auction.intervention == "anna pins professional_express: a film crew"
-    assert list(desk.host.calls[-1].excluded) == [GUIDE]
+    assert list(operator.host.calls[-1].excluded) == [GUIDE]
 
-    assert desk.operate(OperateMarket.Request.UNPIN).accepted
-    assert desk.operate(OperateMarket.Request.VETO, GUIDE).accepted
-    desk.ros.until(lambda: list(desk.status.vetoed) == [GUIDE])
-    assert desk.status.pinned == ""
-    assert desk.play("s2").winner == EXPRESS
-    assert desk.operate(OperateMarket.Request.ALLOW, GUIDE).accepted
-    assert desk.play("s3").winner == GUIDE
+    assert operator.operate(OperateMarket.Request.UNPIN).accepted
+    assert operator.operate(OperateMarket.Request.VETO, GUIDE).accepted
+    operator.ros.until(lambda: list(operator.status.vetoed) == [GUIDE])
+    assert operator.status.pinned == ""
+    assert operator.play("s2").winner == EXPRESS
+    assert operator.operate(OperateMarket.Request.ALLOW, GUIDE).accepted
+    assert operator.play("s3").winner == GUIDE
 
 
-def test_a_veto_stops_the_run_and_the_next_agent_takes_over(desk: Desk) -> None:
-    desk.stage.scene()
-    desk.stage.until_event(Run.STARTED)
-    answer = desk.operate(OperateMarket.Request.VETO, GUIDE)
+def test_a_veto_stops_the_run_and_the_next_agent_takes_over(operator: OperatorClient) -> None:
+    operator.stage.scene()
+    operator.stage.until_event(Run.STARTED)
+    answer = operator.operate(OperateMarket.Request.VETO, GUIDE)
 
     assert answer.accepted
     assert "told to stop" in answer.message
-    assert desk.stage.until_event(Run.STARTED, count=2).agent == EXPRESS
+    assert operator.stage.until_event(Run.STARTED, count=2).agent == EXPRESS
 
 
-def test_an_award_gives_the_last_scene_to_somebody_else(desk: Desk) -> None:
-    desk.play("s1")
-    answer = desk.operate(OperateMarket.Request.AWARD, EXPRESS)
-    started = desk.stage.until_event(Run.STARTED, count=2)
+def test_an_award_gives_the_last_scene_to_somebody_else(operator: OperatorClient) -> None:
+    operator.play("s1")
+    answer = operator.operate(OperateMarket.Request.AWARD, EXPRESS)
+    started = operator.stage.until_event(Run.STARTED, count=2)
 
     assert answer.accepted, answer.message
     assert (started.agent, started.scene.scene_id) == (EXPRESS, "s1+award1")
@@ -137,44 +137,46 @@ def test_an_award_gives_the_last_scene_to_somebody_else(desk: Desk) -> None:
         ),
     ],
 )
-def test_hostile_orders_are_refused(desk: Desk, fields: dict[str, Any], code: str) -> None:
-    answer = desk.operate(**fields)
+def test_hostile_orders_are_refused(
+    operator: OperatorClient, fields: dict[str, Any], code: str
+) -> None:
+    answer = operator.operate(**fields)
 
     assert (answer.accepted, answer.code) == (False, code)
     assert answer.message
 
 
-def test_a_preview_asks_the_hosts_and_gives_nobody_a_run(desk: Desk) -> None:
+def test_a_preview_asks_the_hosts_and_gives_nobody_a_run(operator: OperatorClient) -> None:
     wanted = scene_to_msg(scene("p", 3.0, 5.0, 3.5))
-    answer = desk.preview(scene=wanted)
+    answer = operator.preview(scene=wanted)
 
     assert answer.accepted, answer.message
     assert answer.auction.preview
     assert [bid.agent for bid in answer.auction.ranking] == [EXPRESS, GUIDE]
     assert answer.auction.explanation
-    assert desk.stage.auctions == []
-    assert desk.host.log == []
+    assert operator.stage.auctions == []
+    assert operator.host.log == []
 
 
-def test_a_preview_during_a_run_lets_it_go_on(desk: Desk) -> None:
-    desk.stage.scene()
-    desk.stage.until_event(Run.STARTED)
-    answer = desk.preview(strategy="euclidean")
+def test_a_preview_during_a_run_lets_it_go_on(operator: OperatorClient) -> None:
+    operator.stage.scene()
+    operator.stage.until_event(Run.STARTED)
+    answer = operator.preview(strategy="euclidean")
 
     assert answer.accepted, answer.message
     assert answer.auction.strategy == "euclidean"
     assert answer.auction.scene.scene_id == "s1"
-    assert desk.status.state == MarketStatus.RUNNING
-    desk.host.finish()
-    assert desk.stage.until_over("s1").round == 1
+    assert operator.status.state == MarketStatus.RUNNING
+    operator.host.finish()
+    assert operator.stage.until_over("s1").round == 1
 
 
-def test_previews_at_once_are_all_answered(desk: Desk) -> None:
-    desk.host.silent = True
-    desk.ros.until(desk.previewing.service_is_ready)
+def test_previews_at_once_are_all_answered(operator: OperatorClient) -> None:
+    operator.host.silent = True
+    operator.ros.until(operator.previewing.service_is_ready)
     request = PreviewAuction.Request(scene=scene_to_msg(scene("p")))
-    futures = [desk.previewing.call_async(request) for _ in range(12)]
-    desk.ros.until(lambda: all(future.done() for future in futures))
+    futures = [operator.previewing.call_async(request) for _ in range(12)]
+    operator.ros.until(lambda: all(future.done() for future in futures))
     codes = [future.result().code for future in futures]
 
     assert sorted(codes) == [""] * 8 + ["BUSY"] * 4
@@ -184,59 +186,61 @@ def test_previews_at_once_are_all_answered(desk: Desk) -> None:
     ("fields", "code"),
     [({}, "NO_SCENE"), ({"strategy": "magic", "scene": scene("p")}, "UNKNOWN_STRATEGY")],
 )
-def test_hostile_previews_are_refused(desk: Desk, fields: dict[str, Any], code: str) -> None:
+def test_hostile_previews_are_refused(
+    operator: OperatorClient, fields: dict[str, Any], code: str
+) -> None:
     if "scene" in fields:
         fields = fields | {"scene": scene_to_msg(fields["scene"])}
-    answer = desk.preview(**fields)
+    answer = operator.preview(**fields)
 
     assert (answer.accepted, answer.code) == (False, code)
 
 
-def test_a_strategy_is_switched_while_the_market_works(desk: Desk) -> None:
-    assert desk.play("s1").strategy == "manhattan"
-    assert desk.set(strategy="softmax", softmax__temperature=0.25).successful
-    auction = desk.play("s2")
+def test_a_strategy_is_switched_while_the_market_works(operator: OperatorClient) -> None:
+    assert operator.play("s1").strategy == "manhattan"
+    assert operator.set(strategy="softmax", softmax__temperature=0.25).successful
+    auction = operator.play("s2")
 
     assert auction.strategy == "softmax"
     assert dict(zip(auction.option_names, auction.option_values, strict=True)) == {
         "temperature": 0.25
     }
     assert auction.seed == "epoch/2"
-    assert desk.status.strategy == "softmax"
+    assert operator.status.strategy == "softmax"
 
 
-def test_what_makes_no_sense_is_refused_with_what_does(desk: Desk) -> None:
-    refused = desk.set(strategy="magic")
+def test_what_makes_no_sense_is_refused_with_what_does(operator: OperatorClient) -> None:
+    refused = operator.set(strategy="magic")
     assert not refused.successful
     assert "expected one of manhattan" in refused.reason
-    assert not desk.set(shadow_strategy="external").successful
-    assert not desk.set(softmax__temperature=-1.0).successful
-    assert desk.play("s1").strategy == "manhattan"
+    assert not operator.set(shadow_strategy="external").successful
+    assert not operator.set(softmax__temperature=-1.0).successful
+    assert operator.play("s1").strategy == "manhattan"
 
 
-def test_every_option_is_described_with_its_range(desk: Desk) -> None:
-    client = desk.ros.node.create_client(
+def test_every_option_is_described_with_its_range(operator: OperatorClient) -> None:
+    client = operator.ros.node.create_client(
         DescribeParameters, "marketplace/describe_parameters", qos_profile=qos.SERVICE
     )
     names = ["softmax.temperature", "ucb.c", "external.limit", "epsilon_greedy.epsilon"]
-    told = desk.ros.call(client, DescribeParameters.Request(names=names)).descriptors
+    told = operator.ros.call(client, DescribeParameters.Request(names=names)).descriptors
 
     assert [bool(one.description and one.floating_point_range) for one in told] == [True] * 4
 
 
-def test_a_shadow_is_counted_and_seen(desk: Desk) -> None:
-    desk.host.bids_of = {GUIDE: (5.0, 4.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)}
-    assert desk.set(shadow_strategy="euclidean").successful
-    first, second = desk.play("s1"), desk.play("s2")
+def test_a_shadow_is_counted_and_seen(operator: OperatorClient) -> None:
+    operator.host.bids_of = {GUIDE: (5.0, 4.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)}
+    assert operator.set(shadow_strategy="euclidean").successful
+    first, second = operator.play("s1"), operator.play("s2")
 
     assert (first.winner, first.shadow_winner) == (GUIDE, EXPRESS)
     assert (second.shadow_rounds, second.shadow_disagreements) == (2, 2)
-    assert desk.status.shadow_strategy == "euclidean"
+    assert operator.status.shadow_strategy == "euclidean"
 
 
-def test_a_ranked_bid_holds_all_that_replay_needs(desk: Desk) -> None:
-    desk.play("s1")
-    auction = desk.play("s2")
+def test_a_ranked_bid_holds_all_that_replay_needs(operator: OperatorClient) -> None:
+    operator.play("s1")
+    auction = operator.play("s2")
     bid = auction.ranking[0]
 
     assert list(bid.contributions) == [1.0, 0.5, 0.0]
@@ -247,29 +251,29 @@ def test_a_ranked_bid_holds_all_that_replay_needs(desk: Desk) -> None:
 
 
 def test_a_starved_agent_is_seen_in_the_status(ros: Any) -> None:
-    desk = Desk(ros, starvation_rounds=2)
-    desk.play("s1")
-    desk.play("s2")
+    operator = OperatorClient(ros, starvation_rounds=2)
+    operator.play("s1")
+    operator.play("s2")
 
-    assert list(desk.status.starved) == [EXPRESS]
+    assert list(operator.status.starved) == [EXPRESS]
 
 
 def test_pins_and_vetoes_outlive_a_market(ros: Any, tmp_path: Path) -> None:
     path = tmp_path / "state" / "orders.json"
-    desk = Desk(ros, orders=path)
-    assert desk.operate(OperateMarket.Request.VETO, GUIDE).accepted
-    assert desk.operate(OperateMarket.Request.PIN, EXPRESS).accepted
-    ros.remove(desk.stage.market)
-    ros.add(MarketplaceNode(SPACE, "again", orders=path))
-    ros.until(lambda: desk.status.epoch == "again" and desk.status.pinned)
+    operator = OperatorClient(ros, overrides_file=path)
+    assert operator.operate(OperateMarket.Request.VETO, GUIDE).accepted
+    assert operator.operate(OperateMarket.Request.PIN, EXPRESS).accepted
+    ros.remove(operator.stage.market)
+    ros.add(MarketplaceNode(SPACE, "again", overrides_file=path))
+    ros.until(lambda: operator.status.epoch == "again" and operator.status.pinned)
 
-    assert (desk.status.pinned, list(desk.status.vetoed)) == (EXPRESS, [GUIDE])
+    assert (operator.status.pinned, list(operator.status.vetoed)) == (EXPRESS, [GUIDE])
 
 
 def test_a_file_of_orders_that_cannot_be_read_stops_nothing(ros: Any, tmp_path: Path) -> None:
     path = tmp_path / "orders.json"
     path.write_bytes(b"\xff{")
-    desk = Desk(ros, orders=path)
+    operator = OperatorClient(ros, overrides_file=path)
 
-    assert (desk.status.pinned, list(desk.status.vetoed)) == ("", [])
-    assert desk.play("s1").winner == GUIDE
+    assert (operator.status.pinned, list(operator.status.vetoed)) == ("", [])
+    assert operator.play("s1").winner == GUIDE

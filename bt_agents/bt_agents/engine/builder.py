@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a checked spec to a py_trees tree whose nodes know their path in the file."""
+"""Builder of py_trees trees from checked specs; each node knows its path in the file."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class RunScope:
         scene: As awarded.
         live: Returns the scene as it is now, or as it was last, marked as stale.
         profile: The agent's own vector.
-        tunables: Current values by name, shared with whoever tunes them.
+        tunables: Current values by name, shared with the host, which tunes them.
         blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
             write is not there.
     """

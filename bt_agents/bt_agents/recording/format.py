@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Format of recordings: lines of JSON, one for the begin and one for each step with news.
+"""Format of recordings: lines of JSON, one for the begin and one for each step with changes.
 
 A step is a tick with the cancel before it. During one the outside stands still: clock, live scene
 and goals answer each time as they did first, a goal that is cancelled excepted. So one entry a
@@ -112,7 +112,7 @@ def read_recording(lines: Iterable[str]) -> Recording:
     What follows a missing line cannot be replayed and is left out.
 
     Args:
-        lines: As :class:`bt_agents.recording.run.RecordingRun` wrote them, in order.
+        lines: As :class:`bt_agents.recording.recorded_run.RecordingRun` wrote them, in order.
 
     Raises:
         Refused: ``BAD_RECORD``; the first line is missing, or one cannot be read.

@@ -47,23 +47,23 @@ def journal(files: tuple[Path, ...]) -> None:
     Without FILES it takes those of the newest day in the usual folder.
     """
     paths = resolve_files(files)
-    story = read_story(paths)
+    recording = read_files(paths)
     console = Console()
     for path in paths:
         size = path.stat().st_size
         console.print(f"{escape(str(path))}  {size / 1e6:.2f} MB", highlight=False, soft_wrap=True)
-    show_problems(console, story)
-    total = sum(story.counts.values())
+    show_problems(console, recording)
+    total = sum(recording.counts.values())
     console.print(
-        f"{_moment(story.first_ns)} to {_moment(story.last_ns)}, {total} messages",
+        f"{_moment(recording.first_ns)} to {_moment(recording.last_ns)}, {total} messages",
         highlight=False,
     )
-    _show_topics(console, story)
+    _show_topics(console, recording)
     with damage_reported():
-        _show_rounds(console, story)
+        _show_rounds(console, recording)
 
 
-def read_story(files: Sequence[Path]) -> RecordingIndex:
+def read_files(files: Sequence[Path]) -> RecordingIndex:
     """Return the contents of some files.
 
     Args:
@@ -73,12 +73,12 @@ def read_story(files: Sequence[Path]) -> RecordingIndex:
     Raises:
         BtAgentsError: There is no file, or one cannot be read at all.
     """
-    story = read(resolve_files(files))
-    story.hints += add_installed()
-    if not story.counts:
-        reasons = "; ".join([*story.hints, *story.problems]) or "it is empty"
+    recording = read(resolve_files(files))
+    recording.hints += add_installed()
+    if not recording.counts:
+        reasons = "; ".join([*recording.hints, *recording.problems]) or "it is empty"
         raise BtAgentsError(f"nothing can be read of the journal: {reasons}")
-    return story
+    return recording
 
 
 @contextmanager
@@ -116,11 +116,11 @@ def resolve_files(files: Sequence[Path]) -> list[Path]:
     return paths
 
 
-def show_problems(console: Console, story: RecordingIndex) -> None:
+def show_problems(console: Console, recording: RecordingIndex) -> None:
     """Print what cannot be read and what is lost."""
-    for text in (*story.hints, *story.problems):
+    for text in (*recording.hints, *recording.problems):
         console.print(f"[yellow]{escape(text)}[/]", highlight=False, soft_wrap=True)
-    for topic, number in sorted(story.lost.items()):
+    for topic, number in sorted(recording.lost.items()):
         console.print(
             f"[yellow]{number} messages on {escape(topic)} are lost[/]",
             highlight=False,
@@ -128,17 +128,17 @@ def show_problems(console: Console, story: RecordingIndex) -> None:
         )
 
 
-def _show_topics(console: Console, story: RecordingIndex) -> None:
+def _show_topics(console: Console, recording: RecordingIndex) -> None:
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(justify="right")
     table.add_column()
-    for topic, number in sorted(story.counts.items()):
+    for topic, number in sorted(recording.counts.items()):
         table.add_row(str(number), escape(topic))
     console.print(table)
 
 
-def _show_rounds(console: Console, story: RecordingIndex) -> None:
-    for one in story.rounds:
+def _show_rounds(console: Console, recording: RecordingIndex) -> None:
+    for one in recording.rounds:
         auction = one.auction
         winner = f"{auction.winner} wins" if auction.winner else "nobody"
         console.print(

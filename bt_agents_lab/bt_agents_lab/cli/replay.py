@@ -18,11 +18,16 @@ with loading():
     from bt_agents_lab.cli.journal import (
         damage_reported,
         files_argument,
-        read_story,
+        read_files,
         show_problems,
     )
     from bt_agents_lab.replay import decisions, replay_learning, trees
-    from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict, tally
+    from bt_agents_lab.replay.findings import (
+        FindingCounts,
+        ReplayFinding,
+        ReplayVerdict,
+        count_findings,
+    )
     from bt_agents_lab.replay.recording_index import RecordingIndex
 
 _MOST_SHOWN = 10
@@ -46,28 +51,28 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
     The exit code is 1 if something differs, else 2 if a part could not be read or is lost.
     Without FILES it takes those of the newest day in the usual folder.
     """
-    story = read_story(files)
+    recording = read_files(files)
     with damage_reported():
-        found = tally(
+        found = count_findings(
             [
-                *decisions.decisions_again(story.rounds),
-                *replay_learning.lessons_again(story.lessons),
-                *trees.runs_again(story.runs.values()),
+                *decisions.replay_decisions(recording.rounds),
+                *replay_learning.replay_feedback(recording.feedbacks),
+                *trees.replay_runs(recording.runs.values()),
             ]
         )
     if as_json:
-        click.echo(json.dumps(_as_data(story, found), indent=2))
+        click.echo(json.dumps(_as_data(recording, found), indent=2))
     else:
-        _show(Console(), story, found)
+        _show(Console(), recording, found)
     if not found.counts:
         raise BtAgentsError("there is nothing to do again: no round, feedback or run was recorded")
     if found.different:
         sys.exit(_DIFFERS)
-    sys.exit(0 if story.whole else _DAMAGED)
+    sys.exit(0 if recording.whole else _DAMAGED)
 
 
-def _show(console: Console, story: RecordingIndex, found: FindingCounts) -> None:
-    show_problems(console, story)
+def _show(console: Console, recording: RecordingIndex, found: FindingCounts) -> None:
+    show_problems(console, recording)
     heads = "".join(f"{verdict.value:>{_COLUMN}}" for verdict in ReplayVerdict)
     console.print(f"{'':{_NAMES}}{heads}", highlight=False)
     for kind, title in _KINDS:
@@ -85,7 +90,7 @@ def _show(console: Console, story: RecordingIndex, found: FindingCounts) -> None
             console.print(f"… and {len(unequal) - _MOST_SHOWN} more, {verdict.value}")
     if found.different:
         console.print("[red]not equal[/]")
-    elif found.counts and not story.whole:
+    elif found.counts and not recording.whole:
         console.print(
             "[yellow]all that could be read is equal; a part of it could not, or is lost[/]"
         )
@@ -104,7 +109,7 @@ def _show_finding(console: Console, finding: ReplayFinding, style: str) -> None:
     )
 
 
-def _as_data(story: RecordingIndex, found: FindingCounts) -> dict[str, object]:
+def _as_data(recording: RecordingIndex, found: FindingCounts) -> dict[str, object]:
     return {
         "counts": {
             title: {verdict.value: found.counts[kind, verdict] for verdict in ReplayVerdict}
@@ -120,6 +125,6 @@ def _as_data(story: RecordingIndex, found: FindingCounts) -> dict[str, object]:
             }
             for one in found.unequal
         ],
-        "problems": [*story.hints, *story.problems],
-        "lost": dict(story.lost),
+        "problems": [*recording.hints, *recording.problems],
+        "lost": dict(recording.lost),
     }

@@ -23,17 +23,17 @@ with loading():
     from bt_agents_lab.cli.journal import (
         damage_reported,
         files_argument,
-        read_story,
+        read_files,
         show_problems,
     )
-    from bt_agents_lab.replay.what_if import (
+    from bt_agents_lab.replay.counterfactual_replay import (
         ASSUMED,
         OTHERS_ASSUMED,
         Changes,
-        Outlook,
+        CounterfactualResult,
         RoundComparison,
+        replay_with,
     )
-    from bt_agents_lab.replay.what_if import what_if as retell
     from bt_agents_language.files.folder_reader import read_trees
     from bt_agents_language.model.specs import AgentSpec
     from marketplace_node.strategies.plugins import add_installed
@@ -80,18 +80,18 @@ def what_if(
         agents=_agents(agents, tags) if agents else None,
     )
     changes.check()
-    story = read_story(files)
-    if not story.rounds:
+    recording = read_files(files)
+    if not recording.rounds:
         raise BtAgentsError("there is no round of a market in it")
     with damage_reported():
-        outlook = retell(story, changes)
+        result = replay_with(recording, changes)
     assumed = (*ASSUMED, OTHERS_ASSUMED) if agents and not tags else ASSUMED
     if as_json:
-        click.echo(json.dumps(_as_data(outlook, assumed), indent=2))
+        click.echo(json.dumps(_as_data(result, assumed), indent=2))
         return
     console = Console()
-    show_problems(console, story)
-    _show(console, outlook, everything)
+    show_problems(console, recording)
+    _show(console, result, everything)
     for assumption in assumed:
         console.print(f"[dim]{assumption}[/]", highlight=False, soft_wrap=True)
 
@@ -114,8 +114,8 @@ def _agents(folder: str, tags: str) -> tuple[AgentSpec, ...]:
     return trees.agents
 
 
-def _show(console: Console, outlook: Outlook, everything: bool) -> None:
-    shown = [case for case in outlook.rounds if everything or case.problem or case.was != case.now]
+def _show(console: Console, result: CounterfactualResult, everything: bool) -> None:
+    shown = [case for case in result.rounds if everything or case.problem or case.was != case.now]
     if shown:
         table = Table(box=None, pad_edge=False)
         table.add_column("round", justify="right")
@@ -127,17 +127,17 @@ def _show(console: Console, outlook: Outlook, everything: bool) -> None:
         for case in shown:
             table.add_row(*_row(case))
         console.print(table)
-    total = len(outlook.rounds)
+    total = len(result.rounds)
     console.print(
-        f"{outlook.other_winners} of {total} rounds would have had another winner; "
-        f"{outlook.given} of {outlook.given + outlook.withheld} feedbacks would have been given",
+        f"{result.other_winners} of {total} rounds would have had another winner; "
+        f"{result.given} of {result.given + result.withheld} feedbacks would have been given",
         highlight=False,
         soft_wrap=True,
     )
-    for agent, number in sorted(outlook.chosen.items(), key=lambda item: (-item[1], item[0])):
+    for agent, number in sorted(result.chosen.items(), key=lambda item: (-item[1], item[0])):
         console.print(f"  {escape(agent)} {number}", highlight=False)
-    if outlook.never:
-        console.print(f"never chosen: {escape(', '.join(outlook.never))}", highlight=False)
+    if result.never:
+        console.print(f"never chosen: {escape(', '.join(result.never))}", highlight=False)
 
 
 def _row(case: RoundComparison) -> tuple[str, ...]:
@@ -152,7 +152,7 @@ def _row(case: RoundComparison) -> tuple[str, ...]:
     )
 
 
-def _as_data(outlook: Outlook, assumed: tuple[str, ...]) -> dict[str, object]:
+def _as_data(result: CounterfactualResult, assumed: tuple[str, ...]) -> dict[str, object]:
     return {
         "rounds": [
             {
@@ -165,13 +165,13 @@ def _as_data(outlook: Outlook, assumed: tuple[str, ...]) -> dict[str, object]:
                 "margin_now": finite_or_none(case.margin_now),
                 "problem": case.problem,
             }
-            for case in outlook.rounds
+            for case in result.rounds
         ],
-        "other_winner": outlook.other_winners,
-        "chosen": dict(outlook.chosen),
-        "never_chosen": list(outlook.never),
-        "feedback_given": outlook.given,
-        "feedback_withheld": outlook.withheld,
-        "profiles": {agent: list(profile) for agent, profile in outlook.profiles.items()},
+        "other_winner": result.other_winners,
+        "chosen": dict(result.chosen),
+        "never_chosen": list(result.never),
+        "feedback_given": result.given,
+        "feedback_withheld": result.withheld,
+        "profiles": {agent: list(profile) for agent, profile in result.profiles.items()},
         "assumed": list(assumed),
     }

@@ -95,16 +95,16 @@ def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[ClaimVerdict
     third = arms["aggressive"].spec.feedback.errors
     assert few is not None
     assert third is not None
-    by_chance = replace(third, every=0, share=1 / third.every)
+    random_errors = replace(third, every=0, share=1 / third.every)
     rare = {name: _played(any_arm, rate, few, seeds) for name, rate in RATES.items()}
-    often = {name: _played(any_arm, rate, by_chance, seeds) for name, rate in RATES.items()}
+    often = {name: _played(any_arm, rate, random_errors, seeds) for name, rate in RATES.items()}
     regular = {name: _played(any_arm, rate, third, seeds[:1]) for name, rate in RATES.items()}
     return [
         _conservative(
             rare["conservative"], _played(any_arm, RATES["conservative"], None, seeds[:1])
         ),
         _aggressive(often, regular),
-        _abrupt(often["aggressive"], by_chance),
+        _abrupt(often["aggressive"], random_errors),
         _moderate(rare["moderate"]),
         _balance(rare),
         _robust(often, regular),
@@ -121,7 +121,7 @@ def played_third(experiment: Paper, seeds: Sequence[int]) -> Replicas:
 def third(runs: Replicas) -> list[ClaimVerdict]:
     """Judge the claims about Experiment 3."""
     world = runs.world
-    correct = right(world, runs.luck, runs.course)
+    correct = right(world, runs.streams, runs.course)
     start = np.abs(world.starts - world.best).sum(axis=-1)
     end = np.abs(runs.course.profiles[:, -1] - world.best).sum(axis=-1)
     adjusted = (end < start).all(axis=1)
@@ -208,7 +208,7 @@ def _aggressive(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) 
 
 
 def _abrupt(runs: Replicas, errors: FeedbackErrors) -> ClaimVerdict:
-    wrong = runs.luck.error_draw[:, :, 0] == 0.0
+    wrong = runs.streams.error_draw[:, :, 0] == 0.0
     twice = wrong[:, :-1] & wrong[:, 1:]
     values = np.concatenate(
         [np.repeat(runs.world.starts[None, None], len(wrong), 0), runs.course.profiles], axis=1

@@ -13,10 +13,10 @@ from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue,
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackRecord
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.feedback_controller import FeedbackController
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import MEMORY
 from feedback_node.simulated_feedback import SimulatedFeedback
@@ -50,9 +50,9 @@ class Core:
     ) -> None:
         self.space = folder.scene.space
         self._market = Market(self.space, "core", settings or Settings())
-        self._roster = AgentRegistry(self.space, folder.agents)
+        self._agents = AgentRegistry(self.space, folder.agents)
         self._ledger = Ledger(MEMORY)
-        self._teaching = FeedbackController(
+        self._controller = FeedbackController(
             Profiles(self.space, self._ledger),
             clock=lambda: _NOW,
             new_id=lambda: "",
@@ -86,7 +86,7 @@ class Core:
         return self._records[-1]
 
     def _register(self) -> None:
-        agents = tuple(member.spec for member in self._roster.members.values())
+        agents = tuple(member.spec for member in self._agents.members.values())
         names = tuple(agent.name for agent in agents)
         answer, effects = self._market.register(
             Registration(
@@ -99,10 +99,10 @@ class Core:
             ),
             _NOW,
         )
-        self._roster.enrol(names, answer.agent_ids, answer.reasons)
+        self._agents.apply_registration(names, answer.agent_ids, answer.reasons)
         self._execute(effects)
-        self._beat(0)
-        self._teaching.register_card(
+        self._send_heartbeat(0)
+        self._controller.register_card(
             LearningCard(
                 host=HOST,
                 instance=_INSTANCE,
@@ -129,15 +129,15 @@ class Core:
                 waiting += self._market.bids(self._bids(effect), _NOW)
             elif isinstance(effect, SendGoal):
                 waiting += self._market.goal_accepted(effect.goal, _NOW)
-                self._beat(effect.goal.round)
+                self._send_heartbeat(effect.goal.round)
                 end = RunEnd(outcome=RunOutcome.SUCCEEDED, message="", orphans=(), ticks=1)
                 waiting += self._market.run_ended(effect.goal, end, _NOW)
-                self._beat(0)
+                self._send_heartbeat(0)
             elif isinstance(effect, Collect):
                 waiting += self._collect(effect)
 
     def _bids(self, call: OpenCall) -> Bids:
-        answer = self._roster.answer(call.scene, call.excluded)
+        answer = self._agents.bids_for(call.scene, call.excluded)
         return Bids(
             epoch=self._market.epoch,
             round=call.round,
@@ -156,9 +156,9 @@ class Core:
         run = AnnouncedRun(
             epoch=self._market.epoch, round=goal.round, agent=goal.agent, scene=effect.scene
         )
-        change = self._teaching.collect(run)
+        change = self._controller.collect(run)
         if change is not None:
-            self._roster.set_profile(goal.agent, change.after, change.revision.revision)
+            self._agents.set_profile(goal.agent, change.after, change.revision.revision)
             self._records.append(
                 FeedbackRecord(
                     round=goal.round,
@@ -170,7 +170,7 @@ class Core:
             )
         return self._market.collected(goal.round, "", _NOW)
 
-    def _beat(self, round_number: int) -> None:
+    def _send_heartbeat(self, round_number: int) -> None:
         self._execute(
             self._market.heartbeat(HOST, _INSTANCE, self._market.epoch, round_number, _NOW)
         )

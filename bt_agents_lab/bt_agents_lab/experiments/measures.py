@@ -86,21 +86,21 @@ class Measures:
     error: float
 
 
-def right(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Bools:
+def right(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Bools:
     """Return where the best suited agent got the scene, [R, T]."""
-    return np.asarray(course.awarded == world.suited[luck.scene])
+    return np.asarray(course.awarded == world.suited[streams.scene])
 
 
-def regret(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Floats:
+def regret(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Floats:
     """Return the misfit of the chosen agent above that of the best one, [R, T]."""
-    misfit = world.misfit[luck.scene]
+    misfit = world.misfit[streams.scene]
     chosen = np.take_along_axis(misfit, course.awarded[..., None], axis=-1)[..., 0]
     return np.asarray(chosen - misfit.min(axis=-1))
 
 
-def of_runs(world: SimulatedWorld, luck: RandomStreams, course: Course) -> PerRun:
+def of_runs(world: SimulatedWorld, streams: RandomStreams, course: Course) -> PerRun:
     """Return the measures of each run."""
-    correct = right(world, luck, course)
+    correct = right(world, streams, course)
     suits = np.unique(world.suited)
     recent = course.awarded[:, -LAST:]
     late = correct[:, -LAST:]
@@ -109,7 +109,7 @@ def of_runs(world: SimulatedWorld, luck: RandomStreams, course: Course) -> PerRu
         late=late.mean(axis=1),
         served=np.asarray(np.all(served, axis=0)),
         ran=course.all_ran,
-        regret=regret(world, luck, course).sum(axis=1),
+        regret=regret(world, streams, course).sum(axis=1),
         cycles=converged(correct),
         cancelled=(course.cancelled > 0).mean(axis=1),
         error=np.abs(course.profiles[:, -1] - world.best).sum(axis=-1).mean(axis=-1),
@@ -140,9 +140,9 @@ def summary(runs: PerRun) -> Measures:
     )
 
 
-def measure(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Measures:
+def measure(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Measures:
     """Return the measures of all runs of one course."""
-    return summary(of_runs(world, luck, course))
+    return summary(of_runs(world, streams, course))
 
 
 def converged(correct: Bools) -> Floats:

@@ -54,11 +54,11 @@ def second(folder: Path, arms: Mapping[str, Paper], seeds: Sequence[int]) -> Non
     one = arms["aggressive"]
     errors = one.spec.feedback.errors
     assert errors is not None
-    by_chance = with_errors(one.spec, replace(errors, every=0, share=1 / errors.every))
+    random_errors = with_errors(one.spec, replace(errors, every=0, share=1 / errors.every))
     with sheet(folder, "figure-7", (6.4, 6.2), rows=2) as (figure, axes_of):
         for axes, name in zip(axes_of, ("conservative", "aggressive"), strict=True):
             world = replace(world_of(one.folder, one.spec), rates=np.array([RATES[name]]))
-            _profile(axes, replicas(world, one.spec, [0]), replicas(world, by_chance, seeds))
+            _profile(axes, replicas(world, one.spec, [0]), replicas(world, random_errors, seeds))
             axes.set_title(f"{name}: rate {RATES[name]:g}")
         figure.suptitle(
             f"Experiment 2 under disturbance: each {errors.every}rd feedback is [5, 5, 5]; "
@@ -80,7 +80,7 @@ def third(folder: Path, many: Replicas, rounds: int) -> None:
     with sheet(folder, "figure-9", (6.6, 7.4), rows=3) as (figure, (top, middle, bottom)):
         _three(top, many, shown, rounds)
         _selections(middle, many, shown, rounds)
-        correct = right(world, many.luck, many.course)[:, :rounds]
+        correct = right(world, many.streams, many.course)[:, :rounds]
         whole = many.course.all_ran
         for runs, colour, label in (
             (correct, COLOURS[0], "all runs"),
@@ -151,7 +151,7 @@ def _three(axes: Axes, many: Replicas, shown: int, rounds: int) -> None:
 
 
 def _selections(axes: Axes, many: Replicas, shown: int, rounds: int) -> None:
-    scenes = many.luck.scene[shown]
+    scenes = many.streams.scene[shown]
     for index, name in enumerate(many.world.agents):
         won = np.flatnonzero(many.course.awarded[shown, :rounds] == index)
         wrong = many.world.suited[scenes[won]] != index

@@ -64,53 +64,53 @@ class StreamMoment:
     """The chance of some runs in one attempt of one round.
 
     Args:
-        luck: Of all runs.
+        streams: Of all runs.
         runs: Which of them, by index; one may be there more than once.
         round_index: From 0.
         attempt: From 0.
     """
 
     def __init__(
-        self, luck: RandomStreams, runs: Integers, round_index: int, attempt: int
+        self, streams: RandomStreams, runs: Integers, round_index: int, attempt: int
     ) -> None:
         self.attempt = attempt
-        self._luck = luck
+        self._streams = streams
         self._runs = runs
         self._round = round_index
 
     def source(self) -> CachedRandomSource:
         """Return the source from which a strategy draws."""
-        return CachedRandomSource(self._luck, self._runs, self._round, self.attempt)
+        return CachedRandomSource(self._streams, self._runs, self._round, self.attempt)
 
     @property
     def scene(self) -> Integers:
         """As in :class:`RandomStreams`, [runs]."""
-        return np.asarray(self._luck.scene[self._runs, self._round])
+        return np.asarray(self._streams.scene[self._runs, self._round])
 
     @property
     def error_draw(self) -> Floats:
         """As in :class:`RandomStreams`, [runs]."""
-        return np.asarray(self._luck.error_draw[self._runs, self._round, self.attempt])
+        return np.asarray(self._streams.error_draw[self._runs, self._round, self.attempt])
 
     @property
     def wrong(self) -> Floats:
         """As in :class:`RandomStreams`, [runs, n]."""
-        return np.asarray(self._luck.wrong[self._runs, self._round])
+        return np.asarray(self._streams.wrong[self._runs, self._round])
 
     @property
     def wrong_fit(self) -> Floats:
         """As in :class:`RandomStreams`, [runs]."""
-        return np.asarray(self._luck.wrong_fit[self._runs, self._round, self.attempt])
+        return np.asarray(self._streams.wrong_fit[self._runs, self._round, self.attempt])
 
     @property
     def mood_noise(self) -> npt.NDArray[np.float32]:
         """As in :class:`RandomStreams`, [runs, seconds]."""
-        return np.asarray(self._luck.mood_noise[self._runs, self._round, self.attempt])
+        return np.asarray(self._streams.mood_noise[self._runs, self._round, self.attempt])
 
     @property
     def ties(self) -> npt.NDArray[np.float32]:
         """As in :class:`RandomStreams`, [runs, N]."""
-        return np.asarray(self._luck.ties[self._runs, self._round, self.attempt])
+        return np.asarray(self._streams.ties[self._runs, self._round, self.attempt])
 
 
 Calls = tuple[tuple[str, tuple[int, ...]], ...]
@@ -121,9 +121,9 @@ class CachedRandomSource:
     """Source of many runs at once, each as it would draw alone: a ``strategies.Chance``."""
 
     def __init__(
-        self, luck: RandomStreams, rows: Integers, round_index: int, attempt: int
+        self, streams: RandomStreams, rows: Integers, round_index: int, attempt: int
     ) -> None:
-        self._luck = luck
+        self._streams = streams
         self._where = (rows, round_index, attempt)
         self._calls: Calls = ()
 
@@ -137,7 +137,7 @@ class CachedRandomSource:
 
     def _next(self, kind: str, size: tuple[int, ...]) -> Floats:
         self._calls = (*self._calls, (kind, size[1:]))
-        return self._luck.drawn(*self._where, self._calls)
+        return self._streams.drawn(*self._where, self._calls)
 
 
 def round_seed(seed: int, round_index: int, attempt: int) -> str:

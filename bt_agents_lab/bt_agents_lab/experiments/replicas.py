@@ -21,7 +21,7 @@ class Replicas:
     """Runs of one experiment, with their world and chance."""
 
     world: SimulatedWorld
-    luck: RandomStreams
+    streams: RandomStreams
     course: Course
 
 
@@ -48,21 +48,21 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
     )
 
 
-def luck_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]) -> RandomStreams:
+def streams_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]) -> RandomStreams:
     """Return the chance of some runs, each as the experiment draws it with that seed."""
-    luck = draw(world, seeds, spec.rounds)
+    streams = draw(world, seeds, spec.rounds)
     places = {tuple(scene): index for index, scene in enumerate(world.scenes.tolist())}
-    luck.error_draw[:] = 1.0
+    streams.error_draw[:] = 1.0
     for row, seed in enumerate(seeds):
         seeded = with_seed(spec, seed)
-        luck.scene[row] = [places[scene] for scene in seeded.order()]
+        streams.scene[row] = [places[scene] for scene in seeded.order()]
         if seeded.feedback.errors is None:
             continue
         for index in range(spec.rounds):
             wrong = seeded.feedback.errors.instead(index)
             if wrong is not None:
-                luck.error_draw[row, index], luck.wrong[row, index] = 0.0, wrong
-    return luck
+                streams.error_draw[row, index], streams.wrong[row, index] = 0.0, wrong
+    return streams
 
 
 def with_seed(spec: ExperimentSpec, seed: int) -> ExperimentSpec:
@@ -93,6 +93,8 @@ def replicas(
         seeds: Any.
         arm: Selection and learning; None as in the paper.
     """
-    luck = luck_of(world, spec, seeds)
+    streams = streams_of(world, spec, seeds)
     # Feedback is wrong where the draw is 0, right where it is 1.
-    return Replicas(world=world, luck=luck, course=simulate(world, arm or Arm(), luck, 0.5))
+    return Replicas(
+        world=world, streams=streams, course=simulate(world, arm or Arm(), streams, 0.5)
+    )

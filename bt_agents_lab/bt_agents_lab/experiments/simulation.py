@@ -56,28 +56,28 @@ class _State:
 
 
 def simulate(
-    world: SimulatedWorld, arm: Arm, luck: RandomStreams, wrong_share: float = 0.0
+    world: SimulatedWorld, arm: Arm, streams: RandomStreams, wrong_share: float = 0.0
 ) -> Course:
-    """Play all runs of ``luck``.
+    """Play all runs of ``streams``.
 
     Args:
         world: Agents and scenes.
         arm: Selection and learning.
-        luck: The chance.
+        streams: The chance.
         wrong_share: Probability that feedback is wrong, 0..1.
     """
-    return _play(world, arm, luck, (wrong_share,), history=True)
+    return _play(world, arm, streams, (wrong_share,), history=True)
 
 
 def simulate_shares(
-    world: SimulatedWorld, arm: Arm, luck: RandomStreams, wrong_shares: Sequence[float]
+    world: SimulatedWorld, arm: Arm, streams: RandomStreams, wrong_shares: Sequence[float]
 ) -> list[Course]:
-    """Play all runs of ``luck`` once for each share of wrong feedback, which is faster together.
+    """Play all runs of ``streams`` once for each share of wrong feedback; faster together.
 
     Profiles are those after the last round alone.
     """
-    whole = _play(world, arm, luck, wrong_shares, history=False)
-    runs = len(luck.seeds)
+    whole = _play(world, arm, streams, wrong_shares, history=False)
+    runs = len(streams.seeds)
     parts = [slice(first, first + runs) for first in range(0, runs * len(wrong_shares), runs)]
     return [
         Course(
@@ -93,15 +93,15 @@ def simulate_shares(
 def _play(
     world: SimulatedWorld,
     arm: Arm,
-    luck: RandomStreams,
+    streams: RandomStreams,
     wrong_shares: Sequence[float],
     *,
     history: bool,
 ) -> Course:
-    """Play R runs of ``luck`` for each of S shares; rows are those of the first share first."""
-    of_luck, rounds = luck.scene.shape
-    runs = of_luck * len(wrong_shares)
-    share = np.repeat(np.array(wrong_shares), of_luck)
+    """Play R runs of ``streams`` for each of S shares; rows are those of the first share first."""
+    of_streams, rounds = streams.scene.shape
+    runs = of_streams * len(wrong_shares)
+    share = np.repeat(np.array(wrong_shares), of_streams)
     agents, width = world.starts.shape
     state = _State(world, arm, runs)
     rule = updates.arrays(arm.rule, world.space)
@@ -114,10 +114,10 @@ def _play(
     everyone = np.arange(runs)
     for index in range(rounds):
         rows = everyone
-        scene = world.scenes[luck.scene[rows % of_luck, index]]
+        scene = world.scenes[streams.scene[rows % of_streams, index]]
         for attempt in range(world.attempts):
             tried = course.won[rows, index]
-            now = StreamMoment(luck, rows % of_luck, index, attempt)
+            now = StreamMoment(streams, rows % of_streams, index, attempt)
             chosen = _award(world, arm, state, now, rows, scene, tried)
             if attempt == 0:
                 course.awarded[:, index] = chosen

@@ -162,7 +162,7 @@ def _worked(
 def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
     """Play some runs with one strategy and every learning rule and share."""
     chosen = spec.selections[selection]
-    luck = draw(spec.world, seeds, spec.rounds, spec.wrong)
+    streams = draw(spec.world, seeds, spec.rounds, spec.wrong)
     results = {}
     for rule, learning in enumerate(spec.learnings):
         arm = Arm(
@@ -171,7 +171,7 @@ def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
             tie_break=chosen.tie_break,
             rule=learning.rule,
         )
-        courses = simulate_shares(spec.world, arm, luck, spec.shares)
+        courses = simulate_shares(spec.world, arm, streams, spec.shares)
         for place, course in enumerate(courses):
-            results[selection, rule, place] = of_runs(spec.world, luck, course)
+            results[selection, rule, place] = of_runs(spec.world, streams, course)
     return results

@@ -16,7 +16,7 @@ from bt_agents_lab.replay.recording_index import NO_TEXTS, Round
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from marketplace_node.explanation.calculation import calculation
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.explanation.reason import reason
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,
@@ -37,7 +37,7 @@ _NOT_ASKED = " is not asked: "
 """Part of lines about hosts of which the message holds nothing else."""
 
 
-def decisions_again(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
+def replay_decisions(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
     """Decide each round again and yield whether everything about it is equal, bit for bit."""
     for one in rounds:
         auction = one.auction
@@ -175,7 +175,7 @@ def _reason_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneS
         ),
         silent_hosts=tuple(auction.silent_hosts),
     )
-    again = reason(decision)
+    again = reason_of(decision)
     if auction.reason != again:
         return f"the reason was '{auction.reason}', now '{again}'"
     was, now = _lines(auction.explanation), _lines(explanation(decision, space))

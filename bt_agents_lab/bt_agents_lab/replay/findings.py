@@ -70,7 +70,7 @@ class FindingCounts:
         )
 
 
-def tally(findings: Iterable[ReplayFinding]) -> FindingCounts:
+def count_findings(findings: Iterable[ReplayFinding]) -> FindingCounts:
     """Count findings."""
     counted = FindingCounts()
     for finding in findings:

@@ -27,7 +27,7 @@ RunKey = tuple[str, str, int, str]
 
 
 @dataclass(kw_only=True)
-class RunStory:
+class RecordedRun:
     """Messages about one run of a tree.
 
     Attributes:
@@ -99,7 +99,7 @@ class RecordingIndex:
 
     Attributes:
         rounds: The rounds of all markets, in order.
-        lessons: The changes of profiles, in order.
+        feedbacks: The changes of profiles, in order.
         runs: The runs of trees, in order.
         counts: Topic → messages.
         lost: Topic → messages that the journal found no room for.
@@ -110,8 +110,8 @@ class RecordingIndex:
     """
 
     rounds: list[Round] = field(default_factory=list)
-    lessons: list[RecordedFeedback] = field(default_factory=list)
-    runs: dict[RunKey, RunStory] = field(default_factory=dict)
+    feedbacks: list[RecordedFeedback] = field(default_factory=list)
+    runs: dict[RunKey, RecordedRun] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     lost: Counter[str] = field(default_factory=Counter)
     first_ns: int = 0
@@ -144,35 +144,35 @@ def read(paths: Sequence[Path]) -> RecordingIndex:
         BtAgentsError: A file cannot be opened.
     """
     reader = JournalReader(paths)
-    story = index_entries(reader.entries(frozenset(_TYPES + name for name in _HANDLERS)))
+    recording = index_entries(reader.entries(frozenset(_TYPES + name for name in _HANDLERS)))
     for topic, counted in reader.counted.items():
-        story.counts[topic] += counted.messages
+        recording.counts[topic] += counted.messages
         if counted.lost:
-            story.lost[topic] += counted.lost
-        story.first_ns = min(story.first_ns or counted.first_ns, counted.first_ns)
-        story.last_ns = max(story.last_ns, counted.last_ns)
-    story.problems[:0] = reader.problems
-    return story
+            recording.lost[topic] += counted.lost
+        recording.first_ns = min(recording.first_ns or counted.first_ns, counted.first_ns)
+        recording.last_ns = max(recording.last_ns, counted.last_ns)
+    recording.problems[:0] = reader.problems
+    return recording
 
 
 class _Indexer:
     def __init__(self) -> None:
-        self.story = RecordingIndex()
+        self.recording = RecordingIndex()
         self._cards: dict[str, tuple[Any, tuple[str, ...]]] = {}
         self._texts: defaultdict[str, list[TextFiles]] = defaultdict(list)
         self._newest: TextFiles | None = None
         self._begun: Counter[str] = Counter()
         self._whole: set[str] = set()
-        self._last_runs: dict[str, RunStory] = {}
+        self._last_runs: dict[str, RecordedRun] = {}
 
     def index(self, entries: Iterable[JournalEntry]) -> RecordingIndex:
-        story = self.story
+        recording = self.recording
         for entry in entries:
-            story.counts[entry.topic] += 1
-            story.first_ns = story.first_ns or entry.sent_ns
-            story.last_ns = max(story.last_ns, entry.sent_ns)
+            recording.counts[entry.topic] += 1
+            recording.first_ns = recording.first_ns or entry.sent_ns
+            recording.last_ns = max(recording.last_ns, entry.sent_ns)
             if entry.lost:
-                story.lost[entry.topic] += entry.lost
+                recording.lost[entry.topic] += entry.lost
             handle = _HANDLERS.get(entry.type.removeprefix(_TYPES))
             if handle is None or not entry.type.startswith(_TYPES):
                 continue
@@ -184,11 +184,11 @@ class _Indexer:
             except (BtAgentsError, AttributeError, ValueError, LookupError, TypeError) as error:
                 reason = error.reason if isinstance(error, Refused) else str(error)
                 problem = f"a message on {entry.topic} cannot be read: {reason}"
-                if problem not in story.problems:
-                    story.problems.append(problem)
-        return story
+                if problem not in recording.problems:
+                    recording.problems.append(problem)
+        return recording
 
-    def _mark_gap(self, topic: str, run: RunStory, gap: bool) -> None:
+    def _mark_gap(self, topic: str, run: RecordedRun, gap: bool) -> None:
         """Mark the runs before and after lost messages, as both may miss some."""
         if gap:
             run.torn = True
@@ -228,12 +228,12 @@ class _Indexer:
             # A run that the journal has not received.
             self._whole.discard(epoch)
             one = replace(one, runs=None)
-        self.story.rounds.append(one)
+        self.recording.rounds.append(one)
 
     def _feedback(self, message: Any) -> None:
         card, parameters = self._cards.get(message.agent, (None, ()))
         parsed = self._newest.parsed if self._newest is not None else None
-        self.story.lessons.append(
+        self.recording.feedbacks.append(
             RecordedFeedback(feedback=message, card=card, parameters=parameters, parsed=parsed)
         )
 
@@ -246,9 +246,9 @@ class _Indexer:
     def _status(self, message: Any) -> None:
         self._run_of(message).statuses.append(message)
 
-    def _run_of(self, message: Any) -> RunStory:
+    def _run_of(self, message: Any) -> RecordedRun:
         key = (message.host_instance, message.epoch, message.round, message.agent)
-        return self.story.runs.setdefault(key, RunStory(key=key))
+        return self.recording.runs.setdefault(key, RecordedRun(key=key))
 
 
 def _migrate_options(auction: Any) -> int:

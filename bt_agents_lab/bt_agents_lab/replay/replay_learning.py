@@ -18,18 +18,18 @@ from feedback_node.learning.learning_step import Evidence, Step, requested, step
 KIND = "profile change"
 
 
-def lessons_again(lessons: Iterable[RecordedFeedback]) -> Iterator[ReplayFinding]:
+def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFinding]:
     """Learn each feedback again and yield whether the profile after it is equal."""
     history = FeedbackHistory()
-    for lesson in lessons:
-        feedback = lesson.feedback
+    for recorded in feedbacks:
+        feedback = recorded.feedback
         where = f"revision {feedback.revision} of {_whose(feedback)}"
-        if lesson.parsed is None or lesson.card is None:
+        if recorded.parsed is None or recorded.card is None:
             missing = "no host has introduced the agent before"
             yield not_recorded(KIND, where, missing)
             continue
         try:
-            yield _again(lesson, lesson.parsed.space, history, where)
+            yield _again(recorded, recorded.parsed.space, history, where)
             history.add(feedback)
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
@@ -92,16 +92,16 @@ def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
 
 
 def _again(
-    lesson: RecordedFeedback, space: SceneSpace, history: FeedbackHistory, where: str
+    recorded: RecordedFeedback, space: SceneSpace, history: FeedbackHistory, where: str
 ) -> ReplayFinding:
-    feedback = lesson.feedback
+    feedback = recorded.feedback
     if list(feedback.parameters) != list(space.names):
         raise Refused(
             "BAD_RECORD",
             f"it has the parameters {', '.join(feedback.parameters)}, expected "
             f"{', '.join(space.names)}",
         )
-    rule = rule_of(lesson.card, lesson.parameters)
+    rule = rule_of(recorded.card, recorded.parameters)
     again = step(
         FeedbackKind(feedback.kind),
         tuple(feedback.before),
@@ -113,7 +113,7 @@ def _again(
         evidence=Evidence(
             recent=history.recent(feedback),
             changes=_changes(feedback, rule, space),
-            authored=tuple(lesson.card.profile),
+            authored=tuple(recorded.card.profile),
         ),
     )
     difference = _difference(feedback, again, space)
@@ -128,9 +128,9 @@ def _changes(feedback: Any, rule: LearningRule, space: SceneSpace) -> int:
     if rule.anneal == 0.0 or not feedback.rates:
         return 0
     for name, then in zip(space.names, feedback.rates, strict=True):
-        at_first = rule.rates.get(name, feedback.learning_rate) * feedback.weight
-        if 0.0 < then < min(at_first, 1.0):
-            return max(0, round(float((at_first / then - 1.0) / rule.anneal)))
+        initial = rule.rates.get(name, feedback.learning_rate) * feedback.weight
+        if 0.0 < then < min(initial, 1.0):
+            return max(0, round(float((initial / then - 1.0) / rule.anneal)))
     return 0
 
 

@@ -10,10 +10,10 @@ from typing import Any
 
 from bt_agents.engine.run import TreeOutcome
 from bt_agents.recording.format import Recording, read_recording
-from bt_agents.recording.run import ReplayedStep, replay
+from bt_agents.recording.recorded_run import ReplayedStep, replay
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
-from bt_agents_lab.replay.recording_index import RunStory
+from bt_agents_lab.replay.recording_index import RecordedRun
 from bt_agents_lab.replay.texts import ParsedTexts
 from bt_agents_language.model.specs import AgentSpec
 
@@ -27,10 +27,10 @@ Change = tuple[str, str, str, str]
 
 
 class _Missing(Exception):
-    """Something was not recorded; the text says what."""
+    """Missing part of a recording; the text names it."""
 
 
-def runs_again(runs: Iterable[RunStory]) -> Iterator[ReplayFinding]:
+def replay_runs(runs: Iterable[RecordedRun]) -> Iterator[ReplayFinding]:
     """Tick each run again and yield whether the changes of each tick are equal."""
     for run in runs:
         _, _, number, agent = run.key
@@ -50,7 +50,7 @@ def runs_again(runs: Iterable[RunStory]) -> Iterator[ReplayFinding]:
                 yield compared(KIND, where, ticks)
 
 
-def _again(run: RunStory) -> int | str:
+def _again(run: RecordedRun) -> int | str:
     """Return the number of equal ticks, or the first difference as text.
 
     Raises:
@@ -90,7 +90,7 @@ def _again(run: RunStory) -> int | str:
     return ticks
 
 
-def _spec_of(run: RunStory, recording: Recording) -> tuple[AgentSpec, ParsedTexts]:
+def _spec_of(run: RecordedRun, recording: Recording) -> tuple[AgentSpec, ParsedTexts]:
     """Return the agent as it was, from the texts in which its version came up."""
     name, version = recording.head.get("agent"), recording.head.get("version")
     fitting = [texts for texts in run.texts if texts.versions.get(str(name)) == version]
@@ -113,7 +113,7 @@ def _inside(spec: AgentSpec, parsed: ParsedTexts) -> str:
     return spec.file.removeprefix(parsed.folder + "/")
 
 
-def _by_tick(run: RunStory) -> dict[int, list[Change]]:
+def _by_tick(run: RecordedRun) -> dict[int, list[Change]]:
     """Return the recorded changes of each tick; a tick may have several messages."""
     recorded: dict[int, list[Change]] = {}
     for status in run.statuses:

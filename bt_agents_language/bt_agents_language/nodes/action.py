@@ -10,6 +10,7 @@ from bt_agents_language.nodes.ros_leaf import HEARTBEAT, ROS_TYPE, SUCCEED_WHEN,
 
 ACTION = NodeType(
     key="action",
+    order=100,
     fields=(
         NodeField(name="name", content=Content.ROS_NAME, description="name of the action"),
         ROS_TYPE,

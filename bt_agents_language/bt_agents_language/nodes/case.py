@@ -7,6 +7,7 @@ from bt_agents_language.nodes.node_type import NodeType, Role
 
 CASE = NodeType(
     key="case",
+    order=10,
     role=Role.BRANCH,
     main="condition",
     # The last child of 'choose' is the only one without a condition.

@@ -17,6 +17,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 CHECK = NodeType(
     key="check",
+    order=60,
     main="condition",
     fields=(
         NodeField(name="condition", content=Content.CONDITION, description="what must be true"),

@@ -59,6 +59,7 @@ def _unreached(spec: NodeSpec, outcomes: Mapping[int, Outcomes]) -> Iterator[Unr
 
 CHOOSE = NodeType(
     key="choose",
+    order=40,
     role=Role.COMPOSITE,
     fields=(
         NodeField(

@@ -9,6 +9,7 @@ from bt_agents_language.nodes.node_type import Mark, NodeField, NodeType, Role
 
 COOLDOWN = NodeType(
     key="cooldown",
+    order=30,
     role=Role.DECORATOR,
     main="duration",
     fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),

@@ -8,6 +8,7 @@ from bt_agents_language.nodes.node_type import NodeType, Role
 
 FAIL = NodeType(
     key="fail",
+    order=50,
     role=Role.DECORATOR,
     description="However the node ends, it counts as failure.",
     contrary="succeed",

@@ -43,6 +43,7 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
 
 GIVE_FEEDBACK = NodeType(
     key="give_feedback",
+    order=140,
     main="kind",
     fields=(
         NodeField(

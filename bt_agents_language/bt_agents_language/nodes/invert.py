@@ -18,6 +18,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 INVERT = NodeType(
     key="invert",
+    order=110,
     role=Role.DECORATOR,
     description="Success counts as failure and failure as success.",
     outcomes=_outcomes,

@@ -9,6 +9,7 @@ from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
 
 LOG = NodeType(
     key="log",
+    order=130,
     main="message",
     fields=(
         NodeField(name="message", type=FieldType.TEXT, description="what to write"),

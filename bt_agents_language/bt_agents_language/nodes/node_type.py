@@ -26,6 +26,9 @@ FOREVER = "forever"
 LABEL_LENGTH = 24
 """Characters of a value in the label of a node."""
 
+LAST = 1000
+"""Order of a node type that says nothing else."""
+
 FieldValues = dict[str, Value | Expression]
 """The fields of a checked node by name."""
 
@@ -289,6 +292,8 @@ class NodeType:
 
     Attributes:
         key: The word in a file.
+        order: Position in the documentation; of a decorator, also that in which it wraps a node:
+            the lowest is the outermost.
         role: Its part in a tree.
         main: Field that a scalar stands for; None when there is none.
         fields: In the order of the documentation; a decorator without any is written ``true``.
@@ -332,6 +337,7 @@ class NodeType:
     """
 
     key: str
+    order: int = LAST
     role: Role = Role.LEAF
     main: str | None = None
     fields: tuple[NodeField, ...] = ()

@@ -17,6 +17,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 ON_FAILURE = NodeType(
     key="on_failure",
+    order=60,
     role=Role.DECORATOR,
     handler=True,
     description="A node that is done instead when the node has failed.",

@@ -8,6 +8,7 @@ from bt_agents_language.nodes.node_type import Mark, NodeType, Role
 
 ONCE = NodeType(
     key="once",
+    order=20,
     role=Role.DECORATOR,
     description="Leaves the node out after it has ended once in this run.",
     derived=("otherwise",),

@@ -90,6 +90,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 PARALLEL = NodeType(
     key="parallel",
+    order=30,
     role=Role.COMPOSITE,
     fields=(
         NodeField(

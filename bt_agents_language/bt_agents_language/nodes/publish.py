@@ -9,6 +9,7 @@ from bt_agents_language.nodes.ros_leaf import ROS_TYPE, read_ros_leaf
 
 PUBLISH = NodeType(
     key="publish",
+    order=120,
     fields=(
         NodeField(name="topic", content=Content.ROS_NAME, description="name of the topic"),
         ROS_TYPE,

@@ -59,6 +59,7 @@ def _unreached(spec: NodeSpec, outcomes: Mapping[int, Outcomes]) -> Iterator[Unr
 
 RANDOM = NodeType(
     key="random",
+    order=50,
     role=Role.COMPOSITE,
     fields=(
         NodeField(

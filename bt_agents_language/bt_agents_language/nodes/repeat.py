@@ -45,6 +45,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 REPEAT = NodeType(
     key="repeat",
+    order=90,
     role=Role.DECORATOR,
     main="times",
     fields=(

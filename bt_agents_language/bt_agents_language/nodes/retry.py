@@ -19,6 +19,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 RETRY = NodeType(
     key="retry",
+    order=80,
     role=Role.DECORATOR,
     main="attempts",
     fields=(

@@ -9,6 +9,7 @@ from bt_agents_language.nodes.shared_fields import MEMORY
 
 SELECTOR = NodeType(
     key="selector",
+    order=20,
     role=Role.COMPOSITE,
     fields=(MEMORY,),
     children=Children.LIST,

@@ -9,6 +9,7 @@ from bt_agents_language.nodes.shared_fields import MEMORY
 
 SEQUENCE = NodeType(
     key="sequence",
+    order=10,
     role=Role.COMPOSITE,
     fields=(MEMORY,),
     children=Children.LIST,

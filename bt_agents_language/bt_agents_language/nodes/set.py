@@ -39,6 +39,7 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
 
 SET = NodeType(
     key="set",
+    order=70,
     open=True,
     description="Gives names values that later nodes can use.",
     read=_read,

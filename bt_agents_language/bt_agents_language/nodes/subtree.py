@@ -42,6 +42,7 @@ tree:
 
 SUBTREE = NodeType(
     key="subtree",
+    order=150,
     main="name",
     fields=(
         NodeField(

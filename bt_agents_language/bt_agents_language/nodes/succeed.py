@@ -8,6 +8,7 @@ from bt_agents_language.nodes.node_type import NodeType, Role
 
 SUCCEED = NodeType(
     key="succeed",
+    order=40,
     role=Role.DECORATOR,
     description="However the node ends, it counts as success.",
     contrary="fail",

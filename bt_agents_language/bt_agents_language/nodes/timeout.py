@@ -9,6 +9,7 @@ from bt_agents_language.nodes.node_type import Mark, NodeField, NodeType, Role
 
 TIMEOUT = NodeType(
     key="timeout",
+    order=100,
     role=Role.DECORATOR,
     main="limit",
     fields=(NodeField(name="limit", type=FieldType.DURATION, description="how long"),),

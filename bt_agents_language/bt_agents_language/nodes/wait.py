@@ -9,6 +9,7 @@ from bt_agents_language.nodes.node_type import NodeField, NodeType, Waits
 
 WAIT = NodeType(
     key="wait",
+    order=80,
     main="duration",
     fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),
     description="Waits for a time.",

@@ -61,6 +61,7 @@ def _resources(spec: NodeSpec) -> Resources:
 
 WAIT_FOR = NodeType(
     key="wait_for",
+    order=90,
     main="condition",
     fields=(
         NodeField(

@@ -25,4 +25,4 @@ tree:
 """,
 )
 
-WEIGHT = NodeType(key="weight", role=Role.BRANCH, main="weight")
+WEIGHT = NodeType(key="weight", order=20, role=Role.BRANCH, main="weight")

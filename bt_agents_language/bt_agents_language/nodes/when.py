@@ -8,6 +8,7 @@ from bt_agents_language.nodes.node_type import Content, Mark, NodeField, NodeTyp
 
 WHEN = NodeType(
     key="when",
+    order=10,
     role=Role.DECORATOR,
     main="condition",
     fields=(

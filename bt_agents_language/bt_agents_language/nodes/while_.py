@@ -19,6 +19,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 WHILE = NodeType(
     key="while",
+    order=70,
     role=Role.DECORATOR,
     main="condition",
     fields=(

@@ -45,7 +45,7 @@ class AgentEntry:
 
     Attributes:
         rules: Mood rules that could be read.
-        bad_rules: Why the others could not.
+        invalid_rules: Why the others could not.
     """
 
     name: str
@@ -54,7 +54,7 @@ class AgentEntry:
     learning_rate: float
     learning: LearningEntry = LearningEntry()
     rules: tuple[MoodRule, ...] = ()
-    bad_rules: tuple[Refused, ...] = ()
+    invalid_rules: tuple[Refused, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +97,8 @@ class Agent:
         return (
             known is not None
             and host == self.host
-            and not entry.bad_rules
-            and not known.bad_rules
+            and not entry.invalid_rules
+            and not known.invalid_rules
             and entry.profile == known.profile
             and entry.learning_rate == known.learning_rate
             and entry.learning.matches(known.learning)
@@ -158,7 +158,7 @@ def read_card(
             )
             problems += [
                 f"{refusal.code}: {what}: {refusal.reason}; the rule is skipped"
-                for refusal in entry.bad_rules
+                for refusal in entry.invalid_rules
             ]
         except Refused as refusal:
             problems.append(str(refusal))
@@ -179,17 +179,19 @@ def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> Lear
     if not entry.update:
         return PLAIN
     if entry.update not in {*Update}:
-        raise _bad_learning(what, f"update '{entry.update}', expected {', '.join(Update)}")
+        raise _invalid_learning(what, f"update '{entry.update}', expected {', '.join(Update)}")
     ranges = {p.name: p.maximum - p.minimum for p in space.parameters}
     if len(entry.sources) != len(entry.weights):
-        raise _bad_learning(
+        raise _invalid_learning(
             what,
             f"{len(entry.sources)} sources and {len(entry.weights)} weights, expected as many",
         )
     if entry.update == Update.MEDIAN and not 1 <= entry.window <= MAX_WINDOW:
-        raise _bad_learning(what, f"window {entry.window}, expected 1 to {MAX_WINDOW}")
+        raise _invalid_learning(what, f"window {entry.window}, expected 1 to {MAX_WINDOW}")
     if not set(entry.layers) <= set(LAYERS):
-        raise _bad_learning(what, f"layers {_list(entry.layers)}, expected {' or '.join(LAYERS)}")
+        raise _invalid_learning(
+            what, f"layers {_list(entry.layers)}, expected {' or '.join(LAYERS)}"
+        )
     for weight in entry.weights:
         _within(weight, 0.0, MAX_WEIGHT, "weight", what)
     return LearningRule(
@@ -210,7 +212,9 @@ def _by_name(
 ) -> dict[str, float]:
     """Return values, each from 0 to its limit, by name; NaN stands for no value."""
     if len(values) not in (0, len(limits)):
-        raise _bad_learning(what, f"{len(values)} times a {of}, expected {len(limits)} or none")
+        raise _invalid_learning(
+            what, f"{len(values)} times a {of}, expected {len(limits)} or none"
+        )
     return {
         name: _within(value, 0.0, limits[name], f"{of} of {name}", what)
         for name, value in zip(limits, values, strict=False)
@@ -220,12 +224,12 @@ def _by_name(
 
 def _within(value: float, low: float, high: float, of: str, what: str) -> float:
     if not low <= value <= high:
-        raise _bad_learning(what, f"{of} {value:g}, expected {low:g} to {high:g}")
+        raise _invalid_learning(what, f"{of} {value:g}, expected {low:g} to {high:g}")
     return value
 
 
-def _bad_learning(what: str, words: str) -> Refused:
-    return Refused("BAD_LEARNING", f"{what}: {words}")
+def _invalid_learning(what: str, text: str) -> Refused:
+    return Refused("BAD_LEARNING", f"{what}: {text}")
 
 
 def _list(names: tuple[str, ...]) -> str:

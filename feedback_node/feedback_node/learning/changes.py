@@ -25,7 +25,7 @@ class ProfileChange:
         false_rate: 0..1, how much of what the profile was taught seems to be wrong; NaN when too
             little is known.
         fresh: False when the same feedback had been recorded earlier and was not applied again.
-        words: The change in words and numbers.
+        text: The change in words and numbers.
         others: What the same feedback has changed in other layers.
     """
 
@@ -36,7 +36,7 @@ class ProfileChange:
     rates: Vector = ()
     false_rate: float = math.nan
     fresh: bool
-    words: str
+    text: str
     others: tuple[ProfileChange, ...] = ()
 
     @property
@@ -76,7 +76,7 @@ def changed(
     space: SceneSpace,
     *,
     fresh: bool,
-    words: str,
+    text: str,
     false_rate: float = math.nan,
 ) -> ProfileChange:
     """Return a recorded change as vectors; see :class:`ProfileChange`."""
@@ -89,7 +89,7 @@ def changed(
         rates=space.ordered(rates) if rates else (),
         false_rate=false_rate,
         fresh=fresh,
-        words=words,
+        text=text,
     )
 
 
@@ -106,6 +106,6 @@ def moved(before: ProfileRevision, after: ProfileRevision) -> str:
 def together(changes: Sequence[ProfileChange]) -> ProfileChange:
     """Return the changes of one feedback as one, with the texts of all."""
     first, *others = changes
-    more = [one.words if one.revision.layer else f"for everybody {one.words}" for one in others]
-    words = "; ".join([first.words, *more])
-    return replace(first, words=words, others=tuple(others))
+    more = [one.text if one.revision.layer else f"for everybody {one.text}" for one in others]
+    text = "; ".join([first.text, *more])
+    return replace(first, text=text, others=tuple(others))

@@ -13,10 +13,10 @@ from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_language.model.mood_rule import MoodAction
+from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.learning.cards import LearningCard
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN
 from feedback_node.mood_trace import MoodTrace, ReportedMood
@@ -171,7 +171,7 @@ class FeedbackController:
             self._stop_watching()
 
     def on_run_ended(self, run: AnnouncedRun) -> ReportedMood | None:
-        """Note the end of a run, including one that never started for this node.
+        """Take the end of a run, including one that never started for this node.
 
         Returns:
             Its mood trace; None when it was not traced, or none of its nodes is known.
@@ -209,19 +209,19 @@ class FeedbackController:
 
     def retry(self) -> tuple[RuleOutcome, ...]:
         """Retry to record feedback of rules that the full disk did not take."""
-        lessons = []
+        outcomes = []
         while self._pending:
             one = self._pending[0]
             try:
-                lessons.append(RuleOutcome(change=self._record(one)))
+                outcomes.append(RuleOutcome(change=self._record(one)))
             except Refused as refusal:
                 if refusal.code == STORAGE_FULL:
                     break
-                lessons.append(
+                outcomes.append(
                     RuleOutcome(problem=f"{one.run.agent}: {one.fired.reason}: {refusal}")
                 )
             self._pending.popleft()
-        return tuple(lessons)
+        return tuple(outcomes)
 
     def give(self, given: FeedbackRequest) -> ProfileChange:
         """Apply feedback from a person, a button or a program.

@@ -66,7 +66,7 @@ class Step:
         weight: Of the source of the feedback.
         rates: What each parameter was moved by: by its own rate, weight and annealing, 0..1.
         after: Profile after, inside the ranges.
-        words: The move in words and numbers; says why when nothing has moved.
+        text: The move in words and numbers; says why when nothing has moved.
     """
 
     kind: FeedbackKind
@@ -76,7 +76,7 @@ class Step:
     weight: float
     rates: Vector
     after: Vector
-    words: str
+    text: str
 
 
 def step(
@@ -141,7 +141,7 @@ def step(
         weight=1.0 if at_once else weight,
         rates=_vector(rates),
         after=_vector(after),
-        words=", ".join(moves) or f"the profile stays: {why_not}",
+        text=", ".join(moves) or f"the profile stays: {why_not}",
     )
 
 

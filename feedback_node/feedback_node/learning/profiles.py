@@ -12,6 +12,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_core.text import printable_line
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange, Table, changed, moved, together
@@ -23,11 +24,15 @@ from feedback_node.learning.layers import (
     shares,
     taught,
 )
-from feedback_node.learning.runs import AnnouncedRun
-from feedback_node.learning.texts import check_texts
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
-from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause
+from feedback_node.ledger.rows import (
+    FORGOTTEN,
+    LAYER,
+    ProfileRevision,
+    RevisionCause,
+    check_texts,
+)
 
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""
@@ -45,7 +50,7 @@ class Profiles:
         self._starts: dict[str, str] = {}
         self._current: dict[tuple[str, str], ProfileRevision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
-        self._lessons = LayerFeedback()
+        self._layer_feedback = LayerFeedback()
 
     def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
@@ -183,11 +188,11 @@ class Profiles:
         changes = []
         for revision in found:
             gone = revision.cause.cause == FORGOTTEN
-            words = f"recorded before as revision {revision.revision}, not applied again"
+            text = f"recorded before as revision {revision.revision}, not applied again"
             if gone:
-                words = "recorded before, and forgotten since; not applied again"
+                text = "recorded before, and forgotten since; not applied again"
             before = revision if gone else self._ledger.before(revision)
-            changes.append(changed(revision, before, self.space, fresh=False, words=words))
+            changes.append(changed(revision, before, self.space, fresh=False, text=text))
         return replace(changes[0], others=tuple(changes[1:]))
 
     def apply(
@@ -274,10 +279,10 @@ class Profiles:
         recorded = self._ledger.record(entries)
         for revision in recorded:
             if (step := steps.get(revision.layer)) and revision.cause is step.cause:
-                self._lessons.store(revision, window, step.recent)
+                self._layer_feedback.store(revision, window, step.recent)
         change = self.on_recorded(recorded, steps)
         if crowded:
-            change = replace(change, words=f"{change.words}; {crowded[0].reason}")
+            change = replace(change, text=f"{change.text}; {crowded[0].reason}")
         return change
 
     def on_recorded(
@@ -303,14 +308,14 @@ class Profiles:
             one = steps.get(layer) if steps else None
             if before is None or before.revision != revision.revision - 1:
                 before = self._ledger.before(revision)
-            words = one.step.words if one else moved(before, revision)
+            text = one.step.text if one else moved(before, revision)
             changes.append(
                 changed(
                     revision,
                     before,
                     self.space,
                     fresh=True,
-                    words=f"for {layer} {words}" if layer else words,
+                    text=f"for {layer} {text}" if layer else text,
                     false_rate=self._false_rate_of(revision, one),
                 )
             )
@@ -318,14 +323,14 @@ class Profiles:
 
     def on_erased(self, profiles: Iterable[tuple[str, str]]) -> tuple[Delivery, ...]:
         """Drop erased layers; return the deliveries to their hosts."""
-        told = []
+        deliveries = []
         for name, layer in profiles:
             self._current.pop((name, layer), None)
             self._false_rates.pop((name, layer), None)
-            self._lessons.forget(name, layer)
+            self._layer_feedback.forget(name, layer)
             if self.knows(name):
-                told.append(self.delivery(name, layer))
-        return tuple(told)
+                deliveries.append(self.delivery(name, layer))
+        return tuple(deliveries)
 
     def false_rate(self, name: str, layer: str = "") -> float:
         """Return the share of a profile's feedback that seems wrong; see :class:`ProfileChange`.
@@ -338,7 +343,7 @@ class Profiles:
 
     def _taught(self, name: str, layer: str, window: int) -> tuple[Vector, ...]:
         current = self._current.get((name, layer))
-        known = self._lessons.known(current, window) if current is not None else None
+        known = self._layer_feedback.known(current, window) if current is not None else None
         return taught(self._ledger, name, layer, self.space, window) if known is None else known
 
     def _false_rate_of(self, revision: ProfileRevision, step: LayerStep | None) -> float:
@@ -373,16 +378,18 @@ class Profiles:
         return LedgerEntry(agent=name, layer=layer, profile=profile, cause=cause)
 
     def _enter(self, agents: Iterable[Agent]) -> Collection[str]:
-        """Have the ledger know what files say that are new; return the names of their agents."""
-        news = [
+        """Record new authored profiles in the ledger; return the names of their agents."""
+        changed_agents = [
             agent
             for agent in agents
             if agent.name not in self._agents
             or self._agents[agent.name].authored != agent.authored
         ]
-        if not news:
+        if not changed_agents:
             return ()
-        entered = self._ledger.enter({a.name: self.space.named(a.authored) for a in news})
+        entered = self._ledger.enter(
+            {a.name: self.space.named(a.authored) for a in changed_agents}
+        )
         for name, revision in entered.items():
             self._current[name, ""] = revision
             for row in self._ledger.layers(name):

@@ -102,7 +102,7 @@ class Ledger(LedgerReader):
     # Changes
 
     def enter(self, profiles: Mapping[str, Mapping[str, float]]) -> dict[str, ProfileRevision]:
-        """Record what the agents' files say and return the current revision of each.
+        """Record authored profiles and return the current revision of each agent.
 
         A new agent starts at revision 0. Where the author has edited a value since the last
         authored revision, the file's profile becomes a new one, so that the edit wins over what
@@ -261,8 +261,8 @@ class Ledger(LedgerReader):
             learned = {k: v for k, v in row.profile.items() if k not in edited}
             profile = {name: learned.get(name, value) for name, value in authored.items()}
             self._append(LedgerEntry(agent=agent, layer=row.layer, profile=profile, cause=cause))
-        kept = {} if edited else last.profile
-        profile = {name: kept.get(name, value) for name, value in authored.items()}
+        own = {} if edited else last.profile
+        profile = {name: own.get(name, value) for name, value in authored.items()}
         return self._append(LedgerEntry(agent=agent, profile=profile, cause=cause))
 
     def _newest(self, agent: str, layer: str) -> int | None:

@@ -30,7 +30,7 @@ class CheckReport:
 
 
 class RowCheck:
-    """One pass over all rows of a ledger, which tells the good ones from the others.
+    """One pass over all rows of a ledger that separates good rows from damaged ones.
 
     Args:
         database: The ledger.
@@ -136,7 +136,7 @@ def check(database: sqlite3.Connection) -> CheckReport:
 
 
 def is_out_of_reach(error: Exception) -> bool:
-    """Return True for an error of reading that says nothing about what the file holds."""
+    """Return True for a read error that does not mean damage."""
     if not isinstance(error, sqlite3.OperationalError):
         return False
     # A table that is missing, or a header that makes no sense, is an operational error, too.

@@ -30,12 +30,12 @@ def erase_layer(database: sqlite3.Connection, agent: str, layer: str) -> str:
     ).fetchall()
     stays = f"{FORGOTTEN_LAYER}{found[0][0]}"
     for number, revision, feedback_id in found:
-        kept = None if feedback_id is None else hidden(feedback_id)
-        row = with_checksum(Row(number, agent, stays, revision, kept, None))
+        stored_id = None if feedback_id is None else hidden(feedback_id)
+        row = with_checksum(Row(number, agent, stays, revision, stored_id, None))
         database.execute(
             "UPDATE revision SET layer = ?, feedback_id = ?, content = NULL, checksum = ? "
             "WHERE number = ?",
-            (stays, kept, row.checksum, number),
+            (stays, stored_id, row.checksum, number),
         )
     database.execute("INSERT OR IGNORE INTO pending VALUES (?)", (_TASK,))
     return stays

@@ -26,7 +26,7 @@ UNREADABLE = "LEDGER_UNREADABLE"
 
 _LOCK_WAIT_S = 0.5
 _MOST_PROBLEMS = 3
-_MEND = (
+_REPAIR = (
     "Nothing was changed. 'bt-agents profile recover' copies the good revisions into a new file; "
     "or put a copy back; or move the file away, with its -wal and -shm, to start with the "
     "profiles of the agents' files"
@@ -205,7 +205,7 @@ def damaged(path: str, problems: Sequence[str]) -> LedgerError:
     """Return the error for a file with damaged content."""
     more = len(problems) - _MOST_PROBLEMS
     found = "; ".join(problems[:_MOST_PROBLEMS]) + (f"; and {more} more" if more > 0 else "")
-    return LedgerError(CORRUPT, f"{path}: {found}. {_MEND}")
+    return LedgerError(CORRUPT, f"{path}: {found}. {_REPAIR}")
 
 
 def unread(path: str, error: Exception) -> LedgerError:

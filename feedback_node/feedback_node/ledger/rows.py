@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from bt_agents_core.errors import Refused
+
 FORMAT = 3
 APPLICATION = 0x62746167  # "btag"
 
@@ -51,6 +53,9 @@ WHEN NOT (new.content IS NULL AND new.number IS old.number
     AND new.agent IS old.agent AND new.revision IS old.revision)
 BEGIN SELECT RAISE(ABORT, 'revisions are never changed; append a new one'); END"""
 _SCHEMA = (_TABLE, _PENDING, _OF_LAYER, _OF_FEEDBACK, _NO_DELETE, _NO_UPDATE)
+
+LONGEST_TEXT = 1000
+"""Most characters of a text that comes with feedback."""
 
 _HIDDEN = "sha256:"
 
@@ -283,3 +288,27 @@ def _numbers(values: Any) -> dict[str, float]:
     if not all(map(math.isfinite, numbers.values())):
         raise Damaged(f"a profile holds a value that is not finite: {values}")
     return numbers
+
+
+def check_texts(**texts: str) -> None:
+    """Check the texts of a feedback by their field.
+
+    Raises:
+        Refused: ``TOO_LONG``, ``BAD_TEXT`` or ``RESERVED_ID``.
+    """
+    for name, text in texts.items():
+        if len(text) > LONGEST_TEXT:
+            raise Refused(
+                "TOO_LONG",
+                f"feedback: {name} has {len(text)} characters, expected {LONGEST_TEXT} at most",
+            )
+        if not text.isprintable():
+            raise Refused(
+                "BAD_TEXT",
+                f"feedback: {name} is {text[:80]!a}, expected no control characters",
+            )
+    if is_hidden(texts.get("feedback_id", "")):
+        raise Refused(
+            "RESERVED_ID",
+            "feedback: ids that begin with 'sha256:' stand for forgotten ones; take a UUID",
+        )

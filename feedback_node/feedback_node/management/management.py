@@ -14,9 +14,8 @@ from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_la
 from bt_agents_core.scene import finite_or_none
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.texts import check_texts
 from feedback_node.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.rows import IMPORT, ProfileRevision, RevisionCause
+from feedback_node.ledger.rows import IMPORT, ProfileRevision, RevisionCause, check_texts
 from feedback_node.management.documents import ImportedProfiles, from_document, to_document
 
 MOST_REVISIONS = 5000
@@ -52,7 +51,7 @@ class ManagementCommand:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Done:
+class ManagementResult:
     """Result of a request.
 
     Attributes:
@@ -93,7 +92,7 @@ class Management:
         self._wall = wall
         self._new_id = new_id
 
-    def execute(self, order: ManagementCommand) -> Done:
+    def execute(self, command: ManagementCommand) -> ManagementResult:
         """Execute a request.
 
         Raises:
@@ -102,15 +101,15 @@ class Management:
                 :func:`from_document` and :meth:`Ledger.enter`; nothing has changed.
         """
         try:
-            action = ManagementAction(order.action)
+            action = ManagementAction(command.action)
         except ValueError:
             raise Refused(
-                "UNKNOWN_ACTION", f"action {order.action}, expected 0 to {max(ManagementAction)}"
+                "UNKNOWN_ACTION", f"action {command.action}, expected 0 to {max(ManagementAction)}"
             ) from None
-        check_texts(agent=order.agent, author=order.author, reason=order.reason)
-        if order.layer and action is not ManagementAction.EXPIRE:
-            checked_layer(order.layer)
-        act = {
+        check_texts(agent=command.agent, author=command.author, reason=command.reason)
+        if command.layer and action is not ManagementAction.EXPIRE:
+            checked_layer(command.layer)
+        execute_action = {
             ManagementAction.HISTORY: self._history,
             ManagementAction.UNDO: self._undo,
             ManagementAction.RESET: self._reset,
@@ -119,19 +118,19 @@ class Management:
             ManagementAction.EXPIRE: self._expire,
             ManagementAction.FORGET: self._forget,
         }[action]
-        return act(order)
+        return execute_action(command)
 
-    def _history(self, order: ManagementCommand) -> Done:
-        if not order.agent:
-            return self._document(self._selected(order), ())
-        one = self._known(order.agent, order.layer)
-        revisions = self._ledger.history(order.agent, order.layer, newest=MOST_REVISIONS)
+    def _history(self, command: ManagementCommand) -> ManagementResult:
+        if not command.agent:
+            return self._document(self._selected(command), ())
+        one = self._known(command.agent, command.layer)
+        revisions = self._ledger.history(command.agent, command.layer, newest=MOST_REVISIONS)
         return self._document([one], revisions)
 
-    def _export(self, order: ManagementCommand) -> Done:
-        selected = self._selected(order)
+    def _export(self, command: ManagementCommand) -> ManagementResult:
+        selected = self._selected(command)
         if not selected:
-            raise self._unknown(order.agent, order.layer)
+            raise self._unknown(command.agent, command.layer)
         revisions: list[ProfileRevision] = []
         for one in selected:
             room = MOST_REVISIONS - len(revisions)
@@ -140,11 +139,13 @@ class Management:
 
     def _document(
         self, selected: Sequence[ProfileRevision], revisions: Iterable[ProfileRevision]
-    ) -> Done:
+    ) -> ManagementResult:
         profiles = [self._summary(one) for one in selected]
         document = to_document(profiles, revisions, document_id=self._new_id())
         count = len(profiles)
-        return Done(message=f"{count} profile{'s' if count != 1 else ''}", document=document)
+        return ManagementResult(
+            message=f"{count} profile{'s' if count != 1 else ''}", document=document
+        )
 
     def _summary(self, one: ProfileRevision) -> dict[str, Any]:
         return {
@@ -157,22 +158,22 @@ class Management:
             "values": dict(one.profile),
         }
 
-    def _undo(self, order: ManagementCommand) -> Done:
-        self._known(order.agent, order.layer)
+    def _undo(self, command: ManagementCommand) -> ManagementResult:
+        self._known(command.agent, command.layer)
         revision = self._ledger.undo(
-            order.agent, order.layer, source=order.author, reason=order.reason
+            command.agent, command.layer, source=command.author, reason=command.reason
         )
         return self._changed((revision,))
 
-    def _reset(self, order: ManagementCommand) -> Done:
-        self._known(order.agent, order.layer)
+    def _reset(self, command: ManagementCommand) -> ManagementResult:
+        self._known(command.agent, command.layer)
         revision = self._ledger.reset(
-            order.agent, order.layer, source=order.author, reason=order.reason
+            command.agent, command.layer, source=command.author, reason=command.reason
         )
         return self._changed((revision,))
 
-    def _import(self, order: ManagementCommand) -> Done:
-        document_id, found = from_document(order.document, self._profiles.space)
+    def _import(self, command: ManagementCommand) -> ManagementResult:
+        document_id, found = from_document(command.document, self._profiles.space)
         unknown = sorted({one.agent for one in found} - set(self._ledger.agents()))
         if unknown:
             raise Refused(
@@ -192,8 +193,8 @@ class Management:
                 cause=RevisionCause(
                     cause=IMPORT,
                     kind=FeedbackKind.SET,
-                    source=order.author,
-                    reason=order.reason or "taken in from a document",
+                    source=command.author,
+                    reason=command.reason or "taken in from a document",
                     feedback_id=f"import/{document_id}/{one.agent}/{one.layer}",
                     target=self._profiles.space.named(one.values),
                     changes=one.changes,
@@ -203,7 +204,9 @@ class Management:
         ]
         ids = [entry.cause.feedback_id for entry in entries]
         if any(self._ledger.find(one) for one in ids if one is not None):
-            return Done(message="this document was taken in before; nothing has changed")
+            return ManagementResult(
+                message="this document was taken in before; nothing has changed"
+            )
         recorded = self._ledger.record(entries)
         return self._changed([one for one in recorded if one.cause.cause == IMPORT])
 
@@ -220,34 +223,36 @@ class Management:
                     f"document: {agent} would have {count} layers, expected {MOST_LAYERS} at most",
                 )
 
-    def _expire(self, order: ManagementCommand) -> Done:
-        if not order.older_s > 0.0:
-            raise Refused("BAD_AGE", f"older than {order.older_s:g} s, expected more than 0")
-        if order.layer not in ("", PERSON, PLACE):
-            raise Refused("BAD_LAYER", f"'{order.layer[:80]}', expected person, place or nothing")
-        before = self._wall() - order.older_s
+    def _expire(self, command: ManagementCommand) -> ManagementResult:
+        if not command.older_s > 0.0:
+            raise Refused("BAD_AGE", f"older than {command.older_s:g} s, expected more than 0")
+        if command.layer not in ("", PERSON, PLACE):
+            raise Refused(
+                "BAD_LAYER", f"'{command.layer[:80]}', expected person, place or nothing"
+            )
+        before = self._wall() - command.older_s
         old = [
             one
-            for one in self._layers_of(order.agent)
-            if one.stamp < before and one.layer.startswith(order.layer)
+            for one in self._layers_of(command.agent)
+            if one.stamp < before and one.layer.startswith(command.layer)
         ]
-        return self._erase(old, order.author)
+        return self._erase(old, command.author)
 
-    def _forget(self, order: ManagementCommand) -> Done:
-        if not order.layer:
+    def _forget(self, command: ManagementCommand) -> ManagementResult:
+        if not command.layer:
             raise Refused(
                 "BAD_LAYER",
                 "name the person or the place, such as person/anna; the profile for everybody is "
                 "not forgotten, 'bt-agents profile reset' brings back that of the file",
             )
-        found = [one for one in self._layers_of(order.agent) if one.layer == order.layer]
+        found = [one for one in self._layers_of(command.agent) if one.layer == command.layer]
         if not found:
-            raise self._unknown(order.agent, order.layer)
-        return self._erase(found, order.author)
+            raise self._unknown(command.agent, command.layer)
+        return self._erase(found, command.author)
 
-    def _erase(self, found: Sequence[ProfileRevision], author: str) -> Done:
+    def _erase(self, found: Sequence[ProfileRevision], author: str) -> ManagementResult:
         if not found:
-            return Done(message="nothing to forget")
+            return ManagementResult(message="nothing to forget")
         keys = [(one.agent, one.layer) for one in found]
         delayed = self._ledger.forget(keys, source=author)
         message = f"{len(keys)} profile{'s' if len(keys) != 1 else ''} forgotten"
@@ -256,25 +261,27 @@ class Management:
                 f"; traces stay in free parts of the file until it can be rewritten, which is "
                 f"tried again and again: {delayed}"
             )
-        return Done(message=message, deliveries=self._profiles.on_erased(keys), forgets=True)
+        return ManagementResult(
+            message=message, deliveries=self._profiles.on_erased(keys), forgets=True
+        )
 
-    def _changed(self, revisions: Sequence[ProfileRevision]) -> Done:
+    def _changed(self, revisions: Sequence[ProfileRevision]) -> ManagementResult:
         changes = tuple(self._profiles.on_recorded([one]) for one in revisions)
         message = "; ".join(
-            f"{one.revision.agent}: {one.words} (revision {one.revision.revision})"
+            f"{one.revision.agent}: {one.text} (revision {one.revision.revision})"
             for one in changes[:_MOST_NAMED]
         )
         if len(changes) > _MOST_NAMED:
             message += f"; and {len(changes) - _MOST_NAMED} more"
-        return Done(message=message, changes=changes)
+        return ManagementResult(message=message, changes=changes)
 
-    def _selected(self, order: ManagementCommand) -> list[ProfileRevision]:
+    def _selected(self, command: ManagementCommand) -> list[ProfileRevision]:
         """Return the current revisions that an order is about."""
-        names = [order.agent] if order.agent else self._ledger.agents()
-        own = (self._ledger.current(name) for name in names) if not order.layer else ()
+        names = [command.agent] if command.agent else self._ledger.agents()
+        own = (self._ledger.current(name) for name in names) if not command.layer else ()
         found = [one for one in own if one is not None]
-        for one in self._layers_of(order.agent):
-            if order.layer in ("", one.layer):
+        for one in self._layers_of(command.agent):
+            if command.layer in ("", one.layer):
                 found.append(one)
         return sorted(found, key=lambda one: (one.agent, one.layer))
 

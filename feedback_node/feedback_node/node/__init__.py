@@ -38,7 +38,7 @@ from feedback_node.learning.feedback_controller import FeedbackController, RuleO
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError, ledger_path
-from feedback_node.management.management import Done, Management
+from feedback_node.management.management import Management, ManagementResult
 from feedback_node.node.cancel_requests import CancelRequests
 from feedback_node.node.hosts import ActiveLeaves, HostProfiles
 from feedback_node.node.management_service import ManagementService
@@ -88,7 +88,7 @@ class FeedbackNode(BaseNode):
         self._ledger = ledger
         self._untidy = True
         self._profiles = Profiles(space, ledger)
-        self._teaching = FeedbackController(
+        self._controller = FeedbackController(
             self._profiles,
             clock=time.monotonic,
             new_id=lambda: f"given/{uuid.uuid4()}",
@@ -106,7 +106,7 @@ class FeedbackNode(BaseNode):
         self._table: Table = ()
         self._live: SceneMsg | None = None
         self._polled_at = -math.inf
-        self._stops = CancelRequests(self, self._calls, self._teaching.is_running)
+        self._stops = CancelRequests(self, self._calls, self._controller.is_running)
         self._create_history_publishers()
         self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
         self._timer = OneShot(self, self._poll)
@@ -130,7 +130,7 @@ class FeedbackNode(BaseNode):
             self.create_service(kind, name, answer, qos_profile=qos.SERVICE, callback_group=group)
 
     def _set_lease(self, seconds: float) -> None:
-        self._teaching.set_lease(seconds)
+        self._controller.set_lease(seconds)
 
     # What happens around the runs
 
@@ -138,7 +138,7 @@ class FeedbackNode(BaseNode):
         self._pending_cards.pop(message.host, None)
         try:
             card = card_from_msg(message, self._space)
-            deliveries, problems = self._teaching.register_card(card)
+            deliveries, problems = self._controller.register_card(card)
         except Refused as refusal:
             deliveries, problems = (), (str(refusal),)
             if isinstance(refusal, LedgerError) and len(self._pending_cards) < _MOST_PROBLEMS:
@@ -165,20 +165,22 @@ class FeedbackNode(BaseNode):
             self.get_logger().warning(f"event of a run refused: {refusal}")
             return
         if message.event == RunMsg.STARTED:
-            self._teaching.on_run_started(event, replayed=info["source_timestamp"] < self._born_ns)
+            self._controller.on_run_started(
+                event, replayed=info["source_timestamp"] < self._born_ns
+            )
         elif message.event == RunMsg.CANCELLING:
-            self._teaching.on_run_cancelling(event)
+            self._controller.on_run_cancelling(event)
         elif message.event == RunMsg.ENDED:
-            told = self._teaching.on_run_ended(event)
-            if told is not None:
-                self._traces.publish(mood_trace_to_msg(told, time.time()))
+            trace = self._controller.on_run_ended(event)
+            if trace is not None:
+                self._traces.publish(mood_trace_to_msg(trace, time.time()))
         self._set_timer()
 
     def _on_status(self, message: TreeStatus) -> None:
-        self._teaching.on_leaf((message.epoch, message.round, message.agent), message.tip)
+        self._controller.on_leaf((message.epoch, message.round, message.agent), message.tip)
 
     def _on_live(self, message: SceneMsg) -> None:
-        if not self._teaching.wants(message.scene_id):
+        if not self._controller.wants(message.scene_id):
             return
         self._live = message
         if time.monotonic() >= self._polled_at + _REST_S:
@@ -194,33 +196,33 @@ class FeedbackNode(BaseNode):
         except Refused as refusal:
             self.get_logger().warning(f"live scene refused: {refusal}", throttle_duration_sec=5.0)
             live = None
-        self._execute(self._teaching.tick() if live is None else self._teaching.receive(live))
+        self._execute(self._controller.tick() if live is None else self._controller.receive(live))
 
     def _on_idle(self) -> None:
         for card in list(self._pending_cards.values()):
             self._on_card(card)
         self._hosts.retry()
-        self._execute(self._teaching.retry())
+        self._execute(self._controller.retry())
         self._resume_waiting()
         self._stops.retry()
-        if self._untidy and not self._teaching.watching:
+        if self._untidy and not self._controller.watching:
             self._untidy = not self._ledger.checkpoint()
 
-    def _execute(self, lessons: Iterable[RuleOutcome]) -> None:
-        for lesson in lessons:
-            if lesson.problem:
-                self.get_logger().error(lesson.problem)
-            if lesson.change is not None:
-                self._publish_change(lesson.change)
-                for delivery in self._profiles.deliveries(lesson.change.all):
+    def _execute(self, outcomes: Iterable[RuleOutcome]) -> None:
+        for outcome in outcomes:
+            if outcome.problem:
+                self.get_logger().error(outcome.problem)
+            if outcome.change is not None:
+                self._publish_change(outcome.change)
+                for delivery in self._profiles.deliveries(outcome.change.all):
                     self._hosts.deliver(delivery)
-            if lesson.stop is not None:
-                self._stops.request(lesson.stop)
+            if outcome.stop is not None:
+                self._stops.request(outcome.stop)
         self._set_timer()
 
     def _set_timer(self) -> None:
         rested = math.inf if self._live is None else self._polled_at + _REST_S
-        self._timer.set(min(self._teaching.due, rested))
+        self._timer.set(min(self._controller.due, rested))
 
     # Requests
 
@@ -229,7 +231,7 @@ class FeedbackNode(BaseNode):
     ) -> CollectFeedback.Response:
         try:
             ended = collected_from_msg(request, self._space)
-            change = await self._once_known(lambda: self._teaching.collect(ended))
+            change = await self._once_known(lambda: self._controller.collect(ended))
         except Refused as refusal:
             response.code, response.message = refusal.code, refusal.reason
             return response
@@ -249,9 +251,9 @@ class FeedbackNode(BaseNode):
         try:
             given = given_from_msg(request, self._space)
             if given.feedback_id:
-                change = await self._once_known(lambda: self._teaching.give(given))
+                change = await self._once_known(lambda: self._controller.give(given))
             else:
-                change = self._teaching.give(given)
+                change = self._controller.give(given)
         except Refused as refusal:
             response.code, response.message = refusal.code, refusal.reason
             return response
@@ -293,7 +295,7 @@ class FeedbackNode(BaseNode):
             self.executor.create_task(self._publish_table)
             first = messages[0]
             self.get_logger().info(
-                f"{first.agent} revision {first.revision}: {change.words}; "
+                f"{first.agent} revision {first.revision}: {change.text}; "
                 f"from {first.source or 'somebody'}: {first.reason or 'no reason given'}"
             )
         return messages[0]
@@ -308,14 +310,14 @@ class FeedbackNode(BaseNode):
 
     async def _delivery_text(self, change: ProfileChange, answers: list[Future]) -> str:
         """Return the text of a change once the host has taken it or not answered in time."""
-        words = f"{change.revision.agent}: {change.words}"
+        text = f"{change.revision.agent}: {change.text}"
         problems = [await answer for answer in answers]
         if any(problems):
             problem = next(filter(None, problems))
-            words += f"; it is kept and goes to the host when its card shows up again: {problem}"
-        return words
+            text += f"; it is kept and goes to the host when its card shows up again: {problem}"
+        return text
 
-    def _managed(self, done: Done) -> None:
+    def _managed(self, done: ManagementResult) -> None:
         self._untidy = True
         if done.forgets:
             self._forget_history()

@@ -11,8 +11,8 @@ from bt_agents_interfaces.srv import CancelRun
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_to_msg
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.feedback_controller import RuleStop
-from feedback_node.learning.runs import AnnouncedRun
 
 _LIMIT_S = 1.0
 

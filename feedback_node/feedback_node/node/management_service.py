@@ -10,7 +10,7 @@ from rclpy.node import Node
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.srv import ManageProfiles
 from bt_agents_ros import qos
-from feedback_node.management.management import Done, Management, ManagementCommand
+from feedback_node.management.management import Management, ManagementCommand, ManagementResult
 
 
 class ManagementService:
@@ -23,7 +23,7 @@ class ManagementService:
     """
 
     def __init__(
-        self, node: Node, management: Management, on_done: Callable[[Done], None]
+        self, node: Node, management: Management, on_done: Callable[[ManagementResult], None]
     ) -> None:
         self._management = management
         self._on_done = on_done
@@ -32,7 +32,7 @@ class ManagementService:
     def _handle(
         self, request: ManageProfiles.Request, response: ManageProfiles.Response
     ) -> ManageProfiles.Response:
-        order = ManagementCommand(
+        command = ManagementCommand(
             action=request.action,
             agent=request.agent,
             layer=request.layer,
@@ -42,7 +42,7 @@ class ManagementService:
             document=request.document,
         )
         try:
-            done = self._management.execute(order)
+            done = self._management.execute(command)
         except Refused as refusal:
             # What a document quotes may hold characters that no message can carry.
             response.code = refusal.code

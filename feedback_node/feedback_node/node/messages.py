@@ -16,10 +16,10 @@ from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodRule
 from bt_agents_ros.messages import scene_from_msg, to_time
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackRequest
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.mood_trace import ReportedMood
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
@@ -52,12 +52,12 @@ def card_from_msg(message: HostCard, space: SceneSpace) -> LearningCard:
 
 def _agent_from_msg(message: AgentCard, space: SceneSpace) -> AgentEntry:
     rules: list[MoodRule] = []
-    bad_rules: list[Refused] = []
+    invalid_rules: list[Refused] = []
     for rule in message.rules:
         try:
             rules.append(rule_from_msg(rule, space))
         except Refused as refusal:
-            bad_rules.append(refusal)
+            invalid_rules.append(refusal)
     return AgentEntry(
         name=message.name,
         profile=tuple(message.profile),
@@ -65,7 +65,7 @@ def _agent_from_msg(message: AgentCard, space: SceneSpace) -> AgentEntry:
         learning_rate=message.learning_rate,
         learning=_learning_from_msg(message.learning),
         rules=tuple(rules),
-        bad_rules=tuple(bad_rules),
+        invalid_rules=tuple(invalid_rules),
     )
 
 
@@ -173,19 +173,19 @@ def feedback_to_msg(change: ProfileChange, space: SceneSpace) -> Feedback:
     )
 
 
-def mood_trace_to_msg(told: ReportedMood, stamp: float) -> MoodTrace:
+def mood_trace_to_msg(trace: ReportedMood, stamp: float) -> MoodTrace:
     """Return the message of the mood trace of a run that ended at a time [s since 1970]."""
-    run = told.run
+    run = trace.run
     return MoodTrace(
         stamp=to_time(stamp),
         epoch=run.epoch,
         round=run.round,
         agent=run.agent,
         person_id=run.scene.person_id,
-        leaves=[one.leaf for one in told.leaves],
-        seconds=[one.seconds for one in told.leaves],
-        mean=[one.mean for one in told.leaves],
-        change=[one.change for one in told.leaves],
+        leaves=[one.leaf for one in trace.leaves],
+        seconds=[one.seconds for one in trace.leaves],
+        mean=[one.mean for one in trace.leaves],
+        change=[one.change for one in trace.leaves],
     )
 
 

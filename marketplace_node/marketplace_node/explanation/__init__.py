@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reasons for decisions, in words and numbers."""
+"""Reasons for decisions as texts for people."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from bt_agents_core.scene import Scene
 from bt_agents_core.text import format_number, join_first
-from marketplace_node.explanation.formatting import FEW, distance
+from marketplace_node.formatting import FEW, distance
 from marketplace_node.round.decision import RankedBid
 
 _TERMS_SHOWN = 12

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 from bt_agents_core.text import format_number, join_first, join_words
-from marketplace_node.explanation.formatting import FEW, distance, percent
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
+from marketplace_node.formatting import FEW, distance, percent
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,
@@ -26,7 +26,7 @@ _LABEL_REACH = 0.05  # of the range
 
 
 def explanation(decision: Decision, space: SceneSpace) -> str:
-    """Return the decision in words for authors and for those who stand around the robot.
+    """Return the explanation of a decision for authors and for people around the robot.
 
     Who won and why in the words of the scene, where each value of the scene comes from, what each
     parameter contributed, who came next and what would have made it win, who may not bid, and what
@@ -254,17 +254,17 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
 
 
 def _others(decision: Decision) -> Iterator[str]:
-    """Yield who has no say in it, unless that is all there is to tell."""
+    """Yield the agents that may not bid, unless the head has named them already."""
     if decision.winner is None:
         return
     for why, (_, agents) in declined(decision).items():
         yield f"{join_first(agents)} {'does' if len(agents) == 1 else 'do'} not bid: {why}."
-    barred: dict[str, list[str]] = {}
-    for bid in decision.terms.barred:
-        barred.setdefault(bid.reason, []).append(bid.agent)
-    for why, agents in barred.items():
+    by_reason: dict[str, list[str]] = {}
+    for bid in decision.terms.operator_exclusions:
+        by_reason.setdefault(bid.reason, []).append(bid.agent)
+    for why, agents in by_reason.items():
         yield f"{join_first(agents)} may not bid: {why}."
-    people = {bid.agent for bid in decision.terms.barred}
+    people = {bid.agent for bid in decision.terms.operator_exclusions}
     no_news = {*decision.terms.excluded, *people}
     refused = [
         f"Refused: {bid.reason}."

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from bt_agents_core.text import join_first
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.explanation.formatting import ALL_DIGITS, FEW, distance
+from marketplace_node.formatting import ALL_DIGITS, FEW, distance
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,
@@ -19,7 +19,7 @@ from marketplace_node.round.decision import (
 from marketplace_node.settings import RULES
 
 
-def reason(decision: Decision) -> str:
+def reason_of(decision: Decision) -> str:
     """Return the whole decision as one line for a terminal.
 
     Example:
@@ -37,7 +37,7 @@ def reason(decision: Decision) -> str:
     return _follows(decision) + "; ".join(parts)
 
 
-def challenge(
+def preemption_reason(
     decision: Decision, running: str, margin: float, *, obstacle: str = "", no_room: str = ""
 ) -> str:
     """Return the decision about a scene that came during a run as one line for a terminal.
@@ -64,7 +64,7 @@ def challenge(
 
 
 def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -> str:
-    """Return why the winner comes before bids that are as good, in words."""
+    """Return the reason why the winner precedes equally good bids."""
     if decision.terms.tie_break == "name":
         return f"{winner.agent} is first by name"
     if any(bid.last_run == winner.last_run for bid in tied):
@@ -75,7 +75,7 @@ def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -
 
 
 def nobody(decision: Decision) -> list[str]:
-    """Return why nobody bids, in parts of a line."""
+    """Return the reasons why there is no bid, as parts of one line."""
     parts = []
     for first, agents in declined(decision).values():
         names = join_first(agents)
@@ -160,7 +160,7 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
 
 def _not_taken(decision: Decision) -> list[str]:
     """Return what is worth knowing beside the ranking: refused bids and silent hosts."""
-    people = {bid.agent for bid in decision.terms.barred}
+    people = {bid.agent for bid in decision.terms.operator_exclusions}
     refused = [
         f"{bid.agent or bid.host} ({bid.code}: {bid.reason})"
         for bid in decision.refused

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from marketplace_node.explanation.formatting import shown
+from marketplace_node.formatting import shown
 from marketplace_node.round.precedence import check_ranking
 
 MOST_BYTES = 1_000_000
@@ -98,7 +98,7 @@ class Endpoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Bidder:
-    """Bid of an agent, as the model is told of it.
+    """Bid of an agent as the model gets it.
 
     Attributes:
         name: Unique.
@@ -227,7 +227,7 @@ def _character(space: SceneSpace, bidder: Bidder) -> dict[str, Any]:
 
 
 def _content(parsed: object) -> str:
-    """Return what the model says, from the answer of its server."""
+    """Return the model's text from the response of its server."""
     at: object = parsed
     for key in ("choices", 0, "message", "content"):
         if isinstance(key, int):

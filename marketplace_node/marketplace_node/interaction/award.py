@@ -71,7 +71,7 @@ class Award:
         accepted: True once the host has taken the goal.
         started: When it was taken, steady time [s]; None for one that was stopped before.
         stop: Why it has to stop; None while it has not.
-        unheard_since: Since when the host's heartbeat names another run or none.
+        silent_since: Since when the host's heartbeat names another run or none.
     """
 
     goal: RunGoal
@@ -80,11 +80,11 @@ class Award:
     accepted: bool = False
     started: float | None = None
     stop: StopRequest | None = None
-    unheard_since: float | None = None
+    silent_since: float | None = None
 
     @property
     def unfinished(self) -> str:
-        """Why its host is not free, in words."""
+        """Reason why its host is not free."""
         return f"its run of round {self.goal.round} has not ended"
 
     def end_code(self, outcome: RunOutcome) -> str:

@@ -18,13 +18,13 @@ from marketplace_node.effects import (
     SendGoal,
     State,
 )
-from marketplace_node.explanation import reason as explain
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.interaction.award import Award, RunEnd, StopRequest
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_queue import QueuedScene
 from marketplace_node.market_state import MarketState
-from marketplace_node.operators.operator_overrides import VETOED
+from marketplace_node.operator_overrides import VETOED
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
-from marketplace_node.round.open_round import OpenRound
 
 NO_BIDS = "NO_BIDS"
 NOT_TAKEN = "NOT_TAKEN"
@@ -46,13 +46,13 @@ class Interaction:
         over: The end of the scene; None before.
     """
 
-    def __init__(self, floor: MarketState, waiting: QueuedScene, now: float) -> None:
+    def __init__(self, market_state: MarketState, waiting: QueuedScene, now: float) -> None:
         self.origin = waiting.scene
         self.state = State.BIDDING
         self.round = 0
         self.open_round: OpenRound | None = None
         self.over: SceneEnded | None = None
-        self._floor = floor
+        self._market_state = market_state
         self._deadline: float | None = None
         self._decision: Decision | None = None
         self._next_rank = 0
@@ -103,15 +103,15 @@ class Interaction:
         award = self._waiting(goal)
         if award is None:
             late = f"it took the run of round {goal.round} too late"
-            self._floor.give_up(goal, late, now, runs=True)
+            self._market_state.give_up(goal, late, now, runs=True)
         elif not award.accepted:
             award.accepted = True
             assert self._decision is not None, "an award follows a decision"
-            self._floor.count_run(goal.agent, self._decision)
+            self._market_state.count_run(goal.agent, self._decision)
             if award.stop is None:
                 award.started = now
                 self._enter(State.RUNNING)
-                self._floor.effects.append(
+                self._market_state.effects.append(
                     award.event(RunEventKind.STARTED, "the host took the run")
                 )
             else:
@@ -127,7 +127,7 @@ class Interaction:
         """The host reports the end of a run."""
         award = self._waiting(goal)
         if award is None or not award.accepted:
-            self._floor.ended(goal)
+            self._market_state.ended(goal)
         elif end.outcome in _REPORTED:
             if award.stop is not None and end.outcome == RunOutcome.CANCELLED:
                 more = f" ({end.message})" if end.host_reason else ""
@@ -142,10 +142,10 @@ class Interaction:
         award = self._award
         if award is None or not award.accepted or award.goal.host != host:
             return
-        if epoch == self._floor.epoch and round_number == award.goal.round:
-            award.unheard_since = None
-        elif award.unheard_since is None:
-            award.unheard_since = now
+        if epoch == self._market_state.epoch and round_number == award.goal.round:
+            award.silent_since = None
+        elif award.silent_since is None:
+            award.silent_since = now
 
     def extend_after_stall(self, lasted_s: float) -> None:
         """Move all deadlines, as nobody has listened for so long [s]."""
@@ -153,8 +153,8 @@ class Interaction:
             self.open_round.extend_after_stall(lasted_s)
         if self._deadline is not None:
             self._deadline += lasted_s
-        if self._award is not None and self._award.unheard_since is not None:
-            self._award.unheard_since += lasted_s
+        if self._award is not None and self._award.silent_since is not None:
+            self._award.silent_since += lasted_s
 
     def collected(self, message: str) -> None:
         """The feedback service has answered, or will not answer; ``message`` says which."""
@@ -167,7 +167,7 @@ class Interaction:
         self.collected("feedback is kept until the feedback node is back")
 
     def stop(self, stop: StopRequest, now: float) -> tuple[bool, str]:
-        """Stop what is going on; return whether it will, and the answer in words."""
+        """Stop the interaction; return whether it will stop, and the answer for people."""
         award = self._award
         self._hurries = self._hurries or stop.hurries
         if award is None:
@@ -183,7 +183,7 @@ class Interaction:
         keeps = award.accepted or stop.code == VETOED
         award.stop = stop if keeps else replace(stop, again=False)
         self._enter(State.CANCELLING, self._deadline)
-        self._floor.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
+        self._market_state.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
         if award.held:
             self._not_taken(award, award.held, now)
             return True, f"{award.goal.agent} does not begin"
@@ -213,40 +213,40 @@ class Interaction:
         if award is None or self.state is State.COLLECTING:
             return
         host = award.goal.host
-        if not self._floor.registry.is_live(host, award.goal.instance, now):
+        if not self._market_state.registry.is_live(host, award.goal.instance, now):
             if not award.held:
-                self._floor.give_up(award.goal, award.unfinished, now, runs=award.accepted)
+                self._market_state.give_up(award.goal, award.unfinished, now, runs=award.accepted)
             gone = f"{host} is gone: no heartbeat"
             if award.accepted:
                 self._lose(award, gone, now)
             else:
                 self._not_taken(award, gone, now)
         elif (
-            award.unheard_since is not None
-            and now - award.unheard_since >= self._floor.settings.host_lease_s
+            award.silent_since is not None
+            and now - award.silent_since >= self._market_state.settings.host_lease_s
         ):
             self._lose(award, f"{host} runs it no more and has not said how it ended", now)
 
     def _overdue(self, now: float) -> None:
-        settings = self._floor.settings
+        settings = self._market_state.settings
         award = self._award
         assert award is not None, "outside of a round only an award has a deadline"
         if self.state is State.COLLECTING:
             self.feedback_deferred()
         elif award.accepted:
-            self._floor.give_up(award.goal, award.unfinished, now, runs=True)
+            self._market_state.give_up(award.goal, award.unfinished, now, runs=True)
             limit = settings.cancel_deadline_s
             self._lose(award, f"it did not end within {limit:g} s after it was told to stop", now)
         else:
             silent = "it has not said whether it takes a run"
-            self._floor.give_up(award.goal, silent, now, runs=False)
+            self._market_state.give_up(award.goal, silent, now, runs=False)
             limit = settings.goal_deadline_s
             self._not_taken(award, f"{award.goal.host} did not answer within {limit:g} s", now)
 
     def _open(self, scene: Scene, now: float, *, follows: int, drawn: int = 0) -> None:
         self._again = None
         self.open_round = OpenRound(
-            self._floor, scene, now, follows=follows, excluded=self._excluded, drawn=drawn
+            self._market_state, scene, now, follows=follows, excluded=self._excluded, drawn=drawn
         )
         self.round = self.open_round.number
         self.close_when_due(now)
@@ -254,7 +254,7 @@ class Interaction:
     def _close(self, by: ClosedBy, now: float, *, stop: StopRequest | None = None) -> None:
         assert self.open_round is not None, "only an open round can be closed"
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
-        reason_fn = partial(explain.reason, decision)
+        reason_fn = partial(reason_of, decision)
         self.open_round = None
         if decision.outcome is AuctionOutcome.AWARDED:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
@@ -262,7 +262,7 @@ class Interaction:
         else:
             self._finish(stop.code if stop else NO_BIDS, reason_fn())
         # Last, as the winner must not wait for words.
-        self._floor.publish(decision, reason_fn)
+        self._market_state.publish(decision, reason_fn)
 
     def _award_next(self, decision: Decision, now: float) -> None:
         while self._next_rank < len(decision.ranking):
@@ -276,7 +276,7 @@ class Interaction:
                 instance=bid.instance,
             )
             self._award = Award(goal=goal, scene=decision.terms.scene)
-            obstacle = self._floor.obstacle(goal, now)
+            obstacle = self._market_state.obstacle(goal, now)
             if obstacle:
                 self._decline(self._award, obstacle)
                 continue
@@ -286,20 +286,20 @@ class Interaction:
 
     def _send(self, award: Award, now: float) -> None:
         """Send the goal, unless another host still has the robot."""
-        obstacle = self._floor.obstacle(award.goal, now)
+        obstacle = self._market_state.obstacle(award.goal, now)
         if obstacle:
             self._not_taken(award, obstacle, now)
             return
-        award.held = self._floor.other_host_busy(award.goal.host, now)
+        award.held = self._market_state.other_host_busy(award.goal.host, now)
         if award.held:
             self._enter(State.AWARDING)
             return
-        self._enter(State.AWARDING, now + self._floor.settings.goal_deadline_s)
-        self._floor.effects.append(SendGoal(goal=award.goal, scene=award.scene))
+        self._enter(State.AWARDING, now + self._market_state.settings.goal_deadline_s)
+        self._market_state.effects.append(SendGoal(goal=award.goal, scene=award.scene))
 
     def _decline(self, award: Award, reason: str) -> None:
         self._not_taken_by.append(f"{award.goal.agent} ({reason})")
-        self._floor.effects.append(award.event(RunEventKind.REFUSED, reason))
+        self._market_state.effects.append(award.event(RunEventKind.REFUSED, reason))
 
     def _not_taken(self, award: Award, reason: str, now: float) -> None:
         if award.stop is not None:
@@ -312,15 +312,15 @@ class Interaction:
 
     def _cancel(self, award: Award, now: float) -> None:
         if award.accepted:
-            self._deadline = now + self._floor.settings.cancel_deadline_s
-        self._floor.effects.append(CancelGoal(goal=award.goal))
+            self._deadline = now + self._market_state.settings.cancel_deadline_s
+        self._market_state.effects.append(CancelGoal(goal=award.goal))
 
     def _lose(self, award: Award, message: str, now: float) -> None:
         self._end(award, RunOutcome.LOST, RunEnd(outcome=0, message=message), now)
 
     def _end(self, award: Award, outcome: RunOutcome, end: RunEnd, now: float) -> None:
         goal = award.goal
-        self._floor.effects.append(award.end(outcome, end, now))
+        self._market_state.effects.append(award.end(outcome, end, now))
         self._last_text = f"{goal.agent} {outcome.name.lower()}: {end.message}"
         if award.started is not None or self._last_run is None:
             ran = "" if award.started is None else goal.agent
@@ -329,9 +329,9 @@ class Interaction:
         if outcome is RunOutcome.LOST or award.started is None:
             self._proceed()
             return
-        limit = self._floor.settings.collect_deadline_s
+        limit = self._market_state.settings.collect_deadline_s
         self._enter(State.COLLECTING, now + limit)
-        self._floor.effects.append(
+        self._market_state.effects.append(
             Collect(goal=goal, outcome=outcome, scene=award.scene, deadline_s=limit)
         )
         if self._hurries:

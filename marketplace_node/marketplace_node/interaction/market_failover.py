@@ -34,11 +34,11 @@ class InheritedRuns:
     """Runs inherited from an earlier market, each taken once, each scene ended once.
 
     Args:
-        floor: Shared by all rounds.
+        market_state: Shared by all rounds.
     """
 
-    def __init__(self, floor: MarketState) -> None:
-        self._floor = floor
+    def __init__(self, market_state: MarketState) -> None:
+        self._market_state = market_state
         self._runs: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED)
         self._scenes: deque[tuple[str, str]] = deque(maxlen=_REMEMBERED)
         self._again: list[tuple[float, Scene]] = []
@@ -66,7 +66,7 @@ class InheritedRuns:
         """
         fresh = [run for run in runs if self._is_new(host, run)]
         for run in fresh:
-            self._floor.effects.append(AnnounceEarlierRun(run=run))
+            self._market_state.effects.append(AnnounceEarlierRun(run=run))
         # The last run for a scene says how the scene ended.
         for run in sorted(fresh, key=lambda run: run.goal.round, reverse=True):
             origin = _FOLLOW_UP.sub("", run.scene.scene_id)
@@ -82,7 +82,7 @@ class InheritedRuns:
     def _is_new(self, host: str, run: EarlierRun) -> bool:
         which = (run.epoch, run.goal.round, run.goal.agent)
         report = f"{host} says how the run of round {run.goal.round} of market '{run.epoch}' ended"
-        if run.epoch == self._floor.epoch:
+        if run.epoch == self._market_state.epoch:
             self._note(f"{report}, but this market knows its own runs; it is left out")
         elif run.goal.host != host:
             self._note(f"{report}, but it was a run of '{run.goal.host}'; it is left out")
@@ -108,7 +108,7 @@ class InheritedRuns:
         self._again.append((now + GATHER_S, run.scene.with_id(scene_id)))
 
     def _end(self, scene_id: str, run: EarlierRun, outcome: RunOutcome, message: str) -> None:
-        self._floor.effects.append(
+        self._market_state.effects.append(
             SceneEnded(
                 scene_id=scene_id,
                 code=outcome.name,
@@ -118,4 +118,4 @@ class InheritedRuns:
         )
 
     def _note(self, message: str) -> None:
-        self._floor.effects.append(Note(message=message))
+        self._market_state.effects.append(Note(message=message))

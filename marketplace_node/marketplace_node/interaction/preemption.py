@@ -7,11 +7,11 @@ import math
 from dataclasses import replace
 from functools import partial
 
-from marketplace_node.explanation import reason as explain
+from marketplace_node.explanation.reason import preemption_reason
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_queue import QueuedScene
 from marketplace_node.market_state import MarketState
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
-from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import EXTERNAL, Settings
 
 
@@ -19,7 +19,7 @@ class PreemptionRound:
     """Round for a queued scene during the run of another agent.
 
     Args:
-        floor: Shared by all rounds.
+        market_state: Shared by all rounds.
         waiting: The scene, which keeps its place in the line.
         running: The agent that runs.
         now: Steady time [s].
@@ -29,13 +29,15 @@ class PreemptionRound:
         open_round: Its call for bids.
     """
 
-    def __init__(self, floor: MarketState, waiting: QueuedScene, running: str, now: float) -> None:
+    def __init__(
+        self, market_state: MarketState, waiting: QueuedScene, running: str, now: float
+    ) -> None:
         self.waiting = waiting
         # For an urgent scene the run is stopped whoever is best, so nobody is waited for.
         self.open_round = OpenRound(
-            floor, waiting.scene, now, asks_outside=not waiting.scene.urgent
+            market_state, waiting.scene, now, asks_external=not waiting.scene.urgent
         )
-        self._floor = floor
+        self._market_state = market_state
         self._running = running
         waiting.asked = True
         waiting.round = self.open_round.number
@@ -51,7 +53,7 @@ class PreemptionRound:
             cooldown_left_s: For so long no scene that is not urgent may stop a run [s].
             no_room: Why the scene cannot wait; empty when it can.
         """
-        settings = self._floor.settings
+        settings = self._market_state.settings
         decision = self.open_round.close(by, now)
         worth = justifies_preemption(decision, self._running, settings)
         obstacle = ""
@@ -64,14 +66,14 @@ class PreemptionRound:
         decision = replace(
             decision, outcome=AuctionOutcome.PREEMPTS if stops else AuctionOutcome.WAITS
         )
-        reason = explain.challenge(
+        reason = preemption_reason(
             decision, self._running, settings.preempt_margin, obstacle=obstacle, no_room=no_room
         )
-        self._floor.publish(decision, lambda: reason)
+        self._market_state.publish(decision, lambda: reason)
         return stops, reason
 
     def _no_more(self, decision: Decision) -> dict[str, str]:
-        """Return whom the round after the stop is not for, so that nobody is stopped for itself.
+        """Return the agents excluded after the stop, so that no agent is stopped for itself.
 
         With the same bids the same chance finds the same winner. So it is enough to leave out a
         stopped agent that may bid now and did not; a program outside may say anything, though.
@@ -85,7 +87,9 @@ class PreemptionRound:
         """Close the round without a decision, as the run is ending anyway."""
         decision = self.open_round.close(ClosedBy.STOPPED, now, stopped=reason)
         decision = replace(decision, outcome=AuctionOutcome.WAITS)
-        self._floor.publish(decision, partial(explain.challenge, decision, self._running, 0.0))
+        self._market_state.publish(
+            decision, partial(preemption_reason, decision, self._running, 0.0)
+        )
 
 
 def justifies_preemption(decision: Decision, running: str, settings: Settings) -> bool:

@@ -10,10 +10,10 @@ from bt_agents_core.scene import Scene
 from marketplace_node.effects import SceneEnded, State
 from marketplace_node.interaction.award import PREEMPTED, SHUTTING_DOWN, STOPPED, StopRequest
 from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.preemption import PreemptionRound
 from marketplace_node.interaction.scene_queue import QueuedScene, SceneQueue
 from marketplace_node.market_state import MarketState
-from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import MAX_QUEUE
 
 _REMEMBERED_SCENES = 4 * MAX_QUEUE
@@ -26,15 +26,15 @@ class SceneAdmission:
     during another challenge, are asked about when it is their turn.
 
     Args:
-        floor: Shared by all rounds.
+        market_state: Shared by all rounds.
 
     Attributes:
         closed_reason: Why no more scenes are taken; empty while they are.
     """
 
-    def __init__(self, floor: MarketState) -> None:
+    def __init__(self, market_state: MarketState) -> None:
         self.closed_reason = ""
-        self._floor = floor
+        self._market_state = market_state
         self._line = SceneQueue()
         self._known: deque[str] = deque(maxlen=_REMEMBERED_SCENES)
         self._challenge: PreemptionRound | None = None
@@ -63,12 +63,12 @@ class SceneAdmission:
         """
         self._check(scene, interaction)
         self._known.append(scene.scene_id)
-        self._floor.last_scene = scene
+        self._market_state.last_scene = scene
         self._line.push(scene, urgent_first=self._preempts)
 
     def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:
         """End a scene for which nothing has run."""
-        self._floor.effects.append(
+        self._market_state.effects.append(
             SceneEnded(scene_id=scene_id, code=code, message=message, round=round_number)
         )
 
@@ -79,13 +79,13 @@ class SceneAdmission:
     def close(self, reason: str, now: float) -> None:
         """End all scenes that wait, and from now on each one that comes."""
         self.closed_reason = reason
-        self._give_up_challenge(reason, now)
+        self._give_up_preemption(reason, now)
         while (waiting := self.next()) is not None:
             self.refuse(waiting.scene.scene_id, SHUTTING_DOWN, reason)
 
     def forget(self, reason: str, now: float) -> str:
-        """End all scenes that wait, as somebody wants an end; return it in words."""
-        self._give_up_challenge(reason, now)
+        """End all queued scenes on request; return a text for the answer."""
+        self._give_up_preemption(reason, now)
         count = len(self._line)
         while (waiting := self.next()) is not None:
             self.refuse(waiting.scene.scene_id, STOPPED, f"stopped while it waited: {reason}")
@@ -96,24 +96,24 @@ class SceneAdmission:
         """Decide the challenge that is due, and open those that are allowed now."""
         if not _running(interaction) and self._challenge is not None:
             ends = interaction is not None and interaction.state is State.CANCELLING
-            self._give_up_challenge("the run is being stopped" if ends else "the run ended", now)
+            self._give_up_preemption("the run is being stopped" if ends else "the run ended", now)
         if self._challenge is not None and not self._preempts:
-            mode = self._floor.settings.on_new_scene
-            self._give_up_challenge(f"on_new_scene is '{mode}' now", now)
+            mode = self._market_state.settings.on_new_scene
+            self._give_up_preemption(f"on_new_scene is '{mode}' now", now)
         while interaction is not None and _running(interaction):
             if self._challenge is None:
                 waiting = self._line.unasked() if self._preempts else None
                 if waiting is None or interaction.goal is None:
                     return
                 self._challenge = PreemptionRound(
-                    self._floor, waiting, interaction.goal.agent, now
+                    self._market_state, waiting, interaction.goal.agent, now
                 )
             if not self._decide(self._challenge, interaction, now):
                 return
 
     @property
     def _preempts(self) -> bool:
-        return self._floor.settings.on_new_scene == "preempt"
+        return self._market_state.settings.on_new_scene == "preempt"
 
     def _check(self, scene: Scene, interaction: Interaction | None) -> None:
         if self.closed_reason:
@@ -126,12 +126,12 @@ class SceneAdmission:
         if interaction is None:
             return
         busy = f"scene '{interaction.origin.scene_id}' is under way"
-        if self._floor.settings.on_new_scene == "reject":
+        if self._market_state.settings.on_new_scene == "reject":
             raise Refused("BUSY", f"{busy} and on_new_scene is 'reject'")
         if self._preempts and _running(interaction) and self._challenge is None:
             return  # it is asked about at once, and waits only when that does not stop the run
         waiting = len(self._line) - (self._challenge is not None)
-        limit = self._floor.settings.queue_limit
+        limit = self._market_state.settings.queue_limit
         if waiting >= limit + self._finds_room(scene):
             raise Refused("QUEUE_FULL", f"{busy} and {waiting} wait, at most {limit} may")
 
@@ -161,15 +161,15 @@ class SceneAdmission:
 
     def _full(self) -> str:
         """Return why the scene of the challenge cannot wait; empty when it can."""
-        others, limit = len(self._line) - 1, self._floor.settings.queue_limit
+        others, limit = len(self._line) - 1, self._market_state.settings.queue_limit
         return f"{others} wait already and at most {limit} may" if others >= limit else ""
 
     def _cooldown_left(self, now: float) -> float:
         if self._preempted_at is None:
             return 0.0
-        return self._preempted_at + self._floor.settings.preempt_cooldown_s - now
+        return self._preempted_at + self._market_state.settings.preempt_cooldown_s - now
 
-    def _give_up_challenge(self, reason: str, now: float) -> None:
+    def _give_up_preemption(self, reason: str, now: float) -> None:
         if self._challenge is not None:
             self._challenge.give_up(reason, now)
             self._challenge.waiting.asked = False

@@ -64,20 +64,20 @@ from marketplace_node.node.messages import (
     scene_end_to_msg,
     status_to_msg,
 )
-from marketplace_node.node.operator_services import OperatorServices, OrdersFile
+from marketplace_node.node.operator_services import OperatorServices, OverridesFile
 from marketplace_node.node.parameters import declare_settings, watch_settings
 from marketplace_node.node.registration_service import RegistrationService
 from marketplace_node.registry import HostEntry
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
 
-ORDERS = StartParameter(
+OVERRIDES_FILE = StartParameter(
     name="orders",
     description="file that keeps pins, vetoes and counts of runs over a restart of the market; "
     "empty for none",
 )
 
-_POLL_S = 0.02  # between two looks whether somebody who starts is found
+_POLL_S = 0.02  # between two polls for hosts that are just starting
 _HEARTBEAT_S = 0.1
 _NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
 _SHOWN = 200  # characters of what is malformed
@@ -91,11 +91,11 @@ class MarketplaceNode(BaseNode):
         space: The scene parameters of the system.
         epoch: Name of this start of the market; None makes one.
         rules: Of the strategy ``rules``.
-        orders: File that keeps pins, vetoes and counts over a restart; None keeps none.
+        overrides_file: File that keeps pins, vetoes and counts over a restart; None keeps none.
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Attributes:
-        outside: Asks a program outside for rankings.
+        external_ranking: Asks a program outside for rankings.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class MarketplaceNode(BaseNode):
         epoch: str | None = None,
         *,
         rules: tuple[MarketRule, ...] = (),
-        orders: Path | None = None,
+        overrides_file: Path | None = None,
         **node_kwargs: Any,
     ) -> None:
         super().__init__("marketplace", **node_kwargs)
@@ -122,27 +122,29 @@ class MarketplaceNode(BaseNode):
         self._ends = self.create_publisher(SceneEndMsg, "scene_ends", qos.HISTORY)
         self._status = self.create_publisher(MarketStatus, "market", qos.FACT)
         self._heartbeats = self.create_publisher(MarketHeartbeat, "~/heartbeat", qos.EVENTS)
-        self._beats = 0
+        self._heartbeats_sent = 0
         self._feedback = Outbox(
             self,
             self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE),
         )
-        self.outside = ExternalRankingClient(self, self._market, self._execute)
+        self.external_ranking = ExternalRankingClient(self, self._market, self._execute)
         self._operators = OperatorServices(self, self._market, space, self._execute)
-        self._orders = OrdersFile(self, orders) if orders is not None else None
+        self._overrides_file = (
+            OverridesFile(self, overrides_file) if overrides_file is not None else None
+        )
         self._ticked = time.monotonic()
         self._deadline = OneShot(self, self._tick)
         self._poll = steady_timer(self, _POLL_S, self._tick, running=False)
-        steady_timer(self, _HEARTBEAT_S, self._beat)
+        steady_timer(self, _HEARTBEAT_S, self._publish_heartbeat)
         RegistrationService(self, self._market, self._hosts, space, self._execute)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
-        self._hearing = BidDecoder(self._market.epoch, self._hosts.reaches)
+        self._bid_decoder = BidDecoder(self._market.epoch, self._hosts.reaches)
         self._bids = self.create_subscription(
             BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
         )
         self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
         self._execute(self._market.tick(self._ticked))
-        self._restore_orders()
+        self._restore_overrides()
         self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
 
     @property
@@ -162,22 +164,22 @@ class MarketplaceNode(BaseNode):
     def destroy_node(self) -> None:
         """Destroy the node with its action clients, which rclpy would leave behind."""
         self._feedback.close()
-        if self._orders is not None:
-            self._orders.close()
+        if self._overrides_file is not None:
+            self._overrides_file.close()
         self._hosts.close()
         super().destroy_node()
 
-    def _restore_orders(self) -> None:
-        text = self._orders.read() if self._orders is not None else ""
+    def _restore_overrides(self) -> None:
+        text = self._overrides_file.read() if self._overrides_file is not None else ""
         if not text:
             return
         try:
-            standing, effects = self._market.restore_orders(text, time.monotonic())
+            in_force, effects = self._market.restore_overrides(text, time.monotonic())
         except Refused as refused:
             self.get_logger().error(refused.reason)
             return
-        if standing:
-            self.get_logger().warning(f"still in force: {standing}")
+        if in_force:
+            self.get_logger().warning(f"still in force: {in_force}")
         self._execute(effects)
 
     def _configure(self, settings: Settings) -> None:
@@ -194,7 +196,7 @@ class MarketplaceNode(BaseNode):
 
     def _take_bids(self, message: bytes) -> None:
         try:
-            bids = self._hearing.read(message)
+            bids = self._bid_decoder.read(message)
         except Refused as refused:
             self._execute([Note(message=str(refused)[:_SHOWN])])
             return
@@ -231,15 +233,15 @@ class MarketplaceNode(BaseNode):
         self._hosts.send_waiting()
         self._execute(self._market.tick(now))
 
-    def _beat(self) -> None:
-        self._beats += 1
+    def _publish_heartbeat(self) -> None:
+        self._heartbeats_sent += 1
         goal = self._market.goal
         self._heartbeats.publish(
             MarketHeartbeat(
                 epoch=self._market.epoch,
                 round=goal.round if goal else 0,
                 agent=goal.agent if goal else "",
-                sequence=self._beats % 2**32,
+                sequence=self._heartbeats_sent % 2**32,
             )
         )
         self._tick()
@@ -267,14 +269,14 @@ class MarketplaceNode(BaseNode):
                 self._connect(effect.entry)
             case Disconnect():
                 self._hosts.disconnect(effect.host)
-                self._hearing.forget(effect.host)
+                self._bid_decoder.forget(effect.host)
             case OpenCall():
                 now = time.monotonic()
                 latest = now + _CALL_WAITS * effect.deadline_s
                 self._due_calls[effect.round] = (effect, latest)
                 self._publish_calls(now)
             case RequestRanking():
-                self.outside.ask(effect)
+                self.external_ranking.ask(effect)
             case PreviewEnded():
                 self._due_calls.pop(effect.number, None)
                 self._operators.end(effect)
@@ -303,8 +305,8 @@ class MarketplaceNode(BaseNode):
                 self._ends.publish(scene_end_to_msg(effect, self._market.epoch, self._now()))
                 log.info(f"scene '{effect.scene_id}' {effect.code}: {effect.message}")
             case StoreOverrides():
-                if self._orders is not None:
-                    self._orders.store(effect.text)
+                if self._overrides_file is not None:
+                    self._overrides_file.store(effect.text)
             case Note():
                 log.warning(effect.message, throttle_duration_sec=_NOTES_S)
             case Alarm():
@@ -325,7 +327,7 @@ class MarketplaceNode(BaseNode):
                 self._publish_call(effect, now)
 
     def _matched(self, hosts: int) -> bool:
-        """Return whether so many hosts hear a call, and are heard; else messages would be lost."""
+        """Return whether so many hosts are matched both ways; else messages would be lost."""
         publishers = int(self._bids.get_publisher_count())
         subscribers = int(self._calls.get_subscription_count())
         return min(publishers, subscribers) >= hosts
@@ -366,12 +368,14 @@ class MarketplaceNode(BaseNode):
         return self.get_clock().now().to_msg()
 
 
-def make_market(trees: Path, orders: Path | None = None, **node_kwargs: Any) -> MarketplaceNode:
-    """Return the market of a trees folder; its log says what it cannot use.
+def make_market(
+    trees: Path, overrides_file: Path | None = None, **node_kwargs: Any
+) -> MarketplaceNode:
+    """Return the market of a trees folder; what it cannot use is logged.
 
     Args:
         trees: The folder.
-        orders: As for :class:`MarketplaceNode`.
+        overrides_file: As for :class:`MarketplaceNode`.
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Raises:
@@ -385,7 +389,7 @@ def make_market(trees: Path, orders: Path | None = None, **node_kwargs: Any) -> 
         rules = market_of(trees, space).rules
     except ReadError as error:
         unread = error
-    node = MarketplaceNode(space, rules=rules, orders=orders, **node_kwargs)
+    node = MarketplaceNode(space, rules=rules, overrides_file=overrides_file, **node_kwargs)
     if unread is not None:
         if node.needs_rules:
             node.destroy_node()
@@ -398,10 +402,10 @@ def make_market(trees: Path, orders: Path | None = None, **node_kwargs: Any) -> 
 
 def _make_node() -> MarketplaceNode:
     def make(values: Mapping[str, str]) -> MarketplaceNode:
-        orders = Path(values["orders"]) if values["orders"] else None
-        return make_market(find_trees(values["trees"]), orders)
+        overrides_file = Path(values["orders"]) if values["orders"] else None
+        return make_market(find_trees(values["trees"]), overrides_file)
 
-    return make_from_parameters("marketplace", (TREES, ORDERS), make)
+    return make_from_parameters("marketplace", (TREES, OVERRIDES_FILE), make)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -29,7 +29,7 @@ class BidDecoder:
         self._last: dict[str, tuple[bytes, Bids]] = {}
 
     def read(self, message: bytes) -> Bids:
-        """Return the answer that a serialized message says; the auction checks it.
+        """Return the answer in a serialised message; the auction checks it.
 
         Raises:
             Refused: ``MALFORMED``.

@@ -34,9 +34,9 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.explanation.formatting import shown
+from marketplace_node.formatting import shown
 from marketplace_node.interaction.award import RunEnd
-from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.registry import Registration
 from marketplace_node.round.decision import Bids, Decision, External, RankedBid, Terms
 from marketplace_node.round.precedence import check_ranking
@@ -75,7 +75,7 @@ def registration_from_msg(request: RegisterHost.Request) -> Registration:
 
 
 def run_end_from_msg(result: RunAgent.Result) -> RunEnd:
-    """Return how a host says that a run ended; the interaction checks it."""
+    """Return the end of a run as its host reports it; the interaction checks it."""
     return RunEnd(
         outcome=result.outcome,
         message=result.message,
@@ -267,7 +267,9 @@ def selection_from_msg(answer: SelectAgent.Response, bidders: Sequence[str]) -> 
         return External(failure=f"the selector's answer is of no use: {refused.reason}")
 
 
-def order_from_msg(request: OperateMarket.Request, space: SceneSpace) -> OperatorCommand:
+def operator_command_from_msg(
+    request: OperateMarket.Request, space: SceneSpace
+) -> OperatorCommand:
     """Check what an operator asks for and return it.
 
     Raises:
@@ -275,13 +277,13 @@ def order_from_msg(request: OperateMarket.Request, space: SceneSpace) -> Operato
     """
     if request.action not in set(OperatorAction):
         raise Refused("UNKNOWN_ACTION", f"action is {request.action}, expected 0 to 4")
-    act = OperatorAction(request.action)
+    action = OperatorAction(request.action)
     return OperatorCommand(
-        act=act,
+        action=action,
         agent=request.agent,
         author=shown(request.author),
         reason=shown(request.reason),
-        scene=scene_or_last(request.scene, space) if act is OperatorAction.AWARD else None,
+        scene=scene_or_last(request.scene, space) if action is OperatorAction.AWARD else None,
     )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services of operators, and the file that keeps what they ordered over a restart."""
+"""Services of operators, and the file by which their overrides survive a restart."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.future_poller import FuturePoller
 from marketplace_node.effects import Effect, PreviewEnded
 from marketplace_node.market import Market
-from marketplace_node.node.messages import auction_to_msg, order_from_msg, scene_or_last
+from marketplace_node.node.messages import auction_to_msg, operator_command_from_msg, scene_or_last
 
 
 class OperatorServices:
@@ -65,14 +65,14 @@ class OperatorServices:
         self, request: OperateMarket.Request, response: OperateMarket.Response
     ) -> OperateMarket.Response:
         try:
-            order = order_from_msg(request, self._space)
-            response.message, effects = self._market.operate(order, time.monotonic())
+            command = operator_command_from_msg(request, self._space)
+            response.message, effects = self._market.operate(command, time.monotonic())
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
         response.accepted = True
-        action = order.act.name.lower()
-        self._node.get_logger().info(f"{order.who}, {action}: {response.message}")
+        action = command.action.name.lower()
+        self._node.get_logger().info(f"{command.who}, {action}: {response.message}")
         self._execute(effects)
         return response
 
@@ -97,22 +97,22 @@ class OperatorServices:
         return response
 
 
-class OrdersFile:
+class OverridesFile:
     """File that is read once and written by a thread of its own.
 
     Args:
-        node: Tells what goes wrong.
+        node: Logs failures.
         path: The file; its folder is made when absent.
     """
 
     def __init__(self, node: Node, path: Path) -> None:
         self._node = node
         self._path = path
-        self._jobs = FuturePoller(node)
-        self._worker = WorkerThread("orders")
+        self._poller = FuturePoller(node)
+        self._worker = WorkerThread("operator overrides")
 
     def read(self) -> str:
-        """Return what was kept; empty when nothing was."""
+        """Return the stored text; empty when there is none."""
         try:
             return self._path.read_text(encoding="utf-8")
         except FileNotFoundError:
@@ -122,8 +122,8 @@ class OrdersFile:
             return ""
 
     def store(self, text: str) -> None:
-        """Write what is to be kept from now on."""
-        self._jobs.watch(self._worker.submit(self._write, text), self._report)
+        """Replace the stored text."""
+        self._poller.watch(self._worker.submit(self._write, text), self._report)
 
     def close(self) -> None:
         """Write what still waits to be written."""

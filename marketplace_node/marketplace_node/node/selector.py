@@ -7,7 +7,7 @@ import json
 import math
 import os
 from collections.abc import Sequence
-from concurrent.futures import Future as Job
+from concurrent.futures import Future as ThreadFuture
 from functools import partial
 from typing import Any
 
@@ -70,7 +70,7 @@ class SelectorNode(BaseNode):
         self._space = space
         self._endpoint = endpoint
         self.descriptions: dict[str, dict[str, str]] = {}
-        self._jobs: list[tuple[Job[Ranking], Future]] = []
+        self._requests: list[tuple[ThreadFuture[Ranking], Future]] = []
         self._client = HttpClient("selector")
         self._poll = steady_timer(self, _POLL_S, self._take_answers, running=False)
         self.create_subscription(HostCard, "cards", self._take_card, qos.FACTS)
@@ -120,8 +120,8 @@ class SelectorNode(BaseNode):
         """
         bidders = self._bidders(request)
         scene = scene_from_msg(request.scene, self._space)
-        if len(self._jobs) >= _MOST_WAITING:
-            raise Refused("BUSY", f"{len(self._jobs)} questions wait for the server already")
+        if len(self._requests) >= _MOST_WAITING:
+            raise Refused("BUSY", f"{len(self._requests)} questions wait for the server already")
         limit_s = request.limit_s
         if not 0.0 < limit_s <= _LONGEST_S:
             raise Refused(
@@ -129,7 +129,7 @@ class SelectorNode(BaseNode):
             )
         body = json.dumps(question(self._endpoint.model, self._space, scene, bidders)).encode()
         names = [bidder.name for bidder in bidders]
-        job = self._client.post(
+        request_future = self._client.post(
             self._endpoint.url,
             self._endpoint.headers(),
             body,
@@ -138,12 +138,12 @@ class SelectorNode(BaseNode):
             most=MOST_BYTES,
         )
         ended = Future()
-        self._jobs.append((job, ended))
+        self._requests.append((request_future, ended))
         if self._poll.is_canceled():
             self._poll.reset()
         await ended
         try:
-            return job.result(timeout=0)
+            return request_future.result(timeout=0)
         except Refused:
             raise
         except Exception as error:
@@ -159,7 +159,9 @@ class SelectorNode(BaseNode):
             )
         if not all(math.isfinite(distance) for distance in request.distances):
             raise Refused("NOT_FINITE", "a distance is not a finite number")
-        described = {n: text for told in self.descriptions.values() for n, text in told.items()}
+        described = {
+            n: text for by_agent in self.descriptions.values() for n, text in by_agent.items()
+        }
         return [
             Bidder(
                 name=name,
@@ -174,9 +176,9 @@ class SelectorNode(BaseNode):
 
     def _take_answers(self) -> None:
         """Let those go on whose server has answered: threads must not call into rclpy."""
-        ended = [one for one in self._jobs if one[0].done()]
-        self._jobs = [one for one in self._jobs if not one[0].done()]
-        if not self._jobs:
+        ended = [one for one in self._requests if one[0].done()]
+        self._requests = [one for one in self._requests if not one[0].done()]
+        if not self._requests:
             self._poll.cancel()
         for _, waiting in ended:
             waiting.set_result(None)

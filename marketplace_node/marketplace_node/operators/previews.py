@@ -8,10 +8,10 @@ from functools import partial
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from marketplace_node.effects import PreviewEnded
-from marketplace_node.explanation import reason as explain
+from marketplace_node.explanation.reason import reason_of
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.market_state import MarketState
 from marketplace_node.round.decision import ClosedBy
-from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import check_strategy
 
 MOST = 8
@@ -22,11 +22,11 @@ class Previews:
     """Open previews, each of which ends once.
 
     Args:
-        floor: Shared by all rounds.
+        market_state: Shared by all rounds.
     """
 
-    def __init__(self, floor: MarketState) -> None:
-        self._floor = floor
+    def __init__(self, market_state: MarketState) -> None:
+        self._market_state = market_state
         self._open: list[OpenRound] = []
 
     @property
@@ -40,13 +40,13 @@ class Previews:
         Raises:
             Refused: ``UNKNOWN_STRATEGY`` or ``BUSY``.
         """
-        strategy = strategy or self._floor.settings.strategy
+        strategy = strategy or self._market_state.settings.strategy
         check_strategy(strategy)
         if len(self._open) >= MOST:
             raise Refused(
                 "BUSY", f"{MOST} previews are under way, and more may not be; ask again later"
             )
-        preview = OpenRound(self._floor, scene, now, preview=strategy)
+        preview = OpenRound(self._market_state, scene, now, preview=strategy)
         self._open.append(preview)
         return preview.number
 
@@ -66,12 +66,12 @@ class Previews:
     def give_up(self, code: str, reason: str) -> None:
         """End all previews without an outcome."""
         for preview in self._open:
-            self._floor.effects.append(
+            self._market_state.effects.append(
                 PreviewEnded(number=preview.number, outcome=Refused(code, reason))
             )
         self._open = []
 
     def _end(self, preview: OpenRound, by: ClosedBy, now: float) -> None:
         decision = preview.close(by, now)
-        outcome = self._floor.outcome(decision, partial(explain.reason, decision))
-        self._floor.effects.append(PreviewEnded(number=preview.number, outcome=outcome))
+        outcome = self._market_state.outcome(decision, partial(reason_of, decision))
+        self._market_state.effects.append(PreviewEnded(number=preview.number, outcome=outcome))

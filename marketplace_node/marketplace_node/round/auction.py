@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from marketplace_node.explanation.formatting import shown
+from marketplace_node.formatting import shown
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.bid_table import BidColumns, BidRows
 from marketplace_node.round.decision import (
@@ -40,9 +40,11 @@ class Auction:
         self._asked = {entry.host: entry for entry in asked}
         self._answered: set[str] = set()
         self._accepted = BidColumns(space)
-        self._barred = frozenset(refused.agent for refused in terms.barred)
-        self._may_be_silent = self._barred | terms.excluded.keys()
-        self._refused = list(terms.barred)
+        self._excluded_by_operators = frozenset(
+            refused.agent for refused in terms.operator_exclusions
+        )
+        self._may_be_silent = self._excluded_by_operators | terms.excluded.keys()
+        self._refused = list(terms.operator_exclusions)
 
     @property
     def complete(self) -> bool:
@@ -80,7 +82,7 @@ class Auction:
         unmet_ones = bids.unmet or ("",) * len(bids.declined)
         declined = zip(bids.declined, bids.decline_reasons, unmet_ones, strict=True)
         for agent, reason, unmet in declined:
-            if agent in self._barred:
+            if agent in self._excluded_by_operators:
                 continue
             try:
                 self._check_agent(agent, entry, named)
@@ -202,7 +204,7 @@ class Auction:
         named: set[str] = set()
         taken: list[int] = []
         for row, (agent, agent_id) in enumerate(zip(bids.agents, bids.agent_ids, strict=True)):
-            if agent in self._barred:
+            if agent in self._excluded_by_operators:
                 continue
             try:
                 self._check_agent(agent, entry, named)

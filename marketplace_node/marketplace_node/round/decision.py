@@ -148,7 +148,8 @@ class Terms:
         tie_break: Which of equally good bids wins.
         excluded: Agents that may not bid, as they were stopped earlier in the interaction, with
             the reason.
-        barred: Agents that may not bid, as people have said, each as the refusal that is recorded.
+        operator_exclusions: Agents that may not bid by order of an operator, each as the refusal
+            that is recorded.
         unasked: Registered hosts that are not asked, with the reason.
         last_run: Number of the last run of each agent that ever ran.
         runs: How often each agent has run.
@@ -170,7 +171,7 @@ class Terms:
     strategy: str
     tie_break: str
     excluded: Mapping[str, str] = field(default_factory=dict)
-    barred: tuple[RefusedBid, ...] = ()
+    operator_exclusions: tuple[RefusedBid, ...] = ()
     unasked: Mapping[str, str] = field(default_factory=dict)
     last_run: Mapping[str, int] = field(default_factory=dict)
     runs: Mapping[str, int] = field(default_factory=dict)

@@ -11,7 +11,7 @@ import numpy as np
 from bt_agents_core.errors import Refused
 from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.files.market_reader import MarketRule
-from marketplace_node.explanation.formatting import shown
+from marketplace_node.formatting import shown
 from marketplace_node.strategies import Scores
 
 _BIDDERS_NAMED = 5
@@ -23,7 +23,7 @@ def applicable_rule(
     person: bool,
     agents: Sequence[str],
 ) -> tuple[int, MarketRule] | None:
-    """Return the first rule that holds and names somebody who bids, with its number from 1.
+    """Return the first rule that holds and names a bidder, with its number from 1.
 
     A condition on a missing value does not hold, nor does one that cannot be worked out.
 

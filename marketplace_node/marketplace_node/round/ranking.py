@@ -12,8 +12,8 @@ import numpy as np
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from marketplace_node.explanation.counterfactual import smallest_change
 from marketplace_node.round.bid_table import BidTable, weights_of
+from marketplace_node.round.counterfactual import smallest_change
 from marketplace_node.round.decision import (
     AcceptedBid,
     Counterfactual,
@@ -25,7 +25,7 @@ from marketplace_node.round.decision import (
 from marketplace_node.round.round_model import RoundModel, Scored
 from marketplace_node.strategies import STRATEGIES, StrategySpec
 from marketplace_node.strategies.arrays import Integers, Sum
-from marketplace_node.strategies.nearest import MANHATTAN, measure
+from marketplace_node.strategies.nearest import MANHATTAN, weighted_distance
 from marketplace_node.strategies.nearest import nearest as nearest_rows
 
 FALLBACK = "manhattan"
@@ -61,55 +61,55 @@ def decide(
         return Ranked()
     spec = _spec(terms.strategy)
     if spec.sum is not None and external is None and _is_modest(space):
-        return _led(space, terms, table, spec, spec.sum)
-    contest = _contest(space, terms, table, external)
+        return _lazily_ranked(space, terms, table, spec, spec.sum)
+    model = _model(space, terms, table, external)
     fallback = external.failure if external is not None else ""
     try:
-        measured = contest.measure()
+        scored = model.score()
     except Refused as refused:
         fallback = refused.reason
-        contest = replace(contest, spec=STRATEGIES[FALLBACK])
-        measured = contest.measure()
-    places = contest.order(measured.scores.score)
-    shadow_winner, shadow_failure = _shadow(contest)
+        model = replace(model, spec=STRATEGIES[FALLBACK])
+        scored = model.score()
+    places = model.order(scored.scores.score)
+    shadow_winner, shadow_failure = _shadow(model)
     return Ranked(
-        bids=Standings(
-            _ranked(space, terms, table, measured, places[:1])[0],
+        bids=LazyRanking(
+            _ranked(space, terms, table, scored, places[:1])[0],
             len(table),
-            partial(_ranked, space, terms, table, measured, places),
+            partial(_ranked, space, terms, table, scored, places),
         ),
         bidders=table.agents,
-        by=FALLBACK if fallback else contest.spec.name,
+        by=FALLBACK if fallback else model.spec.name,
         fallback=fallback,
-        precedence=measured.precedence,
-        placed=measured.placed,
+        precedence=scored.precedence,
+        placed=scored.placed,
         shadow_winner=shadow_winner,
         shadow_failure=shadow_failure,
-        find_change=lambda: smallest_change(contest, places, space),
+        find_change=lambda: smallest_change(model, places, space),
     )
 
 
 def nearest(space: SceneSpace, terms: Terms, table: BidTable) -> tuple[RankedBid, ...]:
     """Return the bids ranked by their Manhattan distance, whatever the strategy of the round."""
-    contest = _contest(space, replace(terms, strategy=FALLBACK), table, None)
-    measured = contest.measure()
-    return _ranked(space, terms, table, measured, contest.order(measured.scores.score))
+    model = _model(space, replace(terms, strategy=FALLBACK), table, None)
+    scored = model.score()
+    return _ranked(space, terms, table, scored, model.order(scored.scores.score))
 
 
-def _led(
+def _lazily_ranked(
     space: SceneSpace, terms: Terms, table: BidTable, spec: StrategySpec, distance: Sum
 ) -> Ranked:
-    """Find the winner alone; the others when somebody looks at them."""
+    """Rank the winner eagerly and the others lazily."""
 
     @cache
     def rest() -> tuple[RoundModel, Scored, Integers]:
-        contest = _contest(space, terms, table, None)
-        measured = contest.measure()
-        return contest, measured, contest.order(measured.scores.score)
+        model = _model(space, terms, table, None)
+        scored = model.score()
+        return model, scored, model.order(scored.scores.score)
 
     def change() -> Counterfactual | None:
-        contest, _, places = rest()
-        return smallest_change(contest, places, space)
+        model, _, places = rest()
+        return smallest_change(model, places, space)
 
     def ranked() -> tuple[RankedBid, ...]:
         if table.vectors.size > FEW:
@@ -121,9 +121,9 @@ def _led(
     best = winning_row(space, terms, table, distance)
     shadow_winner, shadow_failure = "", ""
     if terms.shadow:
-        shadow_winner, shadow_failure = _shadow(_contest(space, terms, table, None))
+        shadow_winner, shadow_failure = _shadow(_model(space, terms, table, None))
     return Ranked(
-        bids=Standings(_bid(space, terms, table, distance, best), len(table), ranked),
+        bids=LazyRanking(_bid(space, terms, table, distance, best), len(table), ranked),
         bidders=table.agents,
         by=spec.name,
         shadow_winner=shadow_winner,
@@ -151,7 +151,7 @@ def winning_row(
 def _bid(space: SceneSpace, terms: Terms, table: BidTable, distance: Sum, row: int) -> RankedBid:
     vector = tuple(table.vectors[row].tolist())
     stated = weights_of(space) if table.weights is None else tuple(table.weights[row].tolist())
-    measured, parts = measure(vector, terms.scene.vector, distance, stated)
+    total, parts = weighted_distance(vector, terms.scene.vector, distance, stated)
     agent = table.agents[row]
     return RankedBid(
         agent=agent,
@@ -159,11 +159,11 @@ def _bid(space: SceneSpace, terms: Terms, table: BidTable, distance: Sum, row: i
         host=table.hosts[row],
         instance=table.instances[row],
         vector=vector,
-        distance=measured,
+        distance=total,
         contributions=parts,
         weights=() if set(stated) == {1.0} else stated,
         bonus=0.0,
-        score=measured,
+        score=total,
         runs=terms.runs.get(agent, 0),
         last_run=terms.last_run.get(agent, 0),
     )
@@ -179,7 +179,7 @@ def _spec(name: str) -> StrategySpec:
     return spec
 
 
-def _contest(
+def _model(
     space: SceneSpace, terms: Terms, table: BidTable, external: External | None
 ) -> RoundModel:
     return RoundModel(
@@ -194,9 +194,9 @@ def _contest(
 
 
 def _ranked(
-    space: SceneSpace, terms: Terms, table: BidTable, measured: Scored, places: Integers
+    space: SceneSpace, terms: Terms, table: BidTable, scored: Scored, places: Integers
 ) -> tuple[RankedBid, ...]:
-    scores = measured.scores
+    scores = scored.scores
     columns = zip(
         places.tolist(),
         table.vectors[places].tolist(),
@@ -238,26 +238,26 @@ def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple
     ]
 
 
-def _shadow(contest: RoundModel) -> tuple[str, str]:
-    """Return who would have won by the shadow strategy, and why nobody, in words."""
-    terms = contest.terms
+def _shadow(model: RoundModel) -> tuple[str, str]:
+    """Return the winner by the shadow strategy, and the reason why there is none."""
+    terms = model.terms
     if not terms.shadow:
         return "", ""
     shadow = replace(
-        contest,
+        model,
         spec=_spec(terms.shadow),
         options=terms.shadow_options,
         seed=f"{terms.seed}/shadow",
         external=None,
     )
     try:
-        scores = shadow.measure().scores
+        scores = shadow.score().scores
     except Refused as refused:
         return "", refused.reason
-    return contest.table.agents[int(shadow.order(scores.score)[0])], ""
+    return model.table.agents[int(shadow.order(scores.score)[0])], ""
 
 
-class Standings(Sequence[RankedBid]):
+class LazyRanking(Sequence[RankedBid]):
     """Ranking whose winner is computed eagerly and the rest lazily.
 
     Args:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bt_agents_core.errors import Refused
-from marketplace_node.explanation.formatting import shown
+from marketplace_node.formatting import shown
 from marketplace_node.round.bid_table import BidTable
 from marketplace_node.round.decision import External, Terms
 from marketplace_node.round.precedence import applicable_rule, apply_precedence
@@ -67,7 +67,7 @@ class RoundModel:
     seed: str
     external: External | None = None
 
-    def measure(self) -> Scored:
+    def score(self) -> Scored:
         """Return the scores for the scene of the round.
 
         Raises:

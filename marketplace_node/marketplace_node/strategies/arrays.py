@@ -84,7 +84,7 @@ class Scores:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearScores:
-    """Scores as a function of the scene x, where ``offset + sum(weight * |profile - x|)`` says it.
+    """Scores that are ``offset + sum(weight * |profile - x|)`` of the scene x.
 
     Attributes:
         profiles: [N, n].

@@ -56,7 +56,7 @@ def nearest(
     return [row for row, measured in enumerate(found) if measured == least]
 
 
-def measure(
+def weighted_distance(
     bid: Sequence[float], scene: Sequence[float], distance: Sum, weights: Sequence[float]
 ) -> tuple[float, tuple[float, ...]]:
     """Return the distance of one bid and what each parameter adds to it, as its strategy does.
@@ -67,8 +67,10 @@ def measure(
         distance: How it is measured.
         weights: Of a weighted sum, n of them.
     """
-    gaps = zip(bid, scene, strict=True)
-    parts = [0.0 if math.isnan(wanted) else abs(offered - wanted) for offered, wanted in gaps]
+    differences = zip(bid, scene, strict=True)
+    parts = [
+        0.0 if math.isnan(wanted) else abs(offered - wanted) for offered, wanted in differences
+    ]
     if distance.weighted:
         parts = [part * weight for part, weight in zip(parts, weights, strict=True)]
     if distance.squared:

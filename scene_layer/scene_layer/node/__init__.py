@@ -309,7 +309,7 @@ class SceneLayerNode(BaseNode):
             self._playing.market(message)
 
     def _market_listens(self) -> bool:
-        """Whether whoever publishes the market's status is matched as a reader of scenes."""
+        """Whether the publisher of the market's status is matched as a subscriber of scenes."""
         markets = {_who(e) for e in self.get_publishers_info_by_topic("market")}
         readers = self.get_subscriptions_info_by_topic("scene")
         return bool(markets & {_who(e) for e in readers}) and (

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import Future as Job
+from concurrent.futures import Future as ThreadFuture
 from pathlib import Path
 from typing import Any
 
@@ -65,9 +65,9 @@ class MemoryStore:
         if path is not None:
             self._read(path)
         self._disk = WorkerThread("memory")
-        self._jobs = FuturePoller(node)
+        self._poller = FuturePoller(node)
         self._saved = memory.changes
-        self._saving: Job[None] | None = None
+        self._saving: ThreadFuture[None] | None = None
         if path is not None:
             steady_timer(node, SAVE_S, self._save_changes)
         # One that waits for the disk holds up no other.
@@ -98,28 +98,28 @@ class MemoryStore:
             self._memory.restore(*read_memory(path, self._space, time.time()))
         except DamagedMemoryError as error:
             try:
-                kept = set_aside(path)
+                stored = set_aside(path)
             except OSError as problem:
-                words = problem.strerror or problem
-                raise BtAgentsError(f"{error}; it cannot be set aside: {words}") from None
+                text = problem.strerror or problem
+                raise BtAgentsError(f"{error}; it cannot be set aside: {text}") from None
             self._node.get_logger().error(
-                f"nobody is remembered: {error}; it is kept as {kept}, the memory begins empty"
+                f"nobody is remembered: {error}; it is kept as {stored}, the memory begins empty"
             )
 
     def _save_changes(self) -> None:
         if self._memory.changes != self._saved and self.stopped():
             self._save()
 
-    def _save(self) -> Job[None] | None:
+    def _save(self) -> ThreadFuture[None] | None:
         if self._path is None:
             return None
         self._saved = self._memory.changes
-        kept = self._memory.snapshot(self._known())
-        self._saving = self._disk.submit(save_memory, self._path, *kept)
-        self._jobs.watch(self._saving, self._told)
+        stored = self._memory.snapshot(self._known())
+        self._saving = self._disk.submit(save_memory, self._path, *stored)
+        self._poller.watch(self._saving, self._on_saved)
         return self._saving
 
-    def _told(self, trouble: str) -> None:
+    def _on_saved(self, trouble: str) -> None:
         if trouble:
             self._saved = -1
             self._node.get_logger().error(
@@ -157,11 +157,11 @@ class MemoryStore:
         self._node.get_logger().info(response.message)
         return response
 
-    async def _ended(self, job: Job[None] | None) -> str:
-        """Wait for a job; return what went wrong in words."""
-        if job is None:
+    async def _ended(self, write: ThreadFuture[None] | None) -> str:
+        """Wait for a write; return the problem, empty for none."""
+        if write is None:
             return ""
         ended = Future(executor=self._node.executor)
-        self._jobs.watch(job, ended.set_result)
+        self._poller.watch(write, ended.set_result)
         trouble: str = await ended
         return trouble

@@ -84,7 +84,7 @@ class SourceSubscriptions:
             self._track(spec.persons.tracked)
 
     def subscribe_to_tracked(self) -> None:
-        """Subscribe to the topics of everybody who is tracked now, and of nobody else."""
+        """Subscribe to the topics of the persons tracked now, and of no others."""
         if self._spec.persons is None:
             return
         people = self._encounters.tracked
@@ -178,9 +178,9 @@ class SourceSubscriptions:
 
     def _complain(self, refused: Refused, count: int) -> None:
         if count & (count - 1) == 0:
-            words = str(refused)
-            words = words if len(words) <= _LONGEST else f"{words[:_LONGEST]}…"
-            self._node.get_logger().warning(f"{words} ({count} refused so far)")
+            text = str(refused)
+            text = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+            self._node.get_logger().warning(f"{text} ({count} refused so far)")
 
     # Who is tracked
 

@@ -174,7 +174,7 @@ def test_a_torn_write_is_dropped_and_what_was_before_it_is_used(path):
         ("changes", '[["a.x", 1, []]]', r"\[\] is no number, text, true or false"),
         ("changes", '[["a.x", 1, NaN]]', "a number is not finite"),
         ("changes", f'[["a.x", 1, {2**63}]]', "more than 64 bits"),
-        ("action", "unset", "'unset' is not a valid Action"),
+        ("action", "unset", "'unset' is not a valid TuningAction"),
     ],
 )
 def test_a_row_that_cannot_be_read_is_left_out_with_its_number_and_the_rest_is_used(

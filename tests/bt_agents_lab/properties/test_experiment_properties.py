@@ -64,7 +64,7 @@ def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, fit, hol
     )
     one = world((2.0, 2.0), (3.0, 3.0), 0.5, person)
     drawn = draw(one, [0], 1)
-    luck = RandomStreams(
+    streams = RandomStreams(
         seeds=drawn.seeds,
         scene=drawn.scene,
         error_draw=np.zeros((1, 1, 1)),
@@ -73,7 +73,7 @@ def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, fit, hol
         mood_noise=np.array(noise, dtype=np.float32).reshape(1, 1, 1, -1),
         ties=drawn.ties,
     )
-    course = simulate(one, Arm(), luck, wrong_share=1.0)
+    course = simulate(one, Arm(), streams, wrong_share=1.0)
     fired, _ = react(person, SPACE, (3.0, 3.0), fit, [float(value) for value in noise])
     assert course.cancelled[0, 0] == (FeedbackKind.NEGATIVE in fired)
     # A mood rule counts half, so that the step is a quarter of the way to the scene or from it.

@@ -15,20 +15,20 @@ from bt_agents.host.host_card import learning_to_msg
 from bt_agents_core.feedback import BUTTON, MOOD_RULE, FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard
-from bt_agents_lab.replay.decisions import decisions_again
+from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import ReplayVerdict
 from bt_agents_lab.replay.recording_index import RecordedFeedback, Round
-from bt_agents_lab.replay.replay_learning import lessons_again
+from bt_agents_lab.replay.replay_learning import replay_feedback
 from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.yaml.source import Source
 from bt_agents_ros.messages import to_time
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger import Ledger
 from feedback_node.node.messages import card_from_msg, feedback_to_msg
 from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.explanation.reason import reason
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
 from marketplace_node.round.decision import (
     AcceptedBid,
@@ -70,7 +70,7 @@ rules = st.builds(
     layers=st.sampled_from([(), ("person",), ("person", "place")]),
     general=st.sampled_from([0.0, 0.5, 1.0]),
 )
-lessons = st.lists(
+feedbacks = st.lists(
     st.tuples(
         st.sampled_from(
             [FeedbackKind.DIRECT, FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE, FeedbackKind.SET]
@@ -85,7 +85,7 @@ lessons = st.lists(
 
 
 @settings(max_examples=80, deadline=None, derandomize=True)
-@given(vectors, st.floats(0.0, 1.0), rules, lessons)
+@given(vectors, st.floats(0.0, 1.0), rules, feedbacks)
 def test_all_that_is_learned_is_learned_again(
     authored: tuple[float, ...],
     rate: float,
@@ -117,7 +117,7 @@ def test_all_that_is_learned_is_learned_again(
             "guide", kind, target, feedback_id=f"f{number}", source=source, reason="", run=run
         )
         kept += [feedback_to_msg(one, SPACE) for one in change.all]
-    found = lessons_again(
+    found = replay_feedback(
         RecordedFeedback(feedback=one, card=card.agents[0], parameters=SPACE.names, parsed=PARSED)
         for one in kept
     )
@@ -195,12 +195,12 @@ def test_all_that_is_decided_is_decided_again(
     message = auction_to_msg(
         PublishAuction(
             decision=decision,
-            reason_fn=partial(reason, decision),
+            reason_fn=partial(reason_of, decision),
             explanation_fn=partial(explanation, decision, SPACE),
         ),
         to_time(1.0),
     )
-    [finding] = decisions_again(
+    [finding] = replay_decisions(
         [Round(auction=message, runs=runs + 1 - runs // 2, parsed=PARSED, format=2)]
     )
     assert finding.verdict is ReplayVerdict.EQUAL, finding.text

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from bt_agents_lab.experiments import claims, drawing
 from bt_agents_lab.experiments.core import through_core
-from bt_agents_lab.experiments.replicas import luck_of, replicas, with_seed, world_of
+from bt_agents_lab.experiments.replicas import replicas, streams_of, with_seed, world_of
 from bt_agents_lab.experiments.verdicts import Claim, judged, percent
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
@@ -56,7 +56,7 @@ def test_experiment_1_reaches_its_target_in_100_cycles():
 def test_with_each_third_feedback_5_the_mean_goes_to_a_wrong_place():
     folder, spec = opened("2-aggressive")
     world = world_of(folder, spec)
-    assert (luck_of(world, spec, [2]).error_draw[0, :6, 0] == [1, 1, 0, 1, 1, 0]).all()
+    assert (streams_of(world, spec, [2]).error_draw[0, :6, 0] == [1, 1, 0, 1, 1, 0]).all()
     late = replicas(world, spec, [2]).course.profiles[0, -99:, 0].mean(axis=0)
     assert late == pytest.approx([5.0, 4 + 1 / 3, 2 + 1 / 3], abs=1e-3)
 

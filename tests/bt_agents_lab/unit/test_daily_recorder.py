@@ -114,8 +114,8 @@ def test_memory_is_bounded_and_what_is_lost_is_counted_and_found(
     recorder.receive(12)
     recorder.flush()
     assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4, 5, 12]
-    story = index_entries(JournalReader([recorder.file("2026-03-01")]).entries())
-    assert story.lost == {"/agents/status": lost}
+    recording = index_entries(JournalReader([recorder.file("2026-03-01")]).entries())
+    assert recording.lost == {"/agents/status": lost}
 
 
 def test_a_new_topic_on_a_full_disk_loses_nothing(recorder: Recorder) -> None:

@@ -79,9 +79,9 @@ def test_what_is_not_asked_for_is_counted_and_not_kept(tmp_path: Path) -> None:
     assert left < 500_000
     counted = reader.counted["/scene/live"]
     assert (counted.messages, counted.first_ns, counted.last_ns) == (20_000, 1, 20_000)
-    story = read([file.path])
-    assert story.counts == {"/records": 2, "/scene/live": 20_000}
-    assert (story.first_ns, story.last_ns) == (1, 20_000)
+    recording = read([file.path])
+    assert recording.counts == {"/records": 2, "/scene/live": 20_000}
+    assert (recording.first_ns, recording.last_ns) == (1, 20_000)
 
 
 def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:

@@ -26,12 +26,17 @@ from bt_agents_interfaces.msg import (
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.recorder.reading import JournalEntry
 from bt_agents_lab.replay import decisions, replay_learning, trees
-from bt_agents_lab.replay.decisions import decisions_again
-from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict, tally
-from bt_agents_lab.replay.recording_index import tell
-from bt_agents_lab.replay.replay_learning import lessons_again
-from bt_agents_lab.replay.trees import runs_again
-from journal_fixture import NAN, Town, morning, story_of
+from bt_agents_lab.replay.decisions import replay_decisions
+from bt_agents_lab.replay.findings import (
+    FindingCounts,
+    ReplayFinding,
+    ReplayVerdict,
+    count_findings,
+)
+from bt_agents_lab.replay.recording_index import index_entries
+from bt_agents_lab.replay.replay_learning import replay_feedback
+from bt_agents_lab.replay.trees import replay_runs
+from journal_fixture import NAN, Town, index_of, morning
 from tree_harness import scene
 
 STRATEGIES = {
@@ -46,13 +51,13 @@ STRATEGIES = {
 
 
 def again(path: Path) -> FindingCounts:
-    story = story_of(path)
-    assert story.problems == []
-    return tally(
+    recording = index_of(path)
+    assert recording.problems == []
+    return count_findings(
         [
-            *decisions_again(story.rounds),
-            *lessons_again(story.lessons),
-            *runs_again(story.runs.values()),
+            *replay_decisions(recording.rounds),
+            *replay_feedback(recording.feedbacks),
+            *replay_runs(recording.runs.values()),
         ]
     )
 
@@ -357,8 +362,8 @@ def test_texts_that_lead_out_of_the_folder_are_not_unpacked(town: Town, tmp_path
             change(message)
         return message
 
-    story = story_of(town.write(tmp_path / "a.mcap", alter))
-    assert "lies outside of the folder" in story.problems[0]
+    recording = index_of(town.write(tmp_path / "a.mcap", alter))
+    assert "lies outside of the folder" in recording.problems[0]
 
 
 def test_the_command_says_that_everything_is_equal(town: Town, tmp_path: Path) -> None:
@@ -413,28 +418,27 @@ def test_a_round_of_format_1_is_decided_again_with_what_its_options_said(tmp_pat
     made = Town(tmp_path / "trees", "softmax", {"temperature": 2.0}, shadow="epsilon_greedy")
     made.round(scene("s1", age=4, familiarity=2, mood=3))
     messages = [
-        of_format_1(spoken.message) if isinstance(spoken.message, Auction) else spoken.message
-        for spoken in made.said
+        of_format_1(sent.message) if isinstance(sent.message, Auction) else sent.message
+        for sent in made.published
     ]
-    story = tell(
+    recording = index_entries(
         JournalEntry(
-            topic=spoken.topic,
-            type=f"bt_agents_interfaces/msg/{type(spoken.message).__name__}",
+            topic=sent.topic,
+            type=f"bt_agents_interfaces/msg/{type(sent.message).__name__}",
             sent_ns=number,
-            heard_ns=number,
             lost=0,
             data=b"",
             decoder=lambda _, message=message: message,
         )
-        for number, (spoken, message) in enumerate(zip(made.said, messages, strict=True), 1)
+        for number, (sent, message) in enumerate(zip(made.published, messages, strict=True), 1)
     )
 
-    assert story.problems == []
-    [one] = story.rounds
+    assert recording.problems == []
+    [one] = recording.rounds
     assert (one.format, one.earlier) == (1, 3)
     assert dict(zip(one.auction.option_names, one.auction.option_values, strict=True)) == {
         "temperature": 2.0
     }
     assert list(one.auction.shadow_option_names) == ["epsilon"]
-    [finding] = decisions_again(story.rounds)
-    assert (finding.verdict, finding.words) == (ReplayVerdict.EQUAL, "")
+    [finding] = replay_decisions(recording.rounds)
+    assert (finding.verdict, finding.text) == (ReplayVerdict.EQUAL, "")

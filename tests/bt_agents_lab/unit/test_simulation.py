@@ -58,11 +58,11 @@ STRATEGY_NAMES = [name for name in STRATEGIES if name not in NOT_SIMULATED]
 def test_each_run_goes_as_it_would_alone_to_the_last_digit(world, strategy, update, monkeypatch):
     # The reasons for the runner-up cost time and are not looked at here.
     monkeypatch.setattr(ranking, "smallest_change", lambda *_: None)
-    luck = draw(world, [3, 11], 15)
+    streams = draw(world, [3, 11], 15)
     arm = Arm(strategy=strategy, rule=LearningRule(update=update, anneal=0.01, window=4))
-    course = simulate(world, arm, luck, 0.3)
-    for row in range(len(luck.seeds)):
-        lived = live(world, arm, luck, row, 0.3)
+    course = simulate(world, arm, streams, 0.3)
+    for row in range(len(streams.seeds)):
+        lived = live(world, arm, streams, row, 0.3)
         assert course.awarded[row].tolist() == lived.awarded
         assert course.cancelled[row].tolist() == lived.cancelled
         assert course.profiles[row].tolist() == [list(map(list, one)) for one in lived.profiles]
@@ -76,10 +76,10 @@ def test_a_run_does_not_depend_on_which_others_are_played_with_it(strategy):
     together = simulate(PERSONS, arm, draw(PERSONS, range(5), 30), 0.2)
     alone = simulate(PERSONS, arm, draw(PERSONS, [3], 30), 0.2)
     assert np.array_equal(together.profiles[3], alone.profiles[0])
-    luck = draw(PERSONS, range(5), 30)
+    streams = draw(PERSONS, range(5), 30)
     # What was drawn for one learning rule serves the next.
-    simulate(PERSONS, Arm(strategy=strategy, rule=LearningRule(update=Update.HUBER)), luck, 0.5)
-    assert np.array_equal(simulate(PERSONS, arm, luck, 0.2).profiles, together.profiles)
+    simulate(PERSONS, Arm(strategy=strategy, rule=LearningRule(update=Update.HUBER)), streams, 0.5)
+    assert np.array_equal(simulate(PERSONS, arm, streams, 0.2).profiles, together.profiles)
 
 
 def test_a_shorter_run_is_the_beginning_of_a_longer_one():
@@ -94,15 +94,15 @@ def test_a_seed_draws_what_it_has_always_drawn():
 
 
 def test_no_kind_of_chance_follows_another():
-    luck = draw(PERSONS, [5], 400)
-    kinds = (luck.error_draw, (luck.wrong_fit + 1.0) / 2.0, luck.ties[..., 0])
+    streams = draw(PERSONS, [5], 400)
+    kinds = (streams.error_draw, (streams.wrong_fit + 1.0) / 2.0, streams.ties[..., 0])
     table = np.corrcoef([kind.ravel() for kind in kinds])
     assert np.abs(table - np.eye(3)).max() < 0.1
 
 
 def test_the_papers_mechanism_starves_an_agent_in_a_third_of_runs_when_ties_are_random():
-    luck = draw(PAPER, range(600), 300)
-    found = measure(PAPER, luck, simulate(PAPER, Arm(tie_break="random"), luck))
+    streams = draw(PAPER, range(600), 300)
+    found = measure(PAPER, streams, simulate(PAPER, Arm(tie_break="random"), streams))
     assert found.never.low < 1 / 3 < found.never.high
     assert found.starved == found.never
 
@@ -111,8 +111,8 @@ def test_with_a_fixed_order_of_equal_bids_two_of_six_orders_starve_an_agent_alwa
     starving = []
     for names in permutations("abc"):
         world = told(*names)
-        luck = draw(world, range(20), 300)
-        found = measure(world, luck, simulate(world, Arm(tie_break="name"), luck))
+        streams = draw(world, range(20), 300)
+        found = measure(world, streams, simulate(world, Arm(tie_break="name"), streams))
         assert found.never.share in (0.0, 1.0)
         if found.never.share:
             starving.append("".join(names))

@@ -125,12 +125,12 @@ def test_the_same_seed_gives_the_same_numbers_in_any_number_of_processes(file, m
 
 def test_all_shares_at_once_are_each_as_alone(file):
     world = read_sweep(file).world
-    luck = draw(world, range(4), 20)
+    streams = draw(world, range(4), 20)
     arm = Arm(strategy="softmax")
     for share, course in zip(
-        (0.0, 0.3), simulate_shares(world, arm, luck, (0.0, 0.3)), strict=True
+        (0.0, 0.3), simulate_shares(world, arm, streams, (0.0, 0.3)), strict=True
     ):
-        alone = simulate(world, arm, luck, share)
+        alone = simulate(world, arm, streams, share)
         assert np.array_equal(course.awarded, alone.awarded)
         assert np.array_equal(course.cancelled, alone.cancelled)
         assert np.array_equal(course.profiles[:, -1], alone.profiles[:, -1])
@@ -138,13 +138,13 @@ def test_all_shares_at_once_are_each_as_alone(file):
 
 def test_measures_of_parts_are_those_of_the_whole(file):
     world = read_sweep(file).world
-    luck = draw(world, range(8), LAST + 20)
-    course = simulate(world, Arm(tie_break="random"), luck, 0.2)
+    streams = draw(world, range(8), LAST + 20)
+    course = simulate(world, Arm(tie_break="random"), streams, 0.2)
     parts = []
     for seeds in (range(5), range(5, 8)):
         other = draw(world, seeds, LAST + 20)
         parts.append(of_runs(world, other, simulate(world, Arm(tie_break="random"), other, 0.2)))
-    assert summary(together(parts)) == summary(of_runs(world, luck, course))
+    assert summary(together(parts)) == summary(of_runs(world, streams, course))
 
 
 def test_a_run_has_converged_when_all_that_follows_is_right():
@@ -181,10 +181,10 @@ def test_the_recommended_default_starves_nobody_and_learns_through_wrong_feedbac
     select = next(one for one in spec.selections if one.label == "ucb c=6")
     learn = next(one for one in spec.learnings if one.rule.update is Update.HUBER)
     arm = Arm(strategy=select.strategy, options=select.options, rule=learn.rule)
-    luck = draw(spec.world, range(10_000, 10_150), 300)
-    quiet, noisy = simulate_shares(spec.world, arm, luck, (0.0, 0.2))
+    streams = draw(spec.world, range(10_000, 10_150), 300)
+    quiet, noisy = simulate_shares(spec.world, arm, streams, (0.0, 0.2))
     for course, least in ((quiet, 0.99), (noisy, 0.95)):
-        found = summary(of_runs(spec.world, luck, course))
+        found = summary(of_runs(spec.world, streams, course))
         assert found.starved.share == 0.0
         assert found.never.share == 0.0
         assert found.accuracy >= least

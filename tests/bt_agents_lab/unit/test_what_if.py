@@ -16,20 +16,20 @@ from bt_agents_core.feedback import FeedbackKind, Update
 from bt_agents_interfaces.msg import Auction, Run
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.what_if import what_if as command
+from bt_agents_lab.replay.counterfactual_replay import Changes, CounterfactualResult, replay_with
 from bt_agents_lab.replay.recording_index import RecordingIndex
-from bt_agents_lab.replay.what_if import Changes, Outlook, what_if
 from bt_agents_language.files.folder_reader import read_trees
-from journal_fixture import NAN, Town, morning, story_of, write_folder
+from journal_fixture import NAN, Town, index_of, morning, write_folder
 from tree_harness import SPACE, scene
 
 
-def outlook(town: Town, path: Path, changes: Changes) -> Outlook:
+def result(town: Town, path: Path, changes: Changes) -> CounterfactualResult:
     file = path / "a.mcap"
     file.unlink(missing_ok=True)
-    return what_if(story_of(town.write(file)), changes)
+    return replay_with(index_of(town.write(file)), changes)
 
 
-def winners(found: Outlook) -> list[str]:
+def winners(found: CounterfactualResult) -> list[str]:
     return [case.now for case in found.rounds]
 
 
@@ -38,7 +38,7 @@ def test_without_a_change_everything_would_have_been_as_it_was(
     tmp_path: Path, strategy: str
 ) -> None:
     town = morning(tmp_path / "trees", strategy=strategy)
-    found = outlook(town, tmp_path, Changes())
+    found = result(town, tmp_path, Changes())
     assert found.other_winners == 0
     assert [case.margin_now for case in found.rounds] == [c.margin_was for c in found.rounds]
     assert found.profiles == town.profiles
@@ -57,7 +57,7 @@ def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
     for missing in (firsts[:2], firsts[:6], firsts[4:6]):
         file = tmp_path / f"{len(missing)}-{missing[0]}.mcap"
         town.write(file, lambda n, m, gone=missing: None if n in gone else m)
-        found = what_if(story_of(file), Changes())
+        found = replay_with(index_of(file), Changes())
         assert [case.now for case in found.rounds] == [case.was for case in found.rounds]
         assert {case.now for case in found.rounds} == {"anna", "bert"}
         assert [c.margin_now for c in found.rounds] == [c.margin_was for c in found.rounds]
@@ -67,7 +67,7 @@ def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s", age=4.0))
     town.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
-    found = outlook(town, tmp_path, Changes(rate=0.5))
+    found = result(town, tmp_path, Changes(rate=0.5))
     assert found.profiles["bert"] == (4.5 + 0.5 * (5.0 - 4.5), 2.1, 3.3)
 
 
@@ -76,8 +76,8 @@ def test_another_rate_changes_a_later_winner(tmp_path: Path) -> None:
     town.round(scene("s0", age=4.0))
     town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
     assert town.round(scene("s1", age=2.6)) == "bert"
-    assert winners(outlook(town, tmp_path, Changes())) == ["bert", "bert"]
-    assert winners(outlook(town, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
+    assert winners(result(town, tmp_path, Changes())) == ["bert", "bert"]
+    assert winners(result(town, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
 
 
 def test_feedback_about_a_run_of_another_agent_is_not_given(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_feedback_about_a_run_of_another_agent_is_not_given(tmp_path: Path) -> N
     assert town.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
     town.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
     agents = read_trees(write_folder(tmp_path / "other", anna=(3.0, 1.6, 3.1), bert=(5, 5, 5)))
-    found = outlook(town, tmp_path, Changes(agents=agents.agents))
+    found = result(town, tmp_path, Changes(agents=agents.agents))
     assert winners(found) == ["anna"]
     assert (found.given, found.withheld) == (0, 1)
     assert found.never == ("bert",)
@@ -97,7 +97,7 @@ def test_agents_of_another_folder_bid_as_their_files_say(tmp_path: Path) -> None
     folder = write_folder(tmp_path / "other", carla=(4.0, 2.0, 3.0), bert=(1.0, 2.0, 3.0))
     file = folder / "agents" / "bert.yaml"
     file.write_text(file.read_text() + "requires: scene.age < 2\n")
-    found = outlook(town, tmp_path, Changes(agents=read_trees(folder).agents))
+    found = result(town, tmp_path, Changes(agents=read_trees(folder).agents))
     assert winners(found) == ["carla", "bert", "carla", "carla"]
     assert found.bidders == {"carla", "bert"}
 
@@ -107,14 +107,14 @@ def test_a_robust_update_withstands_one_wrong_feedback(tmp_path: Path) -> None:
     town.round(scene("s", age=4.0))
     for age in (4.5, 4.5, 4.5, 1.0):
         town.give_feedback("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
-    assert outlook(town, tmp_path, Changes()).profiles["bert"][0] < 4.0
-    assert outlook(town, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
+    assert result(town, tmp_path, Changes()).profiles["bert"][0] < 4.0
+    assert result(town, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
 
 
 def test_chance_is_the_same_each_time(tmp_path: Path) -> None:
     town = morning(tmp_path / "trees")
     changes = Changes(strategy="softmax", options={"temperature": 5.0})
-    first, second = (outlook(town, tmp_path, changes) for _ in range(2))
+    first, second = (result(town, tmp_path, changes) for _ in range(2))
     assert winners(first) == winners(second)
     assert len(set(winners(first))) == 2
 
@@ -133,7 +133,7 @@ def test_what_cannot_be_is_refused_with_a_reason(
     strategy: str, options: Mapping[str, float], text: str
 ) -> None:
     with pytest.raises(BtAgentsError, match=text):
-        what_if(RecordingIndex(), Changes(strategy=strategy, options=options))
+        replay_with(RecordingIndex(), Changes(strategy=strategy, options=options))
 
 
 def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_a_scene_without_a_name_is_shown_by_its_values(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
     town.round(replace(scene("0b60", age=4.5), label="", person=False))
-    found = outlook(town, tmp_path, Changes())
+    found = result(town, tmp_path, Changes())
     assert [case.label for case in found.rounds] == [
         "age 4.5, familiarity 1, mood 3",
         "nobody, age 4.5",

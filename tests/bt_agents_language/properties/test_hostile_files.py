@@ -189,7 +189,7 @@ def check_run(spec: AgentSpec) -> None:
         profile=spec.profile,
         live=lambda: awarded,
         tunables={tunable.name: tunable.default for tunable in spec.tunables},
-        world=world,
+        environment=world,
         steady=world.clock,
     )
     for _ in range(TICKS):

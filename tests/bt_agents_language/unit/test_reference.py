@@ -54,7 +54,7 @@ def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
         profile=agent.profile,
         live=lambda: scene(age=3, familiarity=3, mood=3),
         tunables={},
-        world=(world := ScriptedEnvironment({}, result={"message": "", "answer": "yes"})),
+        environment=(world := ScriptedEnvironment({}, result={"message": "", "answer": "yes"})),
         steady=world.clock,
     )
     run.tick()

@@ -13,6 +13,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
 from bt_agents_language.files.testing.test_reader import read_test_text
+from bt_agents_language.reference.codes import codes
 from bt_agents_tools.rehearsal.rehearsal import rehearse
 from bt_agents_tools.rehearsal.suite import failure, run_case
 from tree_harness import SPACE, TREES, VOCABULARY
@@ -38,14 +39,14 @@ def test_whatever_a_test_file_says_has_a_named_code_or_is_run(
     text = TEXT
     for start, length, piece in changes:
         text = text[:start] + piece + text[start + length :]
-    codes: list[str] = []
+    found: list[str] = []
     try:
         test = read_test_text(text, "a.test.yaml", AGENTS, VOCABULARY)
     except ReadError as error:
-        codes = [code for code in codes() if f"[{code}]" in error.lines[0]]
+        found = [code for code in codes() if f"[{code}]" in error.lines[0]]
         test = None
     if test is None:
-        assert len(codes) == 1
+        assert len(found) == 1
         return
     for case in test.cases:
         assert failure(run_case(test.agent, SPACE, case))

@@ -55,6 +55,7 @@ def test_the_version_is_told_without_loading_any_command() -> None:
     assert version.startswith("bt-agents, version ")
     assert loaded == str(
         [
+            "bt_agents_core.diagnostic",
             "bt_agents_core.errors",
             "bt_agents_core.text",
             "bt_agents_ros.signals",

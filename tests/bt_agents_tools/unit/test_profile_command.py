@@ -19,7 +19,7 @@ from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.client import system
 from feedback_node.ledger.rows import RevisionCause
 from feedback_node.management.management import ManagementAction
-from ledger_fixture import Desk
+from ledger_fixture import ManagedLedger
 
 ANNA = "person/anna"
 
@@ -28,15 +28,15 @@ class Room:
     """The commands, a desk that does what they order, and a scene layer."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.desk = Desk()
+        self.managed = ManagedLedger()
         self.scene_layer: Any = None
         self.asked: list[tuple[str, str]] = []
-        monkeypatch.setattr(command, "running_system", self._join)
+        monkeypatch.setattr(command, "connect", self._connect)
         monkeypatch.setattr(system, "manage_profiles", self._manage)
         monkeypatch.setenv("COLUMNS", "200")
 
     @contextmanager
-    def _join(self) -> Iterator[None]:
+    def _connect(self) -> Iterator[None]:
         yield None
 
     def _manage(self, _: Any, action: str, *, node: str = "feedback", **fields: Any) -> Any:
@@ -45,7 +45,7 @@ class Room:
         if node == "scene_layer":
             return self.scene_layer
         try:
-            done = self.desk.execute(ManagementAction[action], **fields)
+            done = self.managed.execute(ManagementAction[action], **fields)
         except Refused as refused:
             return SimpleNamespace(accepted=False, code=refused.code, message=refused.reason)
         return SimpleNamespace(
@@ -62,8 +62,8 @@ def room(monkeypatch: pytest.MonkeyPatch) -> Room:
 
 
 def test_all_profiles_stand_in_a_table_each_layer_below_its_agent(room):
-    room.desk.teach("f1")
-    room.desk.teach_layer(ANNA, age=2.0)
+    room.managed.teach("f1")
+    room.managed.teach_layer(ANNA, age=2.0)
     lines = room.run().output.splitlines()
     assert lines[0].split() == [
         *("agent", "for", "revision", "feedbacks", "changed", "seem", "wrong", "age", "mood"),
@@ -80,7 +80,7 @@ def test_all_profiles_stand_in_a_table_each_layer_below_its_agent(room):
 
 
 def test_the_history_of_a_profile_says_what_changed_by_whom_and_why(room):
-    room.desk.teach("f1")
+    room.managed.teach("f1")
     assert room.run("undo", "guide", "--author", "eva", "--reason", "[wrong]").output == (
         "guide: age 4 → 3 (revision 2)\n"
     )
@@ -92,7 +92,7 @@ def test_the_history_of_a_profile_says_what_changed_by_whom_and_why(room):
 
 
 def test_what_is_exported_can_be_imported_and_nothing_is_overwritten(room, tmp_path):
-    room.desk.teach("f1")
+    room.managed.teach("f1")
     file = tmp_path / "learned.json"
     assert room.run("export", str(file)).output == f"2 profiles written to {file}\n"
     again = room.run("export", str(file))
@@ -105,7 +105,7 @@ def test_what_is_exported_can_be_imported_and_nothing_is_overwritten(room, tmp_p
 
 
 def test_forgetting_asks_first_and_tells_the_scene_layer_as_well(room):
-    room.desk.teach_layer(ANNA)
+    room.managed.teach_layer(ANNA)
     room.scene_layer = SimpleNamespace(accepted=True, code="", message="anna is forgotten")
     assert room.run("forget", ANNA, answer="n\n").exit_code == 1
     assert room.asked == []
@@ -129,11 +129,11 @@ def test_forgetting_asks_first_and_tells_the_scene_layer_as_well(room):
     ("text", "seconds"), [("90d", 7_776_000), ("2 weeks", 1_209_600), ("12 h", 43_200)]
 )
 def test_an_age_is_in_days_weeks_or_the_usual_units(room, text, seconds):
-    room.desk.teach_layer(ANNA)
-    room.desk.now += seconds - 1
+    room.managed.teach_layer(ANNA)
+    room.managed.now += seconds - 1
     expire = ("expire", "--yes", "--older", text)
     assert room.run(*expire).output == "nothing to forget\n"
-    room.desk.now += 2
+    room.managed.now += 2
     assert room.run(*expire, "--kind", "place").output == "nothing to forget\n"
     assert room.run(*expire).output == "1 profile forgotten\n"
 
@@ -143,7 +143,7 @@ def test_an_age_is_in_days_weeks_or_the_usual_units(room, text, seconds):
     [("90", "without a unit"), ("1.5", "without a unit"), ("-3d", "more than 0"), ("soon", "90d")],
 )
 def test_an_age_without_a_unit_or_below_0_forgets_nobody(room, text, words):
-    room.desk.teach_layer(ANNA)
+    room.managed.teach_layer(ANNA)
     refused = room.run("expire", "--yes", f"--older={text}").exception
     assert f"BAD_AGE: --older {text}: " in str(refused)
     assert words in str(refused)
@@ -151,11 +151,11 @@ def test_an_age_without_a_unit_or_below_0_forgets_nobody(room, text, words):
 
 
 def test_expiring_shows_who_would_be_forgotten_and_asks(room):
-    room.desk.now = time.time() - 200 * 86_400.0
-    room.desk.teach_layer(ANNA)
-    room.desk.teach_layer("place/lobby")
-    room.desk.now = time.time()
-    room.desk.teach_layer("person/bob")
+    room.managed.now = time.time() - 200 * 86_400.0
+    room.managed.teach_layer(ANNA)
+    room.managed.teach_layer("place/lobby")
+    room.managed.now = time.time()
+    room.managed.teach_layer("person/bob")
     asked = room.run("expire", "--older", "90d", "--kind", "person", answer="n\n")
     assert (asked.exit_code, "person/anna" in asked.output) == (1, True)
     assert "bob" not in asked.output
@@ -167,7 +167,7 @@ def test_expiring_shows_who_would_be_forgotten_and_asks(room):
 
 
 def test_what_a_terminal_would_obey_is_written_out(room):
-    room.desk.ledger.append(
+    room.managed.ledger.append(
         "guide", {"age": 4.0}, RevisionCause(reason="a\x1b[2Jb\nc", source="x\r")
     )
     lines = room.run("history", "guide").output
@@ -183,8 +183,8 @@ def test_a_refusal_is_said_in_its_own_words(room):
 
 
 def test_numbers_dates_and_heads_stay_whole_in_a_narrow_terminal(room, monkeypatch):
-    room.desk.teach_layer("person/" + "somebody" * 9)
-    monkeypatch.setattr(command, "_WIDE", 80)
+    room.managed.teach_layer("person/" + "somebody" * 9)
+    monkeypatch.setattr(command, "_NO_TERMINAL", 80)
     lines = room.run().output.splitlines()
     assert max(map(len, lines)) <= 80
     for head in ("revision", "feedbacks", "changed", "seem wrong", "age", "mood"):

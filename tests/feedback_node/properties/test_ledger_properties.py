@@ -16,7 +16,7 @@ from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import inspect
 from feedback_node.ledger.rows import LAYER, RevisionCause
 from feedback_node.management.management import ManagementAction
-from ledger_fixture import Desk
+from ledger_fixture import ManagedLedger
 
 values = st.floats(-1e9, 1e9)
 profiles = st.fixed_dictionaries({"age": values, "mood": values})
@@ -155,7 +155,7 @@ TestLedger = LedgerMachine.TestCase
 )
 @settings(max_examples=20, deadline=None)
 def test_what_is_exported_and_taken_in_elsewhere_gives_the_same_profiles(learned):
-    desks = [Desk(), Desk()]
+    desks = [ManagedLedger(), ManagedLedger()]
     for (agent, layer), values in learned.items():
         named = dict(zip(("age", "mood"), values, strict=True))
         here = desks[0].ledger

@@ -13,7 +13,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodRule
-from feedback_node.rules import LEAST_AGAIN_S, Fired, Watch
+from feedback_node.rules import MIN_REPEAT_S, Fired, Watch
 
 SPACE = SceneSpace(
     parameters=(SceneParameter(name="mood", minimum=1.0, maximum=5.0, default=3.0),), mood="mood"
@@ -102,7 +102,7 @@ def test_two_firings_are_at_least_hold_and_cooldown_apart(rule, course):
     if not rule.repeats:
         assert len(moments) <= 1
     for earlier, later in itertools.pairwise(moments):
-        assert later - earlier >= max(rule.cooldown_s, LEAST_AGAIN_S) + rule.hold_s - 1e-9
+        assert later - earlier >= max(rule.cooldown_s, MIN_REPEAT_S) + rule.hold_s - 1e-9
 
 
 @given(rules(), looks)

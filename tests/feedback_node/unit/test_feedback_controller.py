@@ -16,6 +16,7 @@ from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, Scen
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.experiment import PreparedFeedback
 from bt_agents_language.model.mood_rule import MoodAction
+from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.feedback_controller import (
     MOST_PENDING,
@@ -24,7 +25,6 @@ from feedback_node.learning.feedback_controller import (
     FeedbackRequest,
 )
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.mood_trace import LeafMood
@@ -154,16 +154,16 @@ def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_sto
     assert room.teaching.watching
     assert room.teaching.receive(scene(5.0, 2.5)) == ()
     room.now = 1.0
-    (lesson,) = room.teaching.tick()
-    assert lesson.change is not None
-    cause = lesson.change.revision.cause
-    assert lesson.change.after == (2.5, 2.75)
+    (outcome,) = room.teaching.tick()
+    assert outcome.change is not None
+    cause = outcome.change.revision.cause
+    assert outcome.change.after == (2.5, 2.75)
     assert (cause.weight, cause.leaf) == (0.5, "")
     assert (cause.source, cause.kind, cause.cancels) == ("mood rule", FeedbackKind.NEGATIVE, True)
     assert cause.reason == "mood.change <= -1 held 1 s: mood 4 → 2.5"
     assert (cause.epoch, cause.round, cause.scene_id) == ("e", 1, "s1")
-    assert lesson.stop is not None
-    assert (lesson.stop.run, lesson.stop.live) == (run(), scene(5.0, 2.5))
+    assert outcome.stop is not None
+    assert (outcome.stop.run, outcome.stop.live) == (run(), scene(5.0, 2.5))
     assert not room.teaching.watching
 
 
@@ -174,10 +174,10 @@ def test_a_rule_stops_the_run_even_when_the_profile_cannot_move():
     room.teaching.receive(scene(5.0, 4.0))
     room.teaching.receive(scene(5.0, 2.0))
     room.now = 1.0
-    (lesson,) = room.teaching.tick()
-    assert lesson.change is None
-    assert "NO_SCENE" in lesson.problem
-    assert lesson.stop is not None
+    (outcome,) = room.teaching.tick()
+    assert outcome.change is None
+    assert "NO_SCENE" in outcome.problem
+    assert outcome.stop is not None
 
 
 def test_a_live_scene_of_another_interaction_is_ignored():
@@ -255,10 +255,10 @@ def test_a_rule_teaches_a_run_once_even_when_the_node_starts_again_in_between():
         teaching.on_run_started(run())
         teaching.receive(scene(5.0, 2.0))
         room.now += 1.0
-        (lesson,) = teaching.tick()
-        assert lesson.stop is not None
-    assert lesson.change is not None
-    assert not lesson.change.fresh
+        (outcome,) = teaching.tick()
+        assert outcome.stop is not None
+    assert outcome.change is not None
+    assert not outcome.change.fresh
     assert room.profile() == (2.5, 2.75)
 
 
@@ -278,8 +278,8 @@ def test_a_rule_that_fires_again_teaches_again():
     room.teaching.on_run_started(run(awarded=scene(3.5, 4.0)))
     ids = []
     for _ in range(100):
-        lessons = room.teaching.receive(scene(3.5, 2.0))
-        ids += [one.change.revision.cause.feedback_id for one in lessons if one.change]
+        outcomes = room.teaching.receive(scene(3.5, 2.0))
+        ids += [one.change.revision.cause.feedback_id for one in outcomes if one.change]
         room.now += 0.1
     assert ids[:3] == ["rule/e/1/guide/0", "rule/e/1/guide/0/1", "rule/e/1/guide/0/2"]
     assert len(ids) == 4
@@ -292,9 +292,9 @@ def test_what_is_only_estimated_or_taken_by_default_teaches_nothing():
     room.teaching.on_run_started(run(awarded=replace(doubtful, values=values)))
     room.teaching.receive(scene(5.0, 2.5))
     room.now = 1.0
-    (lesson,) = room.teaching.tick()
-    assert lesson.change is not None
-    assert lesson.change.after == (3.0, 2.75)
+    (outcome,) = room.teaching.tick()
+    assert outcome.change is not None
+    assert outcome.change.after == (3.0, 2.75)
     given = FeedbackRequest(kind=FeedbackKind.POSITIVE, agent="guide", source="button")
     assert room.teaching.give(given).after == (3.0, 3.375)
 
@@ -311,9 +311,9 @@ def test_a_change_of_the_mood_is_credited_to_the_node_that_was_at_work_when_it_b
     room.now = 1.0
     room.teaching.on_leaf(run().key, "tree/1.ask")
     room.now = 1.5
-    (lesson,) = room.teaching.tick()
-    assert lesson.change is not None
-    assert lesson.change.revision.cause.leaf == "tree/0.say"
+    (outcome,) = room.teaching.tick()
+    assert outcome.change is not None
+    assert outcome.change.revision.cause.leaf == "tree/0.say"
 
 
 def test_feedback_of_a_person_is_about_the_node_at_work_unless_it_names_one():
@@ -336,10 +336,10 @@ def test_the_end_of_a_run_tells_how_the_mood_went():
     room.now = 1.0
     room.teaching.receive(scene(5.0, 3.5))
     room.now = 2.0
-    told = room.teaching.on_run_ended(run())
-    assert told is not None
-    assert told.run == run()
-    assert told.leaves == (LeafMood(leaf="tree/0.say", seconds=2.0, mean=3.75, change=-0.5),)
+    trace = room.teaching.on_run_ended(run())
+    assert trace is not None
+    assert trace.run == run()
+    assert trace.leaves == (LeafMood(leaf="tree/0.say", seconds=2.0, mean=3.75, change=-0.5),)
     assert room.teaching.on_run_ended(run()) is None
     assert not room.teaching.tracks_mood
 
@@ -405,7 +405,7 @@ def test_a_profile_is_set_at_once_whatever_the_learning_rate():
     cause = change.revision.cause
     assert (change.before, change.after) == ((3.0, 3.0), (3.0, 4.5))
     assert (cause.kind, cause.rate, cause.source) == (FeedbackKind.SET, 1.0, "tuning")
-    assert change.words == "mood 3 → 4.5"
+    assert change.text == "mood 3 → 4.5"
     assert not room.teaching.give(
         FeedbackRequest(feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5))
     ).fresh
@@ -578,11 +578,11 @@ def test_what_a_rule_teaches_while_the_disk_is_full_is_recorded_when_there_is_ro
     room.teaching.receive(scene(5.0, 2.5))
     full(room, on=True)
     room.now = 1.0
-    (lesson,) = room.teaching.tick()
-    assert lesson.change is None
-    assert "STORAGE_FULL" in lesson.problem
-    assert lesson.problem.endswith("; it is tried again until there is room")
-    assert lesson.stop is not None
+    (outcome,) = room.teaching.tick()
+    assert outcome.change is None
+    assert "STORAGE_FULL" in outcome.problem
+    assert outcome.problem.endswith("; it is tried again until there is room")
+    assert outcome.stop is not None
     assert room.teaching.retry() == ()
     room.teaching.on_run_ended(run())
     full(room, on=False)
@@ -601,7 +601,7 @@ def test_what_rules_teach_while_the_disk_is_full_is_bounded():
         room.teaching.on_run_started(run(number))
         room.teaching.receive(scene(5.0, 2.5))
         room.now += 1.0
-        problems += [lesson.problem for lesson in room.teaching.tick()]
+        problems += [outcome.problem for outcome in room.teaching.tick()]
         room.teaching.on_run_ended(run(number))
     assert len(problems) == MOST_PENDING + 1
     assert ["lost is that of guide in round 1" in one for one in problems[-2:]] == [False, True]
@@ -630,6 +630,6 @@ def test_late_repetitions_of_forgotten_feedback_of_any_kind_are_known():
     room.profiles._ledger.forget([("guide", "person/anna")])
     room.profiles.on_erased([("guide", "person/anna")])
     again = room.teaching.give(given)
-    assert (again.fresh, "forgotten since" in again.words) == (False, True)
+    assert (again.fresh, "forgotten since" in again.text) == (False, True)
     with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):
         room.teaching.give(replace(given, agent="express"))

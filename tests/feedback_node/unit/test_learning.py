@@ -52,7 +52,7 @@ def test_direct_feedback_moves_by_the_rate_and_leaves_what_has_no_opinion(target
 def test_positive_feedback_moves_towards_the_known_values_of_the_scene():
     made = positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
     assert made.after == (3.5, 3.0, 2.5)
-    assert made.words == "age 3 → 3.5, mood 3 → 2.5"
+    assert made.text == "age 3 → 3.5, mood 3 → 2.5"
 
 
 def test_negative_feedback_moves_away_by_the_same_step():
@@ -68,7 +68,7 @@ def test_negative_feedback_stops_at_the_edge_of_the_range():
 
 
 @pytest.mark.parametrize(
-    ("made", "words"),
+    ("made", "text"),
     [
         (
             negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5),
@@ -104,9 +104,9 @@ def test_negative_feedback_stops_at_the_edge_of_the_range():
         ),
     ],
 )
-def test_a_profile_that_stays_says_why(made, words):
+def test_a_profile_that_stays_says_why(made, text):
     assert made.after == made.before
-    assert words in made.words
+    assert text in made.text
 
 
 @pytest.mark.parametrize(

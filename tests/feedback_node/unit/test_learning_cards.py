@@ -165,7 +165,7 @@ def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
 def test_a_rule_that_could_not_be_read_is_told_with_every_card():
     bad = Refused("BAD_RULE", "rule 'moood > 1': there is no name 'moood' here")
     entry = AgentEntry(
-        name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, bad_rules=(bad,)
+        name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, invalid_rules=(bad,)
     )
     card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
     (agent,), problems = read_card(card, SPACE)

@@ -12,11 +12,11 @@ from bt_agents_core import profile_layers as layers_module
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import profiles as profiles_module
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import IMPORT, RevisionCause
 
@@ -143,7 +143,7 @@ def test_what_is_set_is_set_for_everybody():
 def test_the_words_and_deliveries_name_every_layer():
     profiles = known(learning("person", general=0.5))
     change = teach(profiles, "f1", where=run("anna"))
-    assert change.words == "for person/anna age 3 → 4; for everybody age 3 → 3.5"
+    assert change.text == "for person/anna age 3 → 4; for everybody age 3 → 3.5"
     assert profiles.deliveries(change.all) == (
         Delivery(host="/agents", agent="guide", layer=ANNA, values=(4.0, 3.0), revision=1),
         Delivery(host="/agents", agent="guide", values=(3.5, 3.0), revision=1),
@@ -169,7 +169,7 @@ def test_the_same_feedback_is_applied_once_in_all_layers_also_when_one_was_forgo
     profiles.on_erased([("guide", ANNA)])
     third = teach(profiles, "f1", where=run("anna"))
     assert not third.fresh
-    assert "forgotten since" in third.words
+    assert "forgotten since" in third.text
     assert ages(profiles) == {"": 3.5}
 
 
@@ -237,7 +237,7 @@ def test_layers_are_bounded_and_the_others_still_learn(monkeypatch):
     change = teach(profiles, "dora", where=run("dora"))
     assert set(ages(profiles)) == set(before)
     assert ages(profiles)[""] != before[""]
-    assert "2 persons and places" in change.words
+    assert "2 persons and places" in change.text
     assert change.revision.cause.scene_id == ""
     assert not teach(profiles, "dora", where=run("dora")).fresh
     assert teach(profiles, "again", where=run("bob")).fresh

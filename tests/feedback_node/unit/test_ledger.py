@@ -289,11 +289,12 @@ def test_a_row_that_is_changed_while_the_ledger_is_open_is_not_believed(tmp_path
 
 _WRITER = """
 import itertools, sys
-from feedback_node.ledger import Cause, Ledger
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.rows import RevisionCause
 ledger = Ledger(sys.argv[1])
 ledger.enter({"guide": {"age": 0.0}})
 for number in itertools.count(1):
-    row = ledger.append("guide", {"age": float(number)}, Cause(feedback_id=f"f{number}"))
+    row = ledger.append("guide", {"age": float(number)}, RevisionCause(feedback_id=f"f{number}"))
     print(row.revision, flush=True)
 """
 

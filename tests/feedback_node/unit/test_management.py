@@ -12,61 +12,63 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from feedback_node.management.management import ManagementAction
-from ledger_fixture import Desk
+from ledger_fixture import ManagedLedger
 
 ANNA, LOBBY = "person/anna", "place/lobby"
 DAY = 86_400.0
 
 
 @pytest.fixture
-def desk() -> Desk:
-    return Desk()
+def managed() -> ManagedLedger:
+    return ManagedLedger()
 
 
-def test_an_undo_and_a_reset_are_revisions_that_hosts_are_told(desk):
-    desk.teach("f1")
-    desk.teach("f2")
-    done = desk.execute(ManagementAction.UNDO, agent="guide", author="eva", reason="wrong button")
+def test_an_undo_and_a_reset_are_revisions_that_hosts_are_told(managed):
+    managed.teach("f1")
+    managed.teach("f2")
+    done = managed.execute(
+        ManagementAction.UNDO, agent="guide", author="eva", reason="wrong button"
+    )
     assert done.message == "guide: age 4.5 → 4 (revision 3)"
     assert [(c.revision.revision, c.after) for c in done.changes] == [(3, (4.0, 3.0))]
     cause = done.changes[0].revision.cause
     assert (cause.source, cause.reason, cause.kind) == ("eva", "wrong button", FeedbackKind.SET)
     assert (
-        desk.execute(ManagementAction.RESET, agent="guide").message
+        managed.execute(ManagementAction.RESET, agent="guide").message
         == "guide: age 4 → 3 (revision 4)"
     )
-    assert desk.current_profiles()["guide", ""] == (3.0, 3.0)
+    assert managed.current_profiles()["guide", ""] == (3.0, 3.0)
 
 
-def test_the_history_of_a_profile_tells_every_revision_and_its_cause(desk):
-    desk.teach("f1")
-    told = desk.document(ManagementAction.HISTORY, agent="guide")
-    assert [(r["revision"], r["cause"], r["values"]["age"]) for r in told["revisions"]] == [
+def test_the_history_of_a_profile_tells_every_revision_and_its_cause(managed):
+    managed.teach("f1")
+    answer = managed.document(ManagementAction.HISTORY, agent="guide")
+    assert [(r["revision"], r["cause"], r["values"]["age"]) for r in answer["revisions"]] == [
         (0, "authored", 3.0),
         (1, "feedback", 4.0),
     ]
-    assert told["profiles"][0]["false_rate"] is None
+    assert answer["profiles"][0]["false_rate"] is None
 
 
-def test_without_an_agent_the_history_is_the_current_profile_of_each(desk):
-    desk.teach_layer(ANNA)
-    told = desk.document(ManagementAction.HISTORY)
-    assert [(p["agent"], p["layer"]) for p in told["profiles"]] == [
+def test_without_an_agent_the_history_is_the_current_profile_of_each(managed):
+    managed.teach_layer(ANNA)
+    answer = managed.document(ManagementAction.HISTORY)
+    assert [(p["agent"], p["layer"]) for p in answer["profiles"]] == [
         ("express", ""),
         ("guide", ""),
         ("guide", ANNA),
     ]
-    assert told["revisions"] == []
+    assert answer["revisions"] == []
 
 
-def test_what_was_exported_is_taken_in_once_and_gives_the_same_profiles(desk):
-    desk.teach("f1")
-    desk.teach_layer(ANNA)
-    document = desk.execute(ManagementAction.EXPORT).document
-    other = Desk()
+def test_what_was_exported_is_taken_in_once_and_gives_the_same_profiles(managed):
+    managed.teach("f1")
+    managed.teach_layer(ANNA)
+    document = managed.execute(ManagementAction.EXPORT).document
+    other = ManagedLedger()
     other.teach("f9")
     done = other.execute(ManagementAction.IMPORT, document=document, author="eva")
-    assert other.current_profiles() == desk.current_profiles()
+    assert other.current_profiles() == managed.current_profiles()
     assert len(done.changes) == 3
     before = other.profiles.table()
     again = other.execute(ManagementAction.IMPORT, document=document)
@@ -79,18 +81,18 @@ def test_what_was_exported_is_taken_in_once_and_gives_the_same_profiles(desk):
     )
 
 
-def test_an_export_holds_what_concerns_one_person_with_its_history(desk):
-    desk.teach_layer(ANNA)
-    desk.teach_layer(ANNA, "express")
-    desk.teach_layer(LOBBY)
-    told = desk.document(ManagementAction.EXPORT, layer=ANNA)
-    assert {(p["agent"], p["layer"]) for p in told["profiles"]} == {
+def test_an_export_holds_what_concerns_one_person_with_its_history(managed):
+    managed.teach_layer(ANNA)
+    managed.teach_layer(ANNA, "express")
+    managed.teach_layer(LOBBY)
+    answer = managed.document(ManagementAction.EXPORT, layer=ANNA)
+    assert {(p["agent"], p["layer"]) for p in answer["profiles"]} == {
         ("guide", ANNA),
         ("express", ANNA),
     }
-    assert {r["layer"] for r in told["revisions"]} == {ANNA}
+    assert {r["layer"] for r in answer["revisions"]} == {ANNA}
     with pytest.raises(Refused, match="UNKNOWN_LAYER: no layer 'person/bob'; there are: pers"):
-        desk.execute(ManagementAction.EXPORT, layer="person/bob")
+        managed.execute(ManagementAction.EXPORT, layer="person/bob")
 
 
 GOOD = {"agent": "guide", "layer": "", "values": {"age": 3.0, "mood": 3.0}}
@@ -137,40 +139,42 @@ def document(*profiles: Any, **fields: Any) -> str:
         (" " * 4_000_001, "TOO_LONG"),
     ],
 )
-def test_a_document_that_is_none_is_refused_and_nothing_is_taken_in(desk, text, code):
-    before = desk.profiles.table()
+def test_a_document_that_is_none_is_refused_and_nothing_is_taken_in(managed, text, code):
+    before = managed.profiles.table()
     with pytest.raises(Refused) as refused:
-        desk.execute(ManagementAction.IMPORT, document=text)
+        managed.execute(ManagementAction.IMPORT, document=text)
     assert refused.value.code == code
-    assert desk.profiles.table() == before
+    assert managed.profiles.table() == before
 
 
-def test_layers_expire_that_have_not_changed_for_so_long(desk):
-    desk.teach_layer("person/old")
-    desk.teach_layer("place/old")
-    desk.now += 50 * DAY
-    desk.teach_layer(ANNA)
-    assert desk.execute(ManagementAction.EXPIRE, older_s=60 * DAY).message == "nothing to forget"
-    done = desk.execute(ManagementAction.EXPIRE, older_s=40 * DAY, layer="person")
+def test_layers_expire_that_have_not_changed_for_so_long(managed):
+    managed.teach_layer("person/old")
+    managed.teach_layer("place/old")
+    managed.now += 50 * DAY
+    managed.teach_layer(ANNA)
+    assert (
+        managed.execute(ManagementAction.EXPIRE, older_s=60 * DAY).message == "nothing to forget"
+    )
+    done = managed.execute(ManagementAction.EXPIRE, older_s=40 * DAY, layer="person")
     assert done.message == "1 profile forgotten"
     assert [(d.agent, d.layer, d.remove) for d in done.deliveries] == [
         ("guide", "person/old", True)
     ]
-    desk.execute(ManagementAction.EXPIRE, older_s=40 * DAY)
-    assert {layer for _, layer in desk.current_profiles()} == {"", ANNA}
+    managed.execute(ManagementAction.EXPIRE, older_s=40 * DAY)
+    assert {layer for _, layer in managed.current_profiles()} == {"", ANNA}
 
 
-def test_a_person_is_forgotten_by_all_agents_or_by_one(desk):
+def test_a_person_is_forgotten_by_all_agents_or_by_one(managed):
     for agent in ("guide", "express"):
-        desk.teach_layer(ANNA, agent)
-        desk.teach_layer(LOBBY, agent)
-    desk.execute(ManagementAction.FORGET, agent="express", layer=ANNA)
-    assert ("guide", ANNA) in desk.current_profiles()
-    done = desk.execute(ManagementAction.FORGET, layer=ANNA)
+        managed.teach_layer(ANNA, agent)
+        managed.teach_layer(LOBBY, agent)
+    managed.execute(ManagementAction.FORGET, agent="express", layer=ANNA)
+    assert ("guide", ANNA) in managed.current_profiles()
+    done = managed.execute(ManagementAction.FORGET, layer=ANNA)
     assert [(d.agent, d.layer, d.remove) for d in done.deliveries] == [("guide", ANNA, True)]
-    assert {layer for _, layer in desk.current_profiles()} == {"", LOBBY}
+    assert {layer for _, layer in managed.current_profiles()} == {"", LOBBY}
     with pytest.raises(Refused, match="UNKNOWN_LAYER"):
-        desk.execute(ManagementAction.FORGET, layer=ANNA)
+        managed.execute(ManagementAction.FORGET, layer=ANNA)
 
 
 @pytest.mark.parametrize(
@@ -192,27 +196,27 @@ def test_a_person_is_forgotten_by_all_agents_or_by_one(desk):
         (ManagementAction.FORGET, {"layer": "forgotten/1"}, "BAD_LAYER"),
     ],
 )
-def test_an_order_that_makes_no_sense_is_refused_by_name(desk, action, fields, code):
-    before = desk.profiles.table()
+def test_an_order_that_makes_no_sense_is_refused_by_name(managed, action, fields, code):
+    before = managed.profiles.table()
     with pytest.raises(Refused) as refused:
-        desk.execute(action, **fields)
+        managed.execute(action, **fields)
     assert refused.value.code == code
-    assert desk.profiles.table() == before
+    assert managed.profiles.table() == before
 
 
-def test_an_import_keeps_how_much_has_been_taught(desk):
+def test_an_import_keeps_how_much_has_been_taught(managed):
     for number in range(10):
-        desk.teach(f"f{number}")
-    document_of_ten = desk.execute(ManagementAction.EXPORT, agent="guide").document
-    desk.execute(ManagementAction.RESET, agent="guide")
-    desk.execute(ManagementAction.IMPORT, document=document_of_ten)
-    (told,) = desk.document(ManagementAction.HISTORY, agent="guide")["profiles"]
-    assert told["changes"] == 10
+        managed.teach(f"f{number}")
+    document_of_ten = managed.execute(ManagementAction.EXPORT, agent="guide").document
+    managed.execute(ManagementAction.RESET, agent="guide")
+    managed.execute(ManagementAction.IMPORT, document=document_of_ten)
+    (answer,) = managed.document(ManagementAction.HISTORY, agent="guide")["profiles"]
+    assert answer["changes"] == 10
 
 
-def test_texts_of_an_order_with_control_characters_are_refused(desk):
+def test_texts_of_an_order_with_control_characters_are_refused(managed):
     for field in ("reason", "author"):
         with pytest.raises(Refused, match="BAD_TEXT"):
-            desk.execute(ManagementAction.RESET, agent="guide", **{field: "a\x1b[2J"})
+            managed.execute(ManagementAction.RESET, agent="guide", **{field: "a\x1b[2J"})
     with pytest.raises(Refused, match="BAD_LAYER"):
-        desk.execute(ManagementAction.HISTORY, agent="guide", layer="person/a\nb")
+        managed.execute(ManagementAction.HISTORY, agent="guide", layer="person/a\nb")

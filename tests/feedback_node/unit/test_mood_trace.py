@@ -39,10 +39,10 @@ class Run:
 
     def so_far(self, at: float) -> list[tuple[str, float, float, float]]:
         self.now = at
-        return [told(one) for one in self.trace.so_far()]
+        return [trace(one) for one in self.trace.so_far()]
 
 
-def told(one: LeafMood) -> tuple[str, float, float, float]:
+def trace(one: LeafMood) -> tuple[str, float, float, float]:
     return one.leaf, one.seconds, one.mean, one.change
 
 

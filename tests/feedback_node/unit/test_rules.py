@@ -16,7 +16,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodAction, MoodRule
-from feedback_node.rules import LEAST_AGAIN_S, Fired, Watch
+from feedback_node.rules import MIN_REPEAT_S, Fired, Watch
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -164,8 +164,8 @@ def test_a_silence_longer_than_the_lease_is_not_held_and_breaks_the_time(lease_s
     fired = []
     for tenth in range(round(seen[-1] * 10) + 30):
         at = tenth / 10
-        told = story.see(at, scene(2.5)) if at in seen else story.tick(at)
-        fired += [at for _ in told]
+        trace = story.see(at, scene(2.5)) if at in seen else story.tick(at)
+        fired += [at for _ in trace]
     assert fired == ([] if fires is None else [fires])
 
 
@@ -293,7 +293,7 @@ def test_a_release_counts_only_once_the_cooldown_is_over():
 def test_a_release_that_always_holds_does_not_let_a_rule_chatter():
     story = Story(rule(WORSE, 0.0, release="live.person"))
     assert firings(story, lambda _: 2.0, 3.9) == [0.0, 1.0, 2.0, 3.0]
-    assert LEAST_AGAIN_S == 1.0
+    assert MIN_REPEAT_S == 1.0
 
 
 @pytest.mark.parametrize(("hold_s", "cooldown_s"), [(0.0, 2.0), (0.5, 2.0), (1.0, 0.0)])
@@ -310,11 +310,11 @@ def test_a_mood_that_flaps_fires_at_most_once_a_hold_and_cooldown(hold_s, cooldo
 
 def test_each_firing_says_since_when_its_condition_has_held_and_how_often_it_fired_before():
     story = Story(rule(WORSE, 1.0, cooldown_s=2.0))
-    told = []
+    trace = []
     for tick in range(120):
         story.clock.now = 100.0 + tick / 20
-        told += [(one.since, one.count) for one in story.watch.receive(scene(2.0))]
-    assert told == [(100.0, 0), (103.0, 1)]
+        trace += [(one.since, one.count) for one in story.watch.receive(scene(2.0))]
+    assert trace == [(100.0, 0), (103.0, 1)]
 
 
 def test_the_next_moment_of_interest_is_known():

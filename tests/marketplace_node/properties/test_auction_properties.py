@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from market_harness import SPACE, scene
-from marketplace_node.explanation.reason import reason
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.auction import Auction
 from marketplace_node.round.decision import AuctionOutcome, Bids, ClosedBy, RoundKind, Terms
@@ -77,7 +77,7 @@ def test_an_auction_ends_in_exactly_one_outcome(
     stopped = by is ClosedBy.STOPPED
     assert (decision.outcome is AuctionOutcome.AWARDED) == (bool(decision.ranking) and not stopped)
     assert (decision.winner is None) == (decision.outcome is AuctionOutcome.NO_BIDS)
-    assert reason(decision)
+    assert reason_of(decision)
 
     ranked = [bid.agent for bid in decision.ranking]
     assert max(Counter(ranked).values(), default=1) == 1, "nobody is ranked twice"

@@ -26,7 +26,7 @@ from marketplace_node.effects import (
     State,
 )
 from marketplace_node.market_state import PREVIEWS
-from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators.previews import MOST
 from marketplace_node.round.decision import AuctionOutcome, External
 from marketplace_node.settings import ON_NEW_SCENE
@@ -157,7 +157,7 @@ class AnyMarket(RuleBasedStateMachine):
         self.driver.do(self.driver.market.ranked(question.round, external, self.driver.now))
 
     @rule(
-        act=st.sampled_from(
+        action=st.sampled_from(
             [
                 OperatorAction.PIN,
                 OperatorAction.UNPIN,
@@ -169,15 +169,15 @@ class AnyMarket(RuleBasedStateMachine):
         ),
         agent=st.sampled_from(["ann", "abe", "bob", "bea", "nobody"]),
     )
-    def operate(self, act: OperatorAction, agent: str) -> None:
-        self.driver.operate(act, agent)
+    def operate(self, action: OperatorAction, agent: str) -> None:
+        self.driver.operate(action, agent)
 
     @rule(agent=st.sampled_from(["ann", "abe", "bob"]), own=st.booleans())
     def award(self, agent: str, own: bool) -> None:
         theirs = scene(f"award{self.scenes}") if own else None
-        order = OperatorCommand(act=OperatorAction.AWARD, agent=agent, scene=theirs)
+        command = OperatorCommand(action=OperatorAction.AWARD, agent=agent, scene=theirs)
         try:
-            _, effects = self.driver.market.operate(order, self.driver.now)
+            _, effects = self.driver.market.operate(command, self.driver.now)
         except Refused:
             return
         self.sent += 1
@@ -232,7 +232,7 @@ class AnyMarket(RuleBasedStateMachine):
                 self.open_rounds.discard(number)
                 self.decided.append(number)
                 assert not effect.decision.terms.preview
-                vetoed = {bid.agent for bid in effect.decision.terms.barred}
+                vetoed = {bid.agent for bid in effect.decision.terms.operator_exclusions}
                 assert vetoed.isdisjoint(bid.agent for bid in effect.decision.ranking)
                 assert self.decided == list(range(1, number + 1)), "one outcome a round"
                 if effect.decision.outcome in (AuctionOutcome.PREEMPTS, AuctionOutcome.WAITS):

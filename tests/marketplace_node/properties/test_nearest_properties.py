@@ -18,7 +18,7 @@ from marketplace_node.round.ranking import decide, winning_row
 from marketplace_node.round.round_model import RoundModel
 from marketplace_node.strategies import STRATEGIES
 from marketplace_node.strategies.arrays import Sum
-from marketplace_node.strategies.nearest import BLOCK, measure, nearest
+from marketplace_node.strategies.nearest import BLOCK, nearest, weighted_distance
 from ranked_rounds import bids, terms
 from ranking import Case, case, equals_plain
 
@@ -28,14 +28,14 @@ SIZES = (1, 2, 3, 4, 5, 9, 21, 40, 150)
 
 def whole(space: SceneSpace, of: Terms, table: BidTable) -> list[tuple[str, float, float]]:
     """Return who is where, and how far, from the arrays that serve all strategies."""
-    contest = RoundModel(
+    model = RoundModel(
         terms=of, table=table, field=table.field(space, of), spec=STRATEGIES[of.strategy],
         options={}, seed="",
     )  # fmt: skip
-    scores = contest.measure().scores
+    scores = model.score().scores
     return [
         (table.agents[row], float(scores.distance[row]), float(scores.contributions[row].sum()))
-        for row in contest.order(scores.score)
+        for row in model.order(scores.score)
     ]
 
 
@@ -118,7 +118,7 @@ def test_of_many_none_is_left_out_that_is_as_near(distance: Sum, digits: int) ->
     wanted[1] = math.nan
     weights = chance.uniform(0.0, 2.0, 4).round(digits) if distance.weighted else np.ones(4)
     rows = range(len(bids))
-    measured = [measure(bid, wanted, distance, weights)[0] for bid in bids.tolist()]
+    measured = [weighted_distance(bid, wanted, distance, weights)[0] for bid in bids.tolist()]
     least = min(measured)
     assert nearest(bids, wanted, distance, weights) == [n for n in rows if measured[n] == least]
 
@@ -142,8 +142,6 @@ def test_of_many_equals_the_one_that_has_not_run_for_longest_wins() -> None:
 def test_looking_at_the_winner_puts_nobody_else_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     of = case(1_000, 3)
     found = decide(of.space, of.terms, of.table)
-    monkeypatch.setattr(
-        RoundModel, "measure", lambda *_: pytest.fail("somebody else was looked at")
-    )
+    monkeypatch.setattr(RoundModel, "score", lambda *_: pytest.fail("somebody else was looked at"))
     assert found.bids[0].agent
     assert len(found.bids) == len(found.bidders) == 1_000

@@ -12,8 +12,7 @@ import pytest
 
 from market_harness import Driver, scene
 from marketplace_node.effects import PublishAuction, SendGoal
-from marketplace_node.explanation import counterfactual
-from marketplace_node.round import round_model
+from marketplace_node.round import counterfactual, round_model
 from marketplace_node.round.decision import Counterfactual, External
 from marketplace_node.round.ranking import decide
 from marketplace_node.round.round_model import scored as measured

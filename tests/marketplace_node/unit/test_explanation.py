@@ -14,7 +14,7 @@ from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_language.files.market_reader import market_of
 from bt_agents_language.files.scene_reader import read_scene
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.explanation.reason import reason
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,
@@ -114,7 +114,12 @@ def pinned() -> Decision:
     barred = tuple(
         refused(one, RoundKind.REFUSED, "NOT_PINNED", words) for one in (EXPRESS, CHILD)
     )
-    return of(agents={GUIDE: PROFILES[GUIDE]}, barred=barred, refused=barred, intervention=words)
+    return of(
+        agents={GUIDE: PROFILES[GUIDE]},
+        operator_exclusions=barred,
+        refused=barred,
+        intervention=words,
+    )
 
 
 def weighted() -> Decision:
@@ -148,7 +153,7 @@ DECISIONS: dict[str, Callable[[], Decision]] = {
 def test_a_decision_is_told_as_written_down(name: str) -> None:
     decision = DECISIONS[name]()
 
-    told = f"{reason(decision)}\n\n{explanation(decision, SPACE)}\n"
+    told = f"{reason_of(decision)}\n\n{explanation(decision, SPACE)}\n"
     assert told == (KEPT / f"{name}.txt").read_text(encoding="utf-8")
 
 

@@ -10,7 +10,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver, scene
 from marketplace_node.effects import CancelGoal, SendGoal, State, StoreOverrides
-from marketplace_node.operators.operator_overrides import OperatorAction
+from marketplace_node.operator_overrides import OperatorAction
 from marketplace_node.round.decision import AuctionOutcome
 
 
@@ -215,7 +215,7 @@ def test_a_duplicate_of_an_awarded_scene_takes_nothing_from_it(market: Driver) -
 
 
 @pytest.mark.parametrize(
-    ("before", "act", "agent", "code"),
+    ("before", "action", "agent", "code"),
     [
         ([], OperatorAction.PIN, "guide", "UNKNOWN_AGENT"),
         ([], OperatorAction.VETO, "", "UNKNOWN_AGENT"),
@@ -231,14 +231,14 @@ def test_a_duplicate_of_an_awarded_scene_takes_nothing_from_it(market: Driver) -
 def test_what_cannot_be_done_is_refused_and_changes_nothing(
     market: Driver,
     before: list[tuple[OperatorAction, str]],
-    act: OperatorAction,
+    action: OperatorAction,
     agent: str,
     code: str,
 ) -> None:
     for first, whom in before:
         market.operate(first, whom)
     status = market.status
-    assert market.operate(act, agent) == code
+    assert market.operate(action, agent) == code
     assert market.status == status
     assert market.all(SendGoal) == []
 
@@ -261,7 +261,7 @@ def test_a_market_that_is_started_again_has_the_pins_and_vetoes_of_the_last(
     market.operate(OperatorAction.PIN, EXPRESS, author="anna")
     market.operate(OperatorAction.VETO, GUIDE, reason="too loud")
     again = Driver()
-    words, effects = again.market.restore_orders(market.all(StoreOverrides)[-1].text, again.now)
+    words, effects = again.market.restore_overrides(market.all(StoreOverrides)[-1].text, again.now)
     again.do(effects)
 
     assert words == "anna pins professional_express; the operator vetoes attentive_guide: too loud"
@@ -273,7 +273,7 @@ def test_a_market_that_is_started_again_goes_on_counting_runs() -> None:
     market.run()
     again = Driver(starvation_rounds=1, strategy="ucb")
     again.register()
-    _, effects = again.market.restore_orders(market.all(StoreOverrides)[-1].text, again.now)
+    _, effects = again.market.restore_overrides(market.all(StoreOverrides)[-1].text, again.now)
     again.do(effects)
     assert again.status.starved == (EXPRESS,)
     again.scene()
@@ -324,6 +324,6 @@ def test_who_is_vetoed_in_the_run_is_said_to_be_so_once(market: Driver) -> None:
 def test_kept_orders_that_cannot_be_read_change_nothing(market: Driver, text: str) -> None:
     market.operate(OperatorAction.PIN, EXPRESS)
     with pytest.raises(Refused) as caught:
-        market.market.restore_orders(text, market.now)
+        market.market.restore_overrides(text, market.now)
     assert caught.value.code == "MALFORMED"
     assert market.status.pinned == EXPRESS

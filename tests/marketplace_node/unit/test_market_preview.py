@@ -9,7 +9,7 @@ from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import PublishAuction, SendGoal, State
 from marketplace_node.market_state import PREVIEWS
-from marketplace_node.operators.operator_overrides import OperatorAction
+from marketplace_node.operator_overrides import OperatorAction
 from marketplace_node.operators.previews import MOST
 
 

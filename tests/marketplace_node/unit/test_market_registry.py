@@ -9,7 +9,7 @@ import pytest
 
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, registration
 from marketplace_node.effects import Disconnect
-from marketplace_node.registry import FIRST_BEAT_S, MOST_HOSTS, Registry
+from marketplace_node.registry import FIRST_HEARTBEAT_S, MOST_HOSTS, Registry
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_ids_count_from_one_and_stay_with_the_name(registry: Registry) -> None:
 
 def test_registering_again_refreshes_the_list_and_the_lease(registry: Registry) -> None:
     registry.register(registration(), 0.0)
-    registry.beat("/agents", "first", 0.0)
+    registry.heartbeat("/agents", "first", 0.0)
     registry.register(registration(agents=(GUIDE,)), 0.9)
 
     assert dict(registry.entries()[0].agents) == {GUIDE: 1}
@@ -44,19 +44,19 @@ def test_the_lease_of_a_host_begins_with_its_first_heartbeat_or_after_an_allowan
 ) -> None:
     registry.register(registration(), 0.0)
     registry.register(registration("/others", (PLAIN,)), 0.0)
-    registry.beat("/others", "first", 0.1)
+    registry.heartbeat("/others", "first", 0.1)
 
     assert [entry.host for entry in registry.with_heartbeat(0.2)] == ["/others"]
     assert [entry.host for entry in registry.live(1.2)] == ["/agents"]
-    assert [entry.host for entry in registry.live(0.99 + FIRST_BEAT_S)] == ["/agents"]
-    assert registry.live(1.0 + FIRST_BEAT_S) == ()
+    assert [entry.host for entry in registry.live(0.99 + FIRST_HEARTBEAT_S)] == ["/agents"]
+    assert registry.live(1.0 + FIRST_HEARTBEAT_S) == ()
 
 
 def test_a_start_that_was_heard_gets_no_allowance_again_but_the_next_start_does(
     registry: Registry,
 ) -> None:
     registry.register(registration(), 0.0)
-    registry.beat("/agents", "first", 0.1)
+    registry.heartbeat("/agents", "first", 0.1)
     registry.register(registration(), 0.5)
 
     assert registry.live(1.6) == ()
@@ -66,7 +66,7 @@ def test_a_start_that_was_heard_gets_no_allowance_again_but_the_next_start_does(
 
 def test_a_living_host_cannot_be_replaced_but_a_dead_one_can(registry: Registry) -> None:
     registry.register(registration(), 0.0)
-    registry.beat("/agents", "first", 0.9)
+    registry.heartbeat("/agents", "first", 0.9)
     early = registry.register(registration(instance="second"), 1.5)
     late = registry.register(registration(instance="second"), 2.0)
 
@@ -78,10 +78,10 @@ def test_a_living_host_cannot_be_replaced_but_a_dead_one_can(registry: Registry)
 
 def test_heartbeats_of_strangers_and_earlier_starts_count_for_nothing(registry: Registry) -> None:
     registry.register(registration(), 0.0)
-    registry.beat("/agents", "first", 0.0)
+    registry.heartbeat("/agents", "first", 0.0)
 
-    assert not registry.beat("/agents", "zeroth", 0.9)
-    assert not registry.beat("/strangers", "first", 0.9)
+    assert not registry.heartbeat("/agents", "zeroth", 0.9)
+    assert not registry.heartbeat("/strangers", "first", 0.9)
     assert registry.live(1.0) == ()
 
 

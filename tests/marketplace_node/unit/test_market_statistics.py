@@ -7,10 +7,10 @@ import pytest
 
 from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import Alarm, Collect, PublishAuction
-from marketplace_node.operators.statistics import Starvation
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.decision import AuctionOutcome
 from marketplace_node.settings import Settings
+from marketplace_node.statistics import Starvation
 
 
 def play(market: Driver, scenes: int, **bids: tuple[float, ...]) -> None:

@@ -15,7 +15,7 @@ from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from plain_message import message_of
 from scene_layer.memory import Memory
 from scene_layer.run_tracker import LiveRun, RunTracker
-from scene_layer.scene_estimator import KEPT, SceneEstimator, check_given
+from scene_layer.scene_estimator import MAX_INTERACTIONS, SceneEstimator, check_given
 from scene_layer.sources import Sources
 
 SPACE = SceneSpace(
@@ -139,7 +139,7 @@ def test_adopting_a_known_scene_keeps_what_was_given_since():
 
 def test_old_interactions_are_forgotten_one_by_one():
     lab = Lab()
-    for number in range(KEPT + 1):
+    for number in range(MAX_INTERACTIONS + 1):
         lab.estimate.begin(str(number), "", {"mood": 4.0}, None, 0.0)
     assert lab.values(0.0, "0") == ["missing", "missing"]
     assert lab.values(0.0, "1") == ["missing", "given 4"]

@@ -27,12 +27,12 @@ Preset = Mapping[str, str]
 
 
 class Presets:
-    """Presets of a host, on the disk before they count.
+    """Presets of a host, stored on the disk before they count.
 
     One thread may change them, and others read them meanwhile.
 
     Args:
-        file: Where they are kept; None keeps them in memory.
+        file: YAML file; None for presets in memory.
 
     Attributes:
         problem: Report of what is wrong with the file; empty when it can be used.

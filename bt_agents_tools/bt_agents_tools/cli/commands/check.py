@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents check`: every problem of a trees folder, without a robot and even without ROS."""
+"""Command `bt-agents check`: problems of a trees folder, without a robot, even without ROS."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from bt_agents_language.diagnostics.renderers import (
 from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.folder_reader import SUFFIXES
 from bt_agents_language.tools.folder_check import Checked, check_folder
-from bt_agents_tools.cli.constants import counted
+from bt_agents_tools.cli.formatting import counted
 
 
 @click.command()

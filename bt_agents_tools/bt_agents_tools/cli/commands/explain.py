@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents explain`: the page of the reference about one word or one code, in the terminal."""
+"""Command `bt-agents explain`: page of the reference about a word or a code, in the terminal."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ from bt_agents_language.reference.node_pages import (
 from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
 from bt_agents_language.tools.schema.folder import folder_vocabulary
 
-_WORDS_WIDTH = 34
-"""Columns for what may be written, so that what it means has room beside it."""
+_FORM_WIDTH = 34
+"""Columns for the form, so that its meaning has room beside it."""
 
 Part = Text | Table | Padding
 """A part of a page; a text that must not be wrapped has ``no_wrap``."""
@@ -81,7 +81,7 @@ def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
 
     Args:
         word: Any word of the language or code, as written or as a report shows it.
-        vocabulary: The words that there are.
+        vocabulary: Nodes, skills and subtrees of the trees folder.
 
     Raises:
         BtAgentsError: There is no such word.
@@ -104,10 +104,10 @@ def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
     in_files = file_pages(plain)
     if in_files:
         return (part for one in in_files for part in _file(one))
-    # A word that could be either is rather a node that somebody has typed than a key or a code.
-    words = [one.key for one in node_pages(vocabulary)] + [*TOPICS]
-    words += (one.name for _, one in subtrees)
-    near = next(filter(None, (nearest(plain, of) for of in (words, file_words(), codes()))), None)
+    # A misspelt node is likelier than a misspelt key or code.
+    names = [one.key for one in node_pages(vocabulary)] + [*TOPICS]
+    names += (one.name for _, one in subtrees)
+    near = next(filter(None, (nearest(plain, of) for of in (names, file_words(), codes()))), None)
     hint = f"did you mean '{near}'?" if near else "'bt-agents explain' lists all"
     raise BtAgentsError(f"there is no word or code {quote(plain)}; {hint}")
 
@@ -123,7 +123,7 @@ def _subtrees(vocabulary: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
 
 
 def _vocabulary(directory: str) -> SymbolTable:
-    """Return the words of a trees folder, without one those of the language itself.
+    """Return the symbols of a trees folder, without one those of the language itself.
 
     Raises:
         BtAgentsError: A folder is named and cannot be used.
@@ -188,10 +188,10 @@ def _topic(page: ReferenceTopic) -> Iterable[Part]:
         if heading:
             yield Text(f"{heading}:\n")
         table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
-        if any(means for _, means in rows):
-            table.add_column(style="cyan", max_width=_WORDS_WIDTH)
-        for words, means in rows:
-            table.add_row(*map(Text, filter(None, (words, means))))
+        if any(meaning for _, meaning in rows):
+            table.add_column(style="cyan", max_width=_FORM_WIDTH)
+        for form, meaning in rows:
+            table.add_row(*map(Text, filter(None, (form, meaning))))
         yield Padding(table, (0, 0, 1, 2))
     yield Text(page.note)
     yield Text("\nExample:")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents schema`: JSON Schemas of an author's files, for completion and hover in an editor."""
+"""Command `bt-agents schema`: JSON Schemas of an author's files, for help in an editor."""
 
 from __future__ import annotations
 

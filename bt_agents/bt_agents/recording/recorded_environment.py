@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The environment of a run: one that is recorded, and one that answers from the recording."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict, deque
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from random import Random
+from typing import Any
+
+from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.environment import Clock, Environment, GoalRun, Inbox, SkillGoal
+from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.scope import RunScope, Scope
+from bt_agents.recording.format import Entry
+from bt_agents.recording.recorded_clock import RecordingClock, ReplayClock
+from bt_agents.recording.recorded_goal import RecordingGoal, ReplayGoal
+from bt_agents.recording.recorded_inbox import RecordingInbox, ReplayInbox
+from bt_agents.recording.recorded_plugin import RecordingPlugin, ReplayPlugin
+from bt_agents.recording.step_log import StepLog
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
+from bt_agents_core.scene import Origin, Scene, SceneValue
+from bt_agents_language.model.specs import NodeSpec
+
+
+class RecordingEnvironment:
+    """The environment of a recorded run, with clocks, live scene and tunables.
+
+    Args:
+        environment: The one that is recorded.
+        live: See :class:`bt_agents.engine.run.Run`, as for the next two.
+        tunables: Current values; may change between steps.
+        steady: Clock of the bounded waits.
+
+    Attributes:
+        steps: The entry of the current step.
+        clock: The trees' clock.
+        steady: The steady clock.
+        tunables: Their current values.
+        recorded_tunables: Their values as they were recorded last.
+    """
+
+    def __init__(
+        self,
+        environment: Environment,
+        live: Callable[[], Scene],
+        tunables: Mapping[str, Plain],
+        steady: Clock,
+    ) -> None:
+        self.steps = StepLog()
+        self.clock = RecordingClock(environment.clock, self.steps, "t")
+        self.steady = RecordingClock(steady, self.steps, "s")
+        self._environment = environment
+        self._live = live
+        self._scene: Scene | None = None
+        self._scene_step = -1
+        self._recorded_live: Entry = {}
+        self.tunables = tunables
+        self.recorded_tunables = dict(tunables)
+        self._goals = 0
+        self._inboxes = 0
+
+    def first(self) -> Entry:
+        """Return what is known before the first step, which begins with that."""
+        self.live()
+        first = {
+            "tunables": self.recorded_tunables,
+            "live": self._recorded_live,
+            "t": self.clock(),
+        }
+        self.steps.end()
+        return first
+
+    def record_tunables(self) -> None:
+        """Record the tunables, of which one has changed."""
+        self.steps.entry["tunables"] = self.recorded_tunables = dict(self.tunables)
+
+    def send(self, goal: SkillGoal) -> GoalRun:
+        """Send a goal; see :class:`Environment`."""
+        request = self._request(goal.kind.value, goal.name, goal.fields)
+        run = _attempt(lambda: self._environment.send(goal), request)
+        return self._track(run)
+
+    def publish(self, goal: SkillGoal) -> None:
+        """Publish a message; see :class:`Environment`."""
+        request = self._request(goal.kind.value, goal.name, goal.fields)
+        _attempt(lambda: self._environment.publish(goal), request)
+
+    def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
+        """Subscribe; see :class:`Environment`."""
+        request = self._request("watch", topic, {})
+        inbox = _attempt(
+            lambda: self._environment.watch(topic, type_name, latched=latched), request
+        )
+        self._inboxes += 1
+        return RecordingInbox(inbox, self._inboxes - 1, self.steps)
+
+    def log(self, level: str, text: str) -> None:
+        """Write a line into the log, which is not recorded."""
+        self._environment.log(level, text)
+
+    def give_feedback(
+        self, kind: FeedbackKind, values: Mapping[str, float], reason: str
+    ) -> GoalRun:
+        """Ask for a change of the profile; see :class:`Environment`."""
+        request = self._request("feedback", kind.name, _feedback_fields(values, reason))
+        run = _attempt(lambda: self._environment.give_feedback(kind, values, reason), request)
+        return self._track(run)
+
+    def live(self) -> Scene:
+        """Return the live scene, which stands still during a step."""
+        step = self.steps.step
+        if self._scene is not None and self._scene_step == step:
+            return self._scene
+        self._scene_step = step
+        scene = self._live()
+        if scene is not self._scene:
+            self._scene = scene
+            live = _live_fields(scene)
+            new = {k: v for k, v in live.items() if not _same(v, self._recorded_live.get(k))}
+            self._recorded_live = live
+            if new:
+                self.steps.entry["live"] = new
+        return scene
+
+    def plugin(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, _build: BuildChild
+    ) -> Leaf:
+        """Return the leaf of a behaviour of a package."""
+        return RecordingPlugin(spec, context, scope, self.steps)
+
+    def _request(self, kind: str, name: str, fields: Mapping[str, Plain]) -> Entry:
+        request = {"kind": kind, "name": name, "fields": fields}
+        self.steps.add("requests", request)
+        return request
+
+    def _track(self, run: GoalRun) -> GoalRun:
+        self._goals += 1
+        return RecordingGoal(run, self._goals - 1, self.steps)
+
+
+class RecordingContext(RunContext):
+    """Shared state of the nodes of a recorded run; a deadline not reached leaves no entry."""
+
+    def __init__(self, environment: Environment, scope: RunScope, random: Random) -> None:
+        super().__init__(environment, scope, random)
+        assert isinstance(environment, RecordingEnvironment)
+        self._is_due = environment.clock.is_due
+
+    def is_due(self, path: str, at: float) -> bool:
+        """See :meth:`RunContext.is_due`."""
+        if self._is_due(at):
+            return True
+        self.deadlines[path] = at
+        return False
+
+
+class ReplayEnvironment:
+    """Answers as the environment did when the run was recorded.
+
+    Args:
+        head: First entry of the recording.
+        scene: As awarded.
+
+    Attributes:
+        clock: The trees' clock.
+        steady: The steady clock.
+        live: The live scene in this step.
+        tunables: The tunables in this step.
+        requests: What the tree has asked for in this step, in the form of the recording.
+    """
+
+    def __init__(self, head: Mapping[str, Any], scene: Scene) -> None:
+        self.clock = ReplayClock("t")
+        self.steady = ReplayClock("s")
+        self.live = scene
+        self.tunables: dict[str, Plain] = {}
+        self.requests: list[Entry] = []
+        self._goals: defaultdict[int, ReplayGoal] = defaultdict(ReplayGoal)
+        self._sent = 0
+        self._inboxes: defaultdict[int, ReplayInbox] = defaultdict(ReplayInbox)
+        self._opened = 0
+        self._errors: deque[Entry | None] = deque()
+        self._plugins: defaultdict[str, deque[Entry]] = defaultdict(deque)
+        self.load(head)
+
+    def load(self, entry: Mapping[str, Any]) -> None:
+        """Begin a step with its entry."""
+        self.clock.load(entry)
+        self.steady.load(entry)
+        if "tunables" in entry:
+            self.tunables.clear()
+            self.tunables.update(entry["tunables"])
+        if "live" in entry:
+            self.live = _with_live_fields(self.live, entry["live"])
+        for goal in entry.get("goals", ()):
+            self._goals[goal["goal"]].load(goal)
+        for inbox in self._inboxes.values():
+            inbox.messages.clear()
+        for message in entry.get("messages", ()):
+            self._inboxes[message["inbox"]].messages.append(message["message"])
+        self._plugins.clear()
+        for answer in entry.get("plugins", ()):
+            self._plugins[answer["path"]].append(answer)
+        self.requests = []
+        self._errors = deque(request.get("error") for request in entry.get("requests", ()))
+
+    def send(self, goal: SkillGoal) -> GoalRun:
+        """Take a goal; its fields are as recorded."""
+        self._request(goal.kind.value, goal.name, goal.fields)
+        return self._track()
+
+    def publish(self, goal: SkillGoal) -> None:
+        """Take a message."""
+        self._request(goal.kind.value, goal.name, goal.fields)
+
+    def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
+        """Open an inbox with the recorded messages."""
+        self._request("watch", topic, {})
+        self._opened += 1
+        return self._inboxes[self._opened - 1]
+
+    def log(self, level: str, text: str) -> None:
+        """Write nothing: the line was logged when the run was recorded."""
+
+    def give_feedback(
+        self, kind: FeedbackKind, values: Mapping[str, float], reason: str
+    ) -> GoalRun:
+        """Take feedback; its answer is as recorded."""
+        self._request("feedback", kind.name, _feedback_fields(values, reason))
+        return self._track()
+
+    def plugin(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, _build: BuildChild
+    ) -> Leaf:
+        """Return a leaf that answers as the behaviour of a package did."""
+        return ReplayPlugin(spec, context, scope, self._plugins)
+
+    def _track(self) -> GoalRun:
+        self._sent += 1
+        return self._goals[self._sent - 1]
+
+    def _request(self, kind: str, name: str, fields: Mapping[str, Plain]) -> None:
+        error = self._errors.popleft() if self._errors else None
+        request: Entry = {"kind": kind, "name": name, "fields": fields}
+        self.requests.append(request)
+        if error is not None:
+            request["error"] = error
+            raise _exception_of(error)
+
+
+def _attempt(call: Callable[[], Any], request: Entry) -> Any:
+    """Return what a call returns; record its error."""
+    try:
+        return call()
+    except Refused as refused:
+        request["error"] = {"code": refused.code, "reason": refused.reason}
+        raise
+    except Exception as error:
+        request["error"] = {"type": type(error).__name__, "message": str(error)}
+        raise
+
+
+def _exception_of(error: Entry) -> Exception:
+    """Return the exception of a recorded error; its name and text are all that a node shows."""
+    if "code" in error:
+        return Refused(str(error["code"]), str(error["reason"]))
+    kind: type[Exception] = type(str(error["type"]), (Exception,), {})
+    return kind(error["message"])
+
+
+def _feedback_fields(values: Mapping[str, float], reason: str) -> dict[str, Plain]:
+    return {"values": dict(values), "reason": reason}
+
+
+def _live_fields(scene: Scene) -> Entry:
+    """Return what a tree can read of a live scene."""
+    return {
+        "person": scene.person,
+        "person_id": scene.person_id,
+        "place": scene.place,
+        "persons": scene.persons,
+        "stale_s": scene.stale_s,
+        "values": list(scene.vector),
+    }
+
+
+def _with_live_fields(scene: Scene, new: Mapping[str, Any]) -> Scene:
+    """Return a live scene with recorded fields."""
+    changed = dict(new)
+    if "values" in changed:
+        changed["values"] = tuple(
+            SceneValue.missing(before.name)
+            if math.isnan(value)
+            else replace(before, value=float(value), origin=Origin.MEASURED)
+            for before, value in zip(scene.values, changed["values"], strict=True)
+        )
+    return replace(scene, **changed)
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    both_nan = isinstance(one, float) and isinstance(other, float)
+    return bool(one == other) or (both_nan and math.isnan(one) and math.isnan(other))

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs that are recorded step by step, and their replay."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from random import Random
+from typing import Any
+
+from bt_agents.engine.environment import Clock, Environment
+from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
+from bt_agents.recording.format import FORMAT, Entry, Recording, bad_recording, to_line
+from bt_agents.recording.recorded_environment import (
+    RecordingContext,
+    RecordingEnvironment,
+    ReplayEnvironment,
+)
+from bt_agents_core.field_types import Plain
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, Vector
+from bt_agents_language.model.specs import AgentSpec
+
+MOST_CHARACTERS = 2_000_000
+"""Longest recording; 45 min of 20 ticks a second do fit in."""
+
+Sink = Callable[[int, str], None]
+"""Receives one line of the recording: number of the tick, the line."""
+
+
+class RecordingRun(Run):
+    """A :class:`Run` that records what comes from the outside and what it asks for.
+
+    See :mod:`bt_agents.recording.format`.
+
+    Args:
+        spec: See :class:`Run`, as for the other arguments of this name.
+        seed: Of the random source of the nodes.
+        version: Of the agent's file.
+        sink: Receives the lines.
+        most: Characters after which nothing more is recorded.
+    """
+
+    def __init__(
+        self,
+        spec: AgentSpec,
+        *,
+        space: SceneSpace,
+        scene: Scene,
+        profile: Vector,
+        live: Callable[[], Scene],
+        tunables: Mapping[str, Plain],
+        environment: Environment,
+        steady: Clock,
+        seed: int,
+        sink: Sink,
+        limits: RunLimits | None = None,
+        version: int = 0,
+        most: int = MOST_CHARACTERS,
+    ) -> None:
+        limits = limits or RunLimits()
+        recorded = self._recorded = RecordingEnvironment(environment, live, tunables, steady)
+        self._sink = sink
+        self._left = most
+        self._last = 0
+        self._changed = 0
+        super().__init__(
+            spec,
+            space=space,
+            scene=scene,
+            profile=profile,
+            live=recorded.live,
+            tunables=tunables,
+            environment=recorded,
+            steady=recorded.steady,
+            limits=limits,
+            random=Random(seed),
+            stopwatch=steady,
+            plugins=recorded.plugin,
+            context=RecordingContext,
+        )
+        self._write(
+            {
+                "format": FORMAT,
+                "agent": spec.name,
+                "version": version,
+                "file": spec.file,
+                "seed": seed,
+                "limits": asdict(limits),
+                "parameters": list(space.names),
+                "scene": asdict(scene),
+                "profile": list(profile),
+                **recorded.first(),
+            }
+        )
+
+    def tick(self) -> list[StatusChange]:
+        """Tick; see :meth:`Run.tick`."""
+        recorded = self._recorded
+        steps = recorded.steps
+        if not steps.began and recorded.recorded_tunables != recorded.tunables:
+            recorded.record_tunables()
+        changes = Run.tick(self)
+        if changes or steps.entry or self.result is not None:
+            self._changed += len(changes)
+            self._end_step()
+        else:
+            steps.step += 1
+        return changes
+
+    def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
+        """Stop; see :meth:`Run.cancel`."""
+        self._record_call({"call": "cancel", "reason": reason, "clean_up": clean_up})
+        changes = super().cancel(reason, clean_up=clean_up)
+        self._changed += len(changes)
+        return changes
+
+    def shorten_settling(self, settle_s: float) -> None:
+        """Wait less at the end; see :meth:`Run.shorten_settling`."""
+        self._record_call({"call": "shorten_settling", "settle_s": settle_s})
+        super().shorten_settling(settle_s)
+
+    def give_up(self, reason: str) -> RunResult:
+        """End at once, as the engine has failed; see :meth:`Run.give_up`."""
+        result = super().give_up(reason)
+        self._stop(f"the engine has failed: {reason}")
+        return result
+
+    def _record_call(self, call: Entry) -> None:
+        """Record a call of the host, which begins the step of the next tick."""
+        recorded = self._recorded
+        steps = recorded.steps
+        if not steps.began and recorded.recorded_tunables != recorded.tunables:
+            recorded.record_tunables()
+        steps.began = True
+        steps.add("calls", call)
+
+    def _end_step(self) -> None:
+        entry = self._recorded.steps.end()
+        step = self._recorded.steps.step
+        head: Entry = {"step": step}
+        if step > self._last + 1:
+            head["quiet"] = step - self._last - 1
+        if self._changed:
+            head["changes"] = self._changed
+        if self.result is not None:
+            entry["end"] = {**asdict(self.result), "outcome": self.result.outcome.value}
+        self._last = step
+        self._changed = 0
+        self._write({**head, **entry})
+
+    def _write(self, entry: Entry) -> None:
+        if self._recorded.steps.closed:
+            return
+        try:
+            line = to_line(entry)
+        except (TypeError, ValueError, RecursionError) as error:
+            self._stop(f"a value cannot be written down: {error}")
+            return
+        self._left -= len(line)
+        if self._left < 0:
+            self._stop("the recording got too long")
+            return
+        self._sink(self.ticks, line)
+
+    def _stop(self, reason: str) -> None:
+        if not self._recorded.steps.closed:
+            self._recorded.steps.closed = True
+            self._sink(self.ticks, json.dumps({"stopped": reason}))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayedStep:
+    """One step of a replayed run beside what was recorded about it.
+
+    Attributes:
+        number: From 1.
+        tick: Ticks of the tree so far.
+        changes: What has changed, in order.
+        recorded_changes: How many changes were recorded.
+        requests: What it asked for.
+        recorded_requests: What was recorded that it asked for.
+        result: How the run has ended; None before that.
+        recorded_end: How it was recorded to have ended; None before that.
+    """
+
+    number: int
+    tick: int
+    changes: list[StatusChange]
+    recorded_changes: int
+    requests: list[Entry]
+    recorded_requests: list[Entry]
+    result: RunResult | None
+    recorded_end: Mapping[str, Any] | None
+
+
+def replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterator[ReplayedStep]:
+    """Replay a run step by step, up to its end or to that of its recording.
+
+    Args:
+        recording: The recorded run.
+        spec: The agent.
+        space: The scene parameters.
+
+    Raises:
+        Refused: ``BAD_RECORD``; an entry has not the form that it should have.
+    """
+    try:
+        yield from _replay(recording, spec, space)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise bad_recording(f"{type(error).__name__}: {error}") from error
+
+
+def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterator[ReplayedStep]:
+    head = recording.head
+    if head["parameters"] != list(space.names):
+        raise bad_recording(
+            f"it has the parameters {head['parameters']}, expected {list(space.names)}"
+        )
+    scene = _scene(head["scene"])
+    environment = ReplayEnvironment(head, scene)
+    run = Run(
+        spec,
+        space=space,
+        scene=scene,
+        profile=tuple(head["profile"]),
+        live=lambda: environment.live,
+        tunables=environment.tunables,
+        environment=environment,
+        steady=environment.steady,
+        limits=RunLimits(**head["limits"]),
+        random=Random(head["seed"]),
+        stopwatch=lambda: 0.0,
+        plugins=environment.plugin,
+    )
+    for number in range(1, recording.steps + 1):
+        entry = recording.entries.get(number, {})
+        environment.load(entry)
+        changes: list[StatusChange] = []
+        for call in entry.get("calls", ()):
+            if call["call"] == "shorten_settling":
+                run.shorten_settling(float(call["settle_s"]))
+            else:
+                changes += run.cancel(str(call["reason"]), clean_up=bool(call["clean_up"]))
+        changes += run.tick()
+        yield ReplayedStep(
+            number=number,
+            tick=run.ticks,
+            changes=changes,
+            recorded_changes=int(entry.get("changes", 0)),
+            requests=environment.requests,
+            recorded_requests=list(entry.get("requests", ())),
+            result=run.result,
+            recorded_end=entry.get("end"),
+        )
+        if run.result is not None:
+            return
+
+
+def _scene(fields: Mapping[str, Any]) -> Scene:
+    values = [{**value, "origin": Origin(value["origin"])} for value in fields["values"]]
+    return Scene(**{**fields, "values": tuple(SceneValue(**value) for value in values)})

@@ -1,0 +1,408 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Counterfactual replay of a journal: another strategy, other learning or other agents."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from bt_agents.host.agent_registry import unmet
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
+from bt_agents_core.profile_layers import EVERYBODY, layers_of
+from bt_agents_core.scene import Scene, SceneSpace, Vector
+from bt_agents_lab.replay.recording_index import NO_TEXTS, RecordedFeedback, RecordingIndex, Round
+from bt_agents_lab.replay.replay_learning import rule_of
+from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.model.specs import AgentSpec
+from feedback_node.learning.learning_step import Evidence, requested, step
+from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Terms
+from marketplace_node.round.ranking import decide
+from marketplace_node.settings import EXTERNAL
+from marketplace_node.strategies import STRATEGIES
+
+ASSUMED = (
+    "The same scenes come in the same order, also those that follow a stopped run.",
+    "Whoever is chosen runs; how people react to another agent is not known.",
+    "Feedback about a run is given only where the same agent runs; all other feedback is.",
+)
+"""Assumptions, for people."""
+
+OTHERS_ASSUMED = (
+    "Every agent of the folder bids in each round, also one that the host was told to leave out "
+    "by its tags; --tags leaves it out here, too."
+)
+"""Further assumption when other agents bid, for people."""
+
+_Key = tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Changes:
+    """Differences from what has happened.
+
+    Attributes:
+        strategy: By which bids are ranked; empty keeps that of each round.
+        options: Of the strategy.
+        rate: Learning rate of every agent; None keeps its own.
+        update: How profiles follow feedback; None keeps that of each agent.
+        agents: Who bids, with the profile, learning and requirement of its file; None keeps those
+            who bid.
+    """
+
+    strategy: str = ""
+    options: Mapping[str, float] = field(default_factory=dict)
+    rate: float | None = None
+    update: Update | None = None
+    agents: tuple[AgentSpec, ...] | None = None
+
+    def check(self) -> None:
+        """Check the strategy and its options.
+
+        Raises:
+            BtAgentsError: There is no such strategy or option, or a value is out of range.
+        """
+        if not self.strategy:
+            if self.options:
+                raise BtAgentsError("an option belongs to a strategy; name it with --strategy")
+            return
+        if self.strategy == EXTERNAL:
+            raise BtAgentsError("what a program outside would have answered is not known")
+        if self.strategy not in STRATEGIES:
+            hint = did_you_mean(self.strategy, sorted(STRATEGIES))
+            raise BtAgentsError(f"no strategy '{self.strategy}'; {hint}")
+        known = {option.name: option for option in STRATEGIES[self.strategy].options}
+        for name, value in self.options.items():
+            if name not in known:
+                hint = did_you_mean(name, sorted(known)) or "it has none"
+                raise BtAgentsError(f"strategy '{self.strategy}' has no option '{name}'; {hint}")
+            option = known[name]
+            if not option.minimum <= value <= option.maximum:
+                raise BtAgentsError(
+                    f"option '{name}' is {value:g}, expected {option.minimum:g} to "
+                    f"{option.maximum:g}"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundComparison:
+    """One round, as it was and as it would have been.
+
+    Attributes:
+        epoch: The market.
+        round: Its number.
+        label: Name of the scene, for people.
+        was: Who won; empty for nobody.
+        now: Who would have won.
+        margin_was: Score of the runner-up minus that of the winner; NaN without a runner-up.
+        margin_now: The same as it would have been.
+        problem: Why it could not be decided; empty when it could.
+    """
+
+    epoch: str
+    round: int
+    label: str
+    was: str
+    now: str
+    margin_was: float
+    margin_now: float
+    problem: str = ""
+
+
+@dataclass(kw_only=True)
+class CounterfactualResult:
+    """Outcome of a counterfactual replay.
+
+    Attributes:
+        rounds: Round by round.
+        bidders: Agents that bid at least once.
+        given: Number of feedbacks that would have been given.
+        withheld: Number of those that would not, as another agent would have run.
+        profiles: Profile of each agent at the end, for everybody.
+    """
+
+    rounds: list[RoundComparison] = field(default_factory=list)
+    bidders: set[str] = field(default_factory=set)
+    given: int = 0
+    withheld: int = 0
+    profiles: dict[str, Vector] = field(default_factory=dict)
+
+    @property
+    def chosen(self) -> Counter[str]:
+        """Agent → rounds that it would have won."""
+        return Counter(case.now for case in self.rounds if case.now)
+
+    @property
+    def never(self) -> tuple[str, ...]:
+        """Agents that bid and would never have been chosen."""
+        return tuple(sorted(self.bidders - self.chosen.keys()))
+
+    @property
+    def other_winners(self) -> int:
+        """Number of rounds that would have had another winner."""
+        return sum(case.was != case.now for case in self.rounds if not case.problem)
+
+
+def replay_with(recording: RecordingIndex, changes: Changes) -> CounterfactualResult:
+    """Decide and learn the contents of a journal with some changes.
+
+    Args:
+        recording: The contents.
+        changes: The differences; without any everything is as it was.
+    """
+    changes.check()
+    return _Counterfactual(changes).replay(recording)
+
+
+class _Counterfactual:
+    def __init__(self, changes: Changes) -> None:
+        self._changes = changes
+        self._specs = {spec.name: spec for spec in changes.agents or ()}
+        self._outlook = CounterfactualResult()
+        self._was: dict[_Key, Vector] = {}
+        self._now: dict[_Key, Vector] = {}
+        self._asked: dict[_Key, list[Vector]] = {}
+        self._counts = _RunCounts()
+        self._winners: dict[tuple[str, int], str] = {}
+
+    def replay(self, recording: RecordingIndex) -> CounterfactualResult:
+        for event in _in_order(recording):
+            if isinstance(event, Round):
+                self._decide(event)
+            else:
+                self._learn(event)
+        self._outlook.profiles = {
+            agent: profile for (agent, layer), profile in self._now.items() if not layer
+        }
+        return self._outlook
+
+    def _decide(self, one: Round) -> None:
+        auction = one.auction
+        now, margin, problem = "", math.nan, ""
+        if one.parsed is None:
+            problem = NO_TEXTS
+        else:
+            try:
+                now, margin = self._winner(one, one.parsed.space)
+            except BtAgentsError as error:
+                problem = error.reason if isinstance(error, Refused) else str(error)
+        self._outlook.rounds.append(
+            RoundComparison(
+                epoch=auction.epoch,
+                round=auction.round,
+                label=named(auction.scene),
+                was=auction.winner,
+                now=now,
+                margin_was=auction.margin,
+                margin_now=margin,
+                problem=problem,
+            )
+        )
+        if auction.outcome == AuctionOutcome.AWARDED:
+            self._counts.add(auction.epoch, auction.winner, now)
+            if now:
+                self._winners[auction.epoch, auction.round] = now
+
+    def _winner(self, one: Round, space: SceneSpace) -> tuple[str, float]:
+        auction = one.auction
+        if auction.closed_by == ClosedBy.STOPPED:
+            return "", math.nan
+        scene = scene_of(auction.scene, space)
+        bids = self._bids(one, scene, space)
+        self._outlook.bidders |= {bid.agent for bid in bids}
+        terms = self._terms(one, scene)
+        external = external_of(auction) if terms.strategy == EXTERNAL else None
+        ranked = decide(space, terms, bids, external=external).bids
+        if not ranked:
+            return "", math.nan
+        margin = ranked[1].score - ranked[0].score if len(ranked) > 1 else math.nan
+        return ranked[0].agent, margin
+
+    def _terms(self, one: Round, scene: Scene) -> Terms:
+        auction, epoch = one.auction, one.auction.epoch
+        self._counts.update(one)
+        runs, last_run, total = self._counts.of(epoch)
+        terms = terms_of(one, scene, total)
+        terms = replace(
+            terms,
+            runs=runs,
+            last_run=last_run,
+            rounds_run=total,
+            seed=auction.seed or f"{epoch}/{auction.round}",
+            shadow="",
+        )
+        if self._changes.strategy:
+            terms = replace(
+                terms, strategy=self._changes.strategy, options=dict(self._changes.options)
+            )
+        return terms
+
+    def _bids(self, one: Round, scene: Scene, space: SceneSpace) -> list[AcceptedBid]:
+        auction = one.auction
+        bids = {bid.agent: bid for bid in bids_of(auction.ranking)}
+        if self._changes.agents is None:
+            return [replace(bid, vector=self._vector(bid, scene)) for bid in bids.values()]
+        excluded = {one.agent for one in auction.refused if one.code in _EXCLUDED}
+        found = []
+        for spec in self._specs.values():
+            profile = self._profile_of(spec, scene)
+            tunables = {tunable.name: tunable.default for tunable in spec.tunables}
+            if spec.name in excluded or unmet(spec, space, scene, profile, tunables):
+                continue
+            known = bids.get(spec.name)
+            found.append(
+                replace(known, vector=profile)
+                if known is not None
+                else AcceptedBid(agent=spec.name, agent_id=0, host="", instance="", vector=profile)
+            )
+        return found
+
+    def _vector(self, bid: AcceptedBid, scene: Scene) -> Vector:
+        """Return the vector that an agent would have bid instead of the recorded one."""
+        for layer in (*layers_of(scene).values(), EVERYBODY):
+            key = (bid.agent, layer)
+            if self._was.get(key) == bid.vector:
+                return self._now[key]
+        if not any(agent == bid.agent for agent, _ in self._was):
+            self._was[bid.agent, ""] = self._now[bid.agent, ""] = bid.vector
+        return bid.vector
+
+    def _profile_of(self, spec: AgentSpec, scene: Scene) -> Vector:
+        for kind, layer in layers_of(scene).items():
+            if kind in spec.learning.layers and (spec.name, layer) in self._now:
+                return self._now[spec.name, layer]
+        return self._now.setdefault((spec.name, ""), spec.profile)
+
+    def _learn(self, recorded: RecordedFeedback) -> None:
+        feedback = recorded.feedback
+        key = (feedback.agent, feedback.layer)
+        before = self._was.get(key, tuple(feedback.before))
+        self._was[key] = tuple(feedback.after)
+        of_run = (feedback.epoch, feedback.round)
+        if of_run in self._winners and self._winners[of_run] != feedback.agent:
+            self._outlook.withheld += 1
+            self._now.setdefault(key, before)
+            return
+        if self._changes.agents is not None and feedback.agent not in self._specs:
+            self._outlook.withheld += 1
+            return
+        self._outlook.given += 1
+        if recorded.parsed is not None and recorded.card is not None:
+            self._now[key] = self._moved(recorded, recorded.parsed.space, before)
+
+    def _moved(self, recorded: RecordedFeedback, space: SceneSpace, before: Vector) -> Vector:
+        feedback, key = recorded.feedback, (recorded.feedback.agent, recorded.feedback.layer)
+        spec = self._specs.get(feedback.agent)
+        profile = self._now.get(key, spec.profile if spec is not None else before)
+        kind, target = FeedbackKind(feedback.kind), tuple(feedback.target)
+        rule, rate = self._learning(recorded, spec)
+        asked_before = self._asked.setdefault(key, [])
+        authored = spec.profile if spec is not None else tuple(recorded.card.profile)
+        again = step(
+            kind,
+            profile,
+            target,
+            rate=rate,
+            space=space,
+            rule=rule,
+            weight=feedback.weight,
+            evidence=Evidence(
+                recent=tuple(asked_before), changes=len(asked_before), authored=authored
+            ),
+        )
+        if kind is not FeedbackKind.SET:
+            asked_before.append(requested(kind, profile, target))
+        return again.after
+
+    def _learning(
+        self, recorded: RecordedFeedback, spec: AgentSpec | None
+    ) -> tuple[LearningRule, float]:
+        if spec is not None:
+            rule, rate = spec.learning, spec.learning_rate
+        else:
+            rule = rule_of(recorded.card, recorded.parameters)
+            rate = recorded.feedback.learning_rate
+        if (
+            self._changes.rate is not None
+            and FeedbackKind(recorded.feedback.kind) is not FeedbackKind.SET
+        ):
+            rate = self._changes.rate
+        if self._changes.update is not None:
+            rule = replace(rule, update=self._changes.update)
+        return rule, rate
+
+
+@dataclass(kw_only=True)
+class _Runs:
+    """Runs of one market; the number of its last run for each agent."""
+
+    runs: Counter[str] = field(default_factory=Counter)
+    last: dict[str, int] = field(default_factory=dict)
+    total: int = 0
+
+    def add(self, agent: str) -> None:
+        if agent:
+            self.total += 1
+            self.runs[agent] += 1
+            self.last[agent] = self.total
+
+
+class _RunCounts:
+    """Runs of each agent as they would have been, beside those that were.
+
+    Bids carry how often their agents had run. Runs that a journal has not seen, as it begins later
+    or has lost something, are taken over; so counts without a change are as they were.
+    """
+
+    def __init__(self) -> None:
+        self._was: defaultdict[str, _Runs] = defaultdict(_Runs)
+        self._now: defaultdict[str, _Runs] = defaultdict(_Runs)
+
+    def update(self, one: Round) -> None:
+        """Take over the counts in the bids of a round.
+
+        Where the journal does not begin with the market, its runs in all are at least those of the
+        bidders, which is all of them when everybody bids.
+        """
+        auction = one.auction
+        was, now = self._was[auction.epoch], self._now[auction.epoch]
+        before = max(one.least, was.total) if one.runs is None else one.earlier + one.runs
+        now.total = max(0, now.total + before - was.total)
+        was.total = before
+        for bid in auction.ranking:
+            now.runs[bid.agent] = max(0, now.runs[bid.agent] + bid.runs - was.runs[bid.agent])
+            was.runs[bid.agent] = bid.runs
+            if bid.last_run != was.last.get(bid.agent, 0):
+                now.last[bid.agent] = was.last[bid.agent] = bid.last_run
+
+    def add(self, epoch: str, was: str, now: str) -> None:
+        """Count who ran after a round, and who would have; empty for nobody."""
+        self._was[epoch].add(was)
+        self._now[epoch].add(now)
+
+    def of(self, epoch: str) -> tuple[dict[str, int], dict[str, int], int]:
+        """Return runs and last run of each agent, and runs in all, as they would have been."""
+        side = self._now[epoch]
+        return dict(side.runs), dict(side.last), side.total
+
+
+_EXCLUDED = ("EXCLUDED", "VETOED", "NOT_PINNED", "NOT_AWARDED")
+"""Codes of refusals that do not depend on what an agent bids."""
+
+
+def _in_order(recording: RecordingIndex) -> list[Round | RecordedFeedback]:
+    """Return rounds and lessons in the order in which they happened."""
+    events: list[tuple[int, int, Round | RecordedFeedback]] = []
+    for number, one in enumerate(recording.rounds):
+        events.append((_ns(one.auction.stamp), number, one))
+    for number, recorded in enumerate(recording.feedbacks, len(recording.rounds)):
+        events.append((_ns(recorded.feedback.stamp), number, recorded))
+    return [event for _, _, event in sorted(events, key=lambda event: event[:2])]
+
+
+def _ns(stamp: Any) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)

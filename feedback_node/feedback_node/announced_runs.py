@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Current and last runs, to which feedback without a name refers."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from bt_agents_core.scene import Scene
+
+_REMEMBERED_ENDS = 256
+_REMEMBERED_AGENTS = 10_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnnouncedRun:
+    """One run of one agent.
+
+    Attributes:
+        epoch: Market that awarded it.
+        round: Its round.
+        agent: Who runs.
+        scene: As awarded.
+    """
+
+    epoch: str
+    round: int
+    agent: str
+    scene: Scene
+
+    @property
+    def key(self) -> tuple[str, int, str]:
+        """Unique key; in a round the next best agent may follow a lost one."""
+        return self.epoch, self.round, self.agent
+
+
+class AnnouncedRuns:
+    """Runs as announced by their events; at most one is current.
+
+    Events may be replayed from the history of their topic, so a start can arrive for a run that is
+    known to be over.
+    """
+
+    def __init__(self) -> None:
+        self.current: AnnouncedRun | None = None
+        self._last: AnnouncedRun | None = None
+        self._of_agent: dict[str, AnnouncedRun] = {}
+        self._ended: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED_ENDS)
+
+    def started(self, run: AnnouncedRun) -> bool:
+        """Take a start; return True when this run is now the current one and was not before."""
+        if run.key in self._ended or (self.current is not None and self.current.key == run.key):
+            return False
+        self.current = run
+        self._remember(run)
+        return True
+
+    def ended(self, run: AnnouncedRun) -> bool:
+        """Take an end; return True when it was the current run."""
+        is_new = run.key not in self._ended
+        if is_new:
+            self._ended.append(run.key)
+        if self.current is not None and self.current.key == run.key:
+            self.current = None
+            return True
+        if is_new and self.current is None:
+            self._remember(run)
+        return False
+
+    def last(self, agent: str = "") -> AnnouncedRun | None:
+        """Return the current or last run, of ``agent`` or of anybody; None when there was none."""
+        return self._of_agent.get(agent) if agent else self._last
+
+    def _remember(self, run: AnnouncedRun) -> None:
+        self._last = run
+        self._of_agent.pop(run.agent, None)
+        self._of_agent[run.agent] = run
+        if len(self._of_agent) > _REMEMBERED_AGENTS:
+            del self._of_agent[next(iter(self._of_agent))]

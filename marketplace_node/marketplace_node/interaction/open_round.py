@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Open round: from its call for bids to its close, with its deadlines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bt_agents_core.scene import Scene
+from marketplace_node.effects import OpenCall, RequestRanking
+from marketplace_node.market_state import MarketState
+from marketplace_node.round.auction import Auction
+from marketplace_node.round.decision import Bids, ClosedBy, Decision, External
+from marketplace_node.settings import EXTERNAL
+
+_LEAST_TO_RANK = 2  # a single bid wins, whatever anybody outside says
+
+
+class OpenRound:
+    """Round that takes bids; its owner closes it when :meth:`closing` says so.
+
+    With the strategy ``external`` the bids are closed first, and a program outside is asked to
+    rank them; the round closes with its answer, or without it after ``external.limit``.
+
+    Args:
+        market_state: Counts the round and says whom to ask.
+        scene: What the bids are for.
+        now: Steady time [s].
+        follows: The round this one continues, 0 for none.
+        excluded: Agents that may not bid, with the reason.
+        preview: Name of the strategy of a round that only foretells; None for a real round.
+        drawn: Number of the round whose chance it draws; 0 for the chance of its own.
+        asks_external: False when nobody outside is asked to rank, as the order decides nothing.
+
+    Attributes:
+        number: Number of the round.
+        scene: What the bids are for.
+    """
+
+    def __init__(
+        self,
+        market_state: MarketState,
+        scene: Scene,
+        now: float,
+        *,
+        follows: int = 0,
+        excluded: Mapping[str, str] | None = None,
+        preview: str | None = None,
+        drawn: int = 0,
+        asks_external: bool = True,
+    ) -> None:
+        excluded = excluded or {}
+        terms = market_state.terms(
+            scene, now, follows=follows, excluded=excluded, preview=preview, drawn=drawn
+        )
+        all_excluded = [*excluded, *(bid.agent for bid in terms.operator_exclusions)]
+        asked = market_state.asked(all_excluded, now)
+        self.number = terms.round
+        self.scene = scene
+        self._market_state = market_state
+        self._terms = terms
+        self._auction = Auction(market_state.space, terms, asked)
+        self._limit_s = market_state.settings.bid_deadline_s
+        self._opened: float | None = None
+        self._bids_closed_by: ClosedBy | None = None
+        self._external: External | None = None
+        self._asks_external = asks_external
+        # A call that is never published has to end, too.
+        self._deadline = now + 2 * self._limit_s
+        if asked:
+            market_state.effects.append(
+                OpenCall(
+                    round=self.number,
+                    scene=scene,
+                    deadline_s=self._limit_s,
+                    excluded=tuple(dict.fromkeys(all_excluded)),
+                    hosts=len(market_state.registry.live(now)),
+                )
+            )
+
+    @property
+    def takes_bids(self) -> bool:
+        """False once the bids are closed and their ranking is waited for."""
+        return self._bids_closed_by is None
+
+    @property
+    def due(self) -> float:
+        """When its time is over, steady time [s]."""
+        return self._deadline
+
+    def state_text(self) -> str:
+        """Return what the round waits for, as a text for people."""
+        return "asking for bids" if self.takes_bids else "asking outside for a ranking"
+
+    def called(self, now: float) -> None:
+        """Start the clock, as the call for bids is published."""
+        if self.takes_bids:
+            self._opened = now
+            self._deadline = now + self._limit_s
+
+    def extend_after_stall(self, lasted_s: float) -> None:
+        """Move the deadline, as nobody has listened for so long [s]."""
+        self._deadline += lasted_s
+
+    def take(self, bids: Bids) -> None:
+        """Take a host's answer, unchecked; only while bids are taken."""
+        self._auction.take(bids)
+
+    def ranked(self, external: External) -> bool:
+        """Take the answer from outside; return False when it is not waited for."""
+        waits = not self.takes_bids and self._external is None
+        if waits:
+            self._external = external
+        return waits
+
+    def closing(self, now: float) -> ClosedBy | None:
+        """Return what closes the round at this time; None while it has to stay open."""
+        if self.takes_bids:
+            by = self._bids_closing(now)
+            if by is None or not self._request_ranking(by, now):
+                return by
+        if self._external is None and now >= self._deadline:
+            limit_s = self._terms.options["limit"]
+            self._external = External(failure=f"the selector did not answer within {limit_s:g} s")
+        return self._bids_closed_by if self._external is not None else None
+
+    def close(self, by: ClosedBy, now: float, *, stopped: str = "") -> Decision:
+        """Return the decision; ``stopped`` says why, when the round is stopped."""
+        opened = now if self._opened is None else self._opened
+        return self._auction.close(by, now - opened, stopped=stopped, external=self._external)
+
+    def _bids_closing(self, now: float) -> ClosedBy | None:
+        if self._auction.complete:
+            return ClosedBy.ALL_ANSWERED
+        return ClosedBy.DEADLINE if now >= self._deadline else None
+
+    def _request_ranking(self, by: ClosedBy, now: float) -> bool:
+        """Ask for a ranking when the strategy wants one and there is something to rank."""
+        if not self._asks_external or self._terms.strategy != EXTERNAL:
+            return False
+        bids = self._auction.accepted
+        if len(bids) < _LEAST_TO_RANK:
+            return False
+        limit_s = self._terms.options["limit"]
+        self._bids_closed_by = by
+        self._deadline = now + limit_s
+        self._market_state.effects.append(
+            RequestRanking(
+                round=self.number,
+                scene=self.scene,
+                agents=tuple(bid.agent for bid in bids),
+                vectors=tuple(bid.vector for bid in bids),
+                distances=tuple(bid.distance for bid in bids),
+                limit_s=limit_s,
+            )
+        )
+        return True

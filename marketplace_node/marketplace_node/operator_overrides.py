@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Operator overrides: the pinned agent, vetoed agents, and awards of scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene
+from marketplace_node.registry import HostEntry
+from marketplace_node.round.decision import RefusedBid, RoundKind
+
+VETOED = "VETOED"
+NOT_PINNED = "NOT_PINNED"
+NOT_AWARDED = "NOT_AWARDED"
+
+
+class OperatorAction(IntEnum):
+    """Action of an operator; the numbers are those of ``OperateMarket.srv``."""
+
+    PIN = 0
+    UNPIN = 1
+    VETO = 2
+    ALLOW = 3
+    AWARD = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperatorCommand:
+    """Command of an operator; fields as in ``OperateMarket.srv``.
+
+    Attributes:
+        action: What.
+        agent: Whom it is about; not read by ``UNPIN``.
+        author: Who asks; may be empty.
+        reason: Why; may be empty.
+        scene: Of ``AWARD``; None means the last scene.
+    """
+
+    action: OperatorAction
+    agent: str = ""
+    author: str = ""
+    reason: str = ""
+    scene: Scene | None = None
+
+    @property
+    def who(self) -> str:
+        """Author of the command, or ``the operator``."""
+        return self.author or "the operator"
+
+    @property
+    def because(self) -> str:
+        """The reason as the end of a sentence; empty without one."""
+        return f": {self.reason}" if self.reason else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ActiveOverride:
+    """Override in force: its agent and its text."""
+
+    agent: str
+    text: str
+
+
+class OperatorOverrides:
+    """Overrides by operators that are in force."""
+
+    def __init__(self) -> None:
+        self._pin: _ActiveOverride | None = None
+        self._vetoes: dict[str, str] = {}
+        self._awards: dict[str, _ActiveOverride] = {}
+
+    @property
+    def pinned(self) -> str:
+        """The one agent that may bid; empty for all."""
+        return self._pin.agent if self._pin else ""
+
+    @property
+    def vetoed(self) -> tuple[str, ...]:
+        """The agents that may not bid, by name."""
+        return tuple(sorted(self._vetoes))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return pins and vetoes for :meth:`restore`; awards end with their scenes."""
+        pin = {"agent": self._pin.agent, "words": self._pin.text} if self._pin else None
+        return {"pinned": pin, "vetoed": dict(self._vetoes)}
+
+    def restore(self, stored: Mapping[str, Any]) -> None:
+        """Take pins and vetoes of an earlier market over, instead of those in force.
+
+        Raises:
+            KeyError, TypeError, AttributeError: It is not what :meth:`to_dict` gives; nothing is
+                changed.
+        """
+        pin, vetoes = stored["pinned"], stored["vetoed"]
+        standing = None
+        if pin is not None:
+            standing = _ActiveOverride(
+                agent=_checked_text(pin["agent"]), text=_checked_text(pin["words"])
+            )
+        texts = {_checked_text(agent): _checked_text(text) for agent, text in vetoes.items()}
+        self._pin, self._vetoes = standing, texts
+
+    def veto_of(self, agent: str) -> str:
+        """Return the text of the veto of an agent; empty without one."""
+        return self._vetoes.get(agent, "")
+
+    def pin(self, command: OperatorCommand) -> str:
+        """Let only one agent bid; return the answer for the operator.
+
+        Raises:
+            Refused: ``VETOED``.
+        """
+        self._check_not_vetoed(command.agent)
+        self._pin = _ActiveOverride(
+            agent=command.agent, text=f"{command.who} pins {command.agent}{command.because}"
+        )
+        return f"only {command.agent} may bid from the next round on, until it is unpinned"
+
+    def unpin(self) -> str:
+        """Let all agents bid again; return the answer for the operator.
+
+        Raises:
+            Refused: ``NOT_PINNED``.
+        """
+        if self._pin is None:
+            raise Refused(NOT_PINNED, "no agent is pinned; all may bid")
+        agent, self._pin = self._pin.agent, None
+        return f"{agent} is not pinned any more: all agents may bid from the next round on"
+
+    def veto(self, command: OperatorCommand) -> str:
+        """Let an agent bid no more; return the answer for the operator."""
+        self._vetoes[command.agent] = f"{command.who} vetoes {command.agent}{command.because}"
+        also = f"; it is pinned, too, so nobody may bid: unpin {command.agent}"
+        return f"{command.agent} may not bid" + (also if command.agent == self.pinned else "")
+
+    def allow(self, command: OperatorCommand) -> str:
+        """Let an agent bid again; return the answer for the operator.
+
+        Raises:
+            Refused: ``NOT_VETOED``.
+        """
+        if command.agent not in self._vetoes:
+            vetoed = f"vetoed: {', '.join(self.vetoed)}" if self._vetoes else "nobody is"
+            raise Refused("NOT_VETOED", f"'{command.agent}' is not vetoed; {vetoed}")
+        del self._vetoes[command.agent]
+        return f"{command.agent} may bid again from the next round on"
+
+    def check_award(self, command: OperatorCommand) -> None:
+        """Check that the run for a scene may be given to an agent.
+
+        Raises:
+            Refused: ``VETOED``, or ``NOT_PINNED`` while another agent is pinned.
+        """
+        self._check_not_vetoed(command.agent)
+        if self.pinned not in ("", command.agent):
+            raise Refused(
+                NOT_PINNED,
+                f"only {self.pinned} may bid, as it is pinned; unpin it before another agent is "
+                "given a run",
+            )
+
+    def award(self, command: OperatorCommand, scene_id: str) -> None:
+        """Give the run for a scene that waits to one agent."""
+        self._awards[scene_id] = _ActiveOverride(
+            agent=command.agent,
+            text=f"{command.who} gives the run to {command.agent}{command.because}",
+        )
+
+    def forget(self, scene_id: str) -> None:
+        """Forget the award of a scene that is over."""
+        self._awards.pop(scene_id, None)
+
+    def intervention(self, scene_id: str) -> str:
+        """Return the text of the overrides that apply to a round; may be empty."""
+        award = self._awards.get(scene_id)
+        standing = [one.text for one in (award, self._pin) if one is not None]
+        return "; ".join([*standing, *(self._vetoes[agent] for agent in self.vetoed)])
+
+    def excluded(self, hosts: Iterable[HostEntry], scene_id: str) -> tuple[RefusedBid, ...]:
+        """Return the agents of some hosts that may not bid in a round, with the reason."""
+        award = self._awards.get(scene_id)
+        if award is None and self._pin is None and not self._vetoes:
+            return ()
+        return tuple(
+            RefusedBid(
+                agent=agent, host=entry.host, kind=RoundKind.REFUSED, code=code, reason=reason
+            )
+            for entry in hosts
+            for agent in entry.agents
+            for code, reason in self._exclusions(agent, award)
+        )
+
+    def _exclusions(self, agent: str, award: _ActiveOverride | None) -> Iterator[tuple[str, str]]:
+        if agent in self._vetoes:
+            yield VETOED, self._vetoes[agent]
+        elif award is not None and award.agent != agent:
+            yield NOT_AWARDED, award.text
+        elif self._pin is not None and self._pin.agent != agent:
+            yield NOT_PINNED, self._pin.text
+
+    def _check_not_vetoed(self, agent: str) -> None:
+        if agent in self._vetoes:
+            raise Refused(VETOED, f"'{agent}' may not bid ({self._vetoes[agent]}); allow it first")
+
+
+def _checked_text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError("not a text")
+    return value

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Smallest change of one value of a scene by which the runner-up of a round would have won it."""
+
+from __future__ import annotations
+
+import heapq
+import math
+
+import numpy as np
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
+from marketplace_node.round.decision import Counterfactual
+from marketplace_node.round.piecewise_linear import Intervals, losing_intervals
+from marketplace_node.round.round_model import RoundModel
+from marketplace_node.settings import EXTERNAL
+from marketplace_node.strategies import LinearScores
+from marketplace_node.strategies.arrays import Floats, Integers
+
+MOST_NUMBERS = 100_000
+"""Numbers in all bids together, from which on the search would take too long."""
+
+_MOST_STEPS = 10
+_STEP = 1e-6
+_NUDGES = np.array([0.0, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7])
+
+
+def smallest_change(
+    model: RoundModel, places: Integers, space: SceneSpace
+) -> Counterfactual | None:
+    """Return the smallest change of one parameter by which the runner-up wins.
+
+    It is exact to 1e-7 of the range of the parameter, but for rounding: where scores are equal on
+    paper, the last digit decides. It has been tried among all bids.
+
+    Args:
+        model: The round.
+        places: Indices of its bids, best first.
+        space: The scene parameters.
+
+    Returns:
+        None without a runner-up, and where scores are no straight lines (``StrategySpec.lines``).
+    """
+    if len(places) < 2 or model.spec.lines is None:
+        return None
+    if obstacle := _obstacle(model):
+        return Counterfactual(obstacle=obstacle)
+    try:
+        lines = model.lines()
+        assert lines is not None, "the strategy has lines"
+        return _Search(model, lines, int(places[1]), space).change()
+    except Refused as refused:
+        return Counterfactual(obstacle=refused.reason)
+
+
+def _obstacle(model: RoundModel) -> str:
+    """Return why there is nothing to search for; empty when there is."""
+    if np.isnan(model.field.scene).all():
+        return "no value of the scene is known"
+    external = model.external
+    if model.spec.name == EXTERNAL and external and not external.failure:
+        return "nobody knows how the program outside would have ranked another scene"
+    if model.field.bids.size > MOST_NUMBERS:
+        return "there are too many bids to search for it"
+    return ""
+
+
+class _Search:
+    """Visits the ends of the losing stretches of all parameters, the nearest first."""
+
+    def __init__(
+        self, model: RoundModel, lines: LinearScores, one: int, space: SceneSpace
+    ) -> None:
+        self._model = model
+        self._lines = lines
+        self._one = one
+        self._space = space
+        self._start = model.field.scene
+        self._low = np.array([parameter.minimum for parameter in space.parameters])
+        self._high = np.array([parameter.maximum for parameter in space.parameters])
+        self._width = self._high - self._low
+        self._lost: dict[int, Intervals] = {}
+        self._queue: list[tuple[float, int, float, float, float]] = []
+
+    def change(self) -> Counterfactual:
+        """Return the smallest change, or why there is none."""
+        if not np.any(self._lines.weights):
+            return Counterfactual(obstacle="chance alone ranked, whatever the scene")
+        for index in map(int, np.flatnonzero(~np.isnan(self._start))):
+            self._lost[index] = self._lost_along(index)
+            for direction in (1.0, -1.0):
+                self._push(index, direction, float(self._start[index]), _STEP)
+        for _ in range(_MOST_STEPS):
+            if not self._queue:
+                break
+            _, parameter, direction, value, step = heapq.heappop(self._queue)
+            nudged = value + direction * _NUDGES * self._width[parameter]
+            nudged = np.clip(nudged, self._low[parameter], self._high[parameter])
+            wins = self._model.winners(self._along(parameter, nudged)) == self._one
+            if wins.any():
+                found = float(nudged[np.argmax(wins)])
+                return Counterfactual(names=(self._space.names[parameter],), values=(found,))
+            # Equal on paper, and rounding decides: further on, in strides that grow.
+            value += direction * step * self._width[parameter]
+            self._push(parameter, direction, value, 2.0 * step)
+        return Counterfactual(
+            obstacle="no change of one value of the scene within its range does it"
+        )
+
+    def _push(self, parameter: int, direction: float, start: float, step: float) -> None:
+        value = self._lost[parameter].beyond(start, direction)
+        if not math.isinf(value):
+            size = abs(value - float(self._start[parameter]))
+            heapq.heappush(self._queue, (size, parameter, direction, value, step))
+
+    def _lost_along(self, parameter: int) -> Intervals:
+        """Return where along a parameter the bid is behind any of the others."""
+        turn = np.argsort(self._model.order(np.zeros(self._model.field.shape)))
+        others = np.delete(np.arange(len(turn)), self._one)
+        limits = (float(self._low[parameter]), float(self._high[parameter]))
+        behind = turn[self._one] > turn[others]
+        return losing_intervals(
+            self._lines, self._start, parameter, limits, self._one, others, behind
+        )
+
+    def _along(self, parameter: int, values: Floats) -> Floats:
+        """Return a scene for each value of a parameter."""
+        scenes = np.repeat(self._start[None], len(values), axis=0)
+        scenes[:, parameter] = values
+        return scenes
