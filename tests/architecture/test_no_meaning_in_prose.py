@@ -10,20 +10,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = (
-    "bt_agents_core/bt_agents_core",
-    "bt_agents_language/bt_agents_language",
-    "bt_agents_groot/bt_agents_groot",
-    "bt_agents_ros/bt_agents_ros",
-    "bt_agents/bt_agents",
-    "marketplace_node/marketplace_node",
-    "scene_layer/scene_layer",
-    "feedback_node/feedback_node",
-    "bt_agents_tools/bt_agents_tools",
-    "bt_agents_lab/bt_agents_lab",
-    "bt_agents_robot/bt_agents_robot",
-)
-
 PROSE = {
     "additional_constraints",
     "calculation",
