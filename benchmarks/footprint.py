@@ -25,7 +25,7 @@ from bare_idle import load, qos
 from bt_agents_interfaces.msg import HostCard
 from bt_agents_tools.launcher import components as system
 from bt_agents_tools.launcher.domain_lock import reserve_domain
-from bt_agents_tools.launcher.supervisor import Component, keep_local
+from bt_agents_tools.launcher.supervisor import Component, set_local_discovery
 from measuring import Effort, Row, Way, in_turn
 from processes import HERE, Graph, Running, graphs, write_trees
 
@@ -297,7 +297,7 @@ def _environments() -> dict[str, dict[str, str]]:
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         environment["ROS_DOMAIN_ID"] = str(reserve_domain())
         if name == "ours":
-            keep_local(environment)
+            set_local_discovery(environment)
         found[name] = environment
     return found
 

@@ -24,7 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from bare import executor
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_tools.launcher.domain_lock import reserve_domain
-from bt_agents_tools.launcher.supervisor import Component, keep_local
+from bt_agents_tools.launcher.supervisor import Component, set_local_discovery
 
 HERE = Path(__file__).parent
 
@@ -153,7 +153,7 @@ class Graph:
         self.name = name
         self.folder = Path(tempfile.mkdtemp(prefix=f"bt-agents-{name}-"))
         self._running: list[Running] = []
-        keep_local(os.environ)  # the probe reads the same settings as the processes
+        set_local_discovery(os.environ)  # the probe reads the same settings as the processes
         domain = reserve_domain()
         self._environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
         self._context = Context()

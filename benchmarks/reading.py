@@ -23,12 +23,12 @@ from bt_agents.engine.scope import RunScope
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents_core.errors import ReadError
 from bt_agents_core.scene import Scene, SceneValue
+from bt_agents_language.fields import scope as names
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary, yaml_files
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_language.model import scope as names
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
 from bt_agents_language.tools.linting.lint import lint
 from bt_agents_language.yaml.source import Source

@@ -229,7 +229,7 @@ def _plain(space: SceneSpace, agent: AgentSpec) -> Run:
         profile=agent.profile,
         live=lambda: scene,
         tunables={},
-        world=_World(),
+        environment=_World(),
         steady=time.monotonic,
     )
 
@@ -243,7 +243,7 @@ def _recording(space: SceneSpace, agent: AgentSpec, lines: deque[str]) -> Run:
         profile=agent.profile,
         live=lambda: scene,
         tunables={},
-        world=_World(),
+        environment=_World(),
         steady=time.monotonic,
         seed=1,
         sink=lambda _tick, line: lines.append(line),

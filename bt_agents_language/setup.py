@@ -11,7 +11,7 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents_language", "bt_agents_language.*"]),
-    package_data={"bt_agents_language": ["py.typed", "reference/*.yaml", "templates/*.yaml"]},
+    package_data={"bt_agents_language": ["py.typed", "reference/*.yaml", "tools/templates/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents_language"]),
         ("share/bt_agents_language", ["package.xml"]),

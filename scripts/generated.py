@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 
-from bt_agents_groot.page import with_table
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.reference.codes.codes_page import codes_page
+from bt_agents_groot.catalogue import with_table
+from bt_agents_language.files.file_kinds import FILE_KINDS
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.reference.codes import codes_page
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.tools.schema.folder import (
-    FILE_KINDS,
     folder_vocabulary,
     schema_file,
     schema_text,

@@ -6,8 +6,8 @@ from __future__ import annotations
 import os
 
 from bt_agents_tools.launcher.domain_lock import reserve_domain
-from bt_agents_tools.launcher.supervisor import keep_local
+from bt_agents_tools.launcher.supervisor import set_local_discovery
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
-keep_local(os.environ)
+set_local_discovery(os.environ)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a file as a whole or not at all, so that nobody ever reads half of it."""
+"""Atomic replacement of a file: a reader sees the old text or the new one, never half of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Replace a file that is there; its permissions stay, and a link stays a link.
+    """Replace the text of an existing file; its permissions stay, and a link stays a link.
 
     Raises:
         OSError: The file or its folder cannot be written; the old file is still there.

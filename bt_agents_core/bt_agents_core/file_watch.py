@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Notices that files have changed, by looking again and again: it works on every file system."""
+"""Polling of files for changes, which works on every file system."""
 
 from __future__ import annotations
 
@@ -8,86 +8,88 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 PERIOD_S = 0.5
-"""How often files are looked at [s]."""
+"""Polling period [s]."""
 
 Stamp = tuple[int, ...]
-"""Tells a change of a file: times of change [ns], size, and the number of the file."""
+"""Fingerprint of a file: times of change [ns], size and inode; differs after every change."""
 
-Look = Callable[[], Mapping[str, Stamp]]
-"""Returns for each file by which a change of it can be told."""
+Poll = Callable[[], Mapping[str, Stamp]]
+"""Function that returns the stamp of each file by its name."""
 
 _DEEPEST = 8
-"""Folders in folders that are looked at; links may lead in circles."""
+"""Depth of nested folders that are polled; links may lead in circles."""
 
 
 def poll(paths: Iterable[Path], suffixes: tuple[str, ...]) -> dict[str, Stamp]:
     """Return the stamp of each file; in folders, of those with a suffix and no hidden ones."""
-    seen: dict[str, Stamp] = {}
+    stamps: dict[str, Stamp] = {}
     for path in paths:
         if path.is_dir():
-            _look_into(str(path), suffixes, seen, _DEEPEST)
+            _poll_folder(str(path), suffixes, stamps, _DEEPEST)
         else:
-            _look(str(path), seen)
-    return seen
+            _poll_file(str(path), stamps)
+    return stamps
 
 
 def differing(before: Mapping[str, Stamp], after: Mapping[str, Stamp]) -> tuple[str, ...]:
-    """Return the files that are new, changed or gone between two looks, by name."""
+    """Return the names of the files that are new, changed or gone between two polls."""
     if before == after:
         return ()
     names = {*before, *after}
     return tuple(sorted(name for name in names if before.get(name) != after.get(name)))
 
 
-def changes(look: Look, sleep: Callable[[float], None]) -> Iterator[tuple[str, ...]]:
-    """Return the files that have changed since this call or the last time, when some have.
+def changes(poll_files: Poll, sleep: Callable[[float], None]) -> Iterator[tuple[str, ...]]:
+    """Yield the names of changed files, whenever some differ from the poll before.
+
+    The first poll is made by this call.
 
     Args:
-        look: What is looked at.
+        poll_files: Returns the stamps of the files.
         sleep: Waits so many seconds; ends the watch by raising ``KeyboardInterrupt``.
     """
-    return _changes(look(), look, sleep)
+    return _changes(poll_files(), poll_files, sleep)
 
 
 def _changes(
-    before: Mapping[str, Stamp], look: Look, sleep: Callable[[float], None]
+    before: Mapping[str, Stamp], poll_files: Poll, sleep: Callable[[float], None]
 ) -> Iterator[tuple[str, ...]]:
     while True:
         sleep(PERIOD_S)
-        after = look()
+        after = poll_files()
         changed = differing(before, after)
         before = after
         if changed:
             yield changed
 
 
-def _look_into(
-    folder: str, suffixes: tuple[str, ...], seen: dict[str, Stamp], deeper: int
+def _poll_folder(
+    folder: str, suffixes: tuple[str, ...], stamps: dict[str, Stamp], deeper: int
 ) -> None:
     try:
         with os.scandir(folder) as entries:
             found = [entry for entry in entries if not entry.name.startswith(".")]
     except OSError:
-        # Editors replace files; what is gone now is back at the next look.
+        # Editors replace files; what is gone now is back at the next poll.
         return
     for entry in found:
         if entry.name.endswith(suffixes):
-            _look(os.path.join(folder, entry.name), seen)
+            _poll_file(os.path.join(folder, entry.name), stamps)
         try:
             is_folder = entry.is_dir()
         except OSError:
             continue
         if is_folder and deeper:
-            _look_into(os.path.join(folder, entry.name), suffixes, seen, deeper - 1)
+            _poll_folder(os.path.join(folder, entry.name), suffixes, stamps, deeper - 1)
 
 
-def _look(file: str, seen: dict[str, Stamp]) -> None:
+def _poll_file(file: str, stamps: dict[str, Stamp]) -> None:
     try:
         try:
             found = os.stat(file)
         except OSError:
-            # A link that leads nowhere is there, and a problem.
+            # A broken link counts as a file.
             found = os.lstat(file)
     except OSError:
         return
-    seen[file] = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
+    stamps[file] = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the data of a project lies: named, in the current folder, or as installed."""
+"""Lookup of data folders: the named one, else one in the current folder, else the installed."""
 
 from __future__ import annotations
 

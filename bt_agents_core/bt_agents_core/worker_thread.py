@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Daemon thread for slow file work, for which an ending process waits only a bounded time."""
+"""Worker thread for slow files: an executor whose shutdown is bounded in time."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from threading import Lock, Thread
 from typing import Any, ParamSpec, TypeVar
 
 LIMIT_S = 5.0
-"""How long :meth:`WorkerThread.shutdown` waits at most [s]."""
+"""Longest time that :meth:`WorkerThread.shutdown` waits [s]."""
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
 
 class WorkerThread(Executor):
-    """Executor with one thread that is no obstacle to the end of its process.
+    """Executor with one daemon thread.
 
-    The threads of :mod:`concurrent.futures` are waited for at the end of a process, however long a
-    disk or a network folder takes; this one is not.
+    A process waits at its end for the threads of :mod:`concurrent.futures`, however long a disk or
+    a network folder takes; for this one it does not.
 
     Args:
-        name: Of the thread.
+        name: Name of the thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -35,7 +35,7 @@ class WorkerThread(Executor):
         self._thread.start()
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
-        """Queue a call; return the future of its result.
+        """Enqueue a call; return the future of its result.
 
         Raises:
             RuntimeError: After :meth:`shutdown`.
@@ -57,11 +57,11 @@ class WorkerThread(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Accept no more work.
+        """Accept no more calls.
 
         Args:
-            wait: Whether to wait until all is done, for :data:`LIMIT_S` at most.
-            cancel_futures: Whether to give up what has not begun.
+            wait: Wait until all are done, for :data:`LIMIT_S` at most.
+            cancel_futures: Cancel the calls that have not begun.
         """
         with self._lock:
             self._closed = True

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes that BehaviorTree.CPP v4 brings along, and what stands for them in our language."""
+"""Catalogue of the built-in nodes of BehaviorTree.CPP v4 and their equivalents in our language."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
 
 class PortKind(Enum):
-    """What a port of a built-in node takes; the value is in words for messages."""
+    """Kind of value that a port of a built-in node takes; the value is text for messages."""
 
     TEXT = "a text"
     SCRIPT = "a script"
@@ -22,15 +23,15 @@ class PortKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Builtin:
-    """One built-in node.
+    """Built-in node.
 
     Attributes:
         id: Name of its element.
-        ours: What stands for it in our language; empty when nothing does.
-        ports: Port → what it takes.
-        required: Ports that must be written.
+        ours: Equivalent in our language; empty when there is none.
+        ports: Port → kind of its value.
+        required: Ports that must be given.
         children: Smallest and largest number of children; None is any number.
-        note: How the two differ; empty when they do the same.
+        note: Difference between the two; empty when they do the same.
     """
 
     id: str
@@ -200,10 +201,10 @@ BUILTINS: Mapping[str, Builtin] = {
         ),
     )
 }  # fmt: skip
-"""Every node that a BehaviorTree.CPP 4 program knows without registering one."""
+"""Nodes that every BehaviorTree.CPP 4 program knows, by id."""
 
 EXPLICIT = ("Action", "Condition", "Control", "Decorator")
-"""Elements that say the kind of a node and have its name in ``ID``."""
+"""Elements of the explicit form, with the name of the node in ``ID``."""
 
 SKIP_IF, FAILURE_IF, SUCCESS_IF, WHILE = "_skipIf", "_failureIf", "_successIf", "_while"
 ON_SUCCESS, ON_FAILURE, ON_HALTED, POST = "_onSuccess", "_onFailure", "_onHalted", "_post"
@@ -221,7 +222,33 @@ CONDITIONS: Mapping[str, tuple[str, str]] = {
     POST: ("`set` behind the node and in `on_failure`", ""),
     ON_HALTED: ("", ""),
 }
-"""Attribute of any node → what stands for it here (empty for nothing), and how it differs."""
+"""Attribute of any node → equivalent in our language (may be empty), and the difference."""
 
 OTHER_ATTRIBUTES = ("ID", "name", "_autoremap", "_description", "_fullpath", "_uid", "_collapsed")
-"""Attributes of any node that say nothing about what it does, or that are read elsewhere."""
+"""Attributes of any node without an effect on the tree, or that are read elsewhere."""
+
+_HEAD = "| BehaviorTree.CPP | here | difference |\n|---|---|---|\n"
+_TABLE = re.compile(re.escape(_HEAD) + r"(\|.*\n)*")
+
+
+def with_table(page: str) -> str:
+    """Return the documentation page about Groot2 with its table generated anew."""
+    return _TABLE.sub(lambda _: groot_table(), page)
+
+
+def groot_table() -> str:
+    """Return the table of nodes and attributes of BehaviorTree.CPP with their equivalents."""
+    rows = [(f"<{one.id}{_ports(one)}>", one.ours, one.note) for one in BUILTINS.values()]
+    rows.append(('<SubTree ID="…">', "`subtree` with `with` and `outputs`", ""))
+    rows += [(_with_value(name).strip(), *words) for name, words in CONDITIONS.items()]
+    lines = (f"| `{theirs}` | {ours or 'nothing'} | {note} |\n" for theirs, ours, note in rows)
+    return _HEAD + "".join(lines)
+
+
+def _ports(one: Builtin) -> str:
+    shown = "".join(map(_with_value, one.required[:2]))
+    return f"{shown} …" if len(one.required) > 2 else shown
+
+
+def _with_value(name: str) -> str:
+    return f' {name}="…"'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents import groot` and `export groot`: trees from and for BehaviorTree.CPP and Groot2."""
+"""Commands `bt-agents import groot` and `export groot`, for BehaviorTree.CPP and Groot2."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import click
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_groot.exporting import export_agent
-from bt_agents_groot.importing import ImportedAgent, import_agent
-from bt_agents_groot.remarks import Remark, RemarkLevel
-from bt_agents_groot.words import snake
+from bt_agents_groot.agent_export import export_agent
+from bt_agents_groot.agent_import import ImportedAgent, import_agent
+from bt_agents_groot.naming import snake
+from bt_agents_groot.translation import Remark, RemarkLevel
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.source import read_source
 
 _OUT = click.option("-o", "--out", metavar="OUT", default="", help="The file to write.")
@@ -51,7 +51,7 @@ def import_groot(file: str, out: str, agent: str, directory: str) -> None:
     vocabulary = read_vocabulary(folder, read_scene(folder / "scene.yaml"))
     imported = import_agent(read_source(Path(file)), snake(agent or Path(file).stem), vocabulary)
     _write(out, imported.text)
-    _list(imported.remarks)
+    _print_remarks(imported.remarks)
     if imported.missing:
         names = ", ".join(skill.name for skill in imported.missing)
         click.echo(f"skills that nobody declares yet: {names}", err=True)
@@ -74,11 +74,11 @@ def export_groot(agent: str, out: str, directory: str) -> None:
     path, vocabulary = _find(agent, directory)
     exported = export_agent(read_source(path), vocabulary)
     _write(out, exported.text)
-    _list(exported.remarks)
+    _print_remarks(exported.remarks)
 
 
 def _find(agent: str, directory: str) -> tuple[Path, SymbolTable]:
-    """Return the file of an agent, and what it may speak of."""
+    """Return the file of an agent, and the symbols that it may use."""
     path = Path(agent)
     if agent.endswith((".yaml", ".yml")) or "/" in agent:
         above = (one for one in path.absolute().parents if (one / "scene.yaml").is_file())
@@ -109,17 +109,17 @@ def _write(out: str, text: str) -> None:
     click.echo(f"wrote {out}")
 
 
-def _list(remarks: Iterable[Remark]) -> None:
+def _print_remarks(remarks: Iterable[Remark]) -> None:
     listed = list(remarks)
     for remark in listed:
         click.echo(str(remark), err=True)
-    lost = sum(remark.weight is RemarkLevel.LOST for remark in listed)
+    lost = sum(remark.level is RemarkLevel.LOST for remark in listed)
     if lost:
         click.echo(f"{lost} not translated; the file says where", err=True)
 
 
 def _check(imported: ImportedAgent, out: str, vocabulary: SymbolTable) -> None:
-    """Say what is still wrong in a file that was made."""
+    """Print the errors that a file still has."""
     try:
         read_agent_text(imported.text, out or "(the agent)", vocabulary)
     except ReadError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control nodes of BehaviorTree.CPP as composites of our language."""
+"""Import of control nodes of BehaviorTree.CPP as composites of our language."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Binary, Constant, Formula, Name, Untranslatable, negated
 from bt_agents_groot.ports import from_port, names_in, names_of_expression, pointed_at
-from bt_agents_groot.remarks import RemarkLevel
-from bt_agents_groot.translation import Translation
-from bt_agents_groot.written import Data, Raw, YamlNode, may_be_left_out, outside, sequence
-from bt_agents_groot.xml_reader import Attribute, Element
+from bt_agents_groot.translation import RemarkLevel, Translation
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, can_be_skipped, decorated, sequence
 from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
@@ -23,7 +22,7 @@ from bt_agents_language.nodes.selector import SELECTOR
 from bt_agents_language.nodes.when import WHEN
 
 ON_FAILURE = "on_failure"
-"""Name of a ``Fallback`` that stands for our decorator."""
+"""Name of a ``Fallback`` that stands for our decorator ``on_failure``."""
 
 _NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
 
@@ -35,8 +34,8 @@ def _composite(key: str, *, memory: bool = True) -> Compose:
         fallback = key == SELECTOR.key
         children = tuple(tree.node(c, below_fallback=fallback) for c in element.children)
         if not memory:
-            _note_slow(tree, element.children[:-1])
-        if all(map(may_be_left_out, children)):
+            _remark_slow(tree, element.children[:-1])
+        if all(map(can_be_skipped, children)):
             tree.remark(
                 RemarkLevel.NOTE,
                 element,
@@ -48,8 +47,8 @@ def _composite(key: str, *, memory: bool = True) -> Compose:
     return translate
 
 
-def _note_slow(tree: Translation, children: tuple[Element, ...]) -> None:
-    """Note what looks at something at every tick, but takes time in our language."""
+def _remark_slow(tree: Translation, children: tuple[Element, ...]) -> None:
+    """Remark on children that are evaluated at every tick, but take time in our language."""
     for child in children:
         if node_id(child) not in BUILTINS and child.tag != "SubTree" and not child.children:
             tree.remark(
@@ -67,7 +66,7 @@ def _fallback(tree: Translation, element: Element) -> YamlNode:
     node = tree.node(element.children[0])
     if WHEN.key in node.decorators:
         return plain(tree, element)
-    return outside(node, ON_FAILURE, tree.node(element.children[1]))
+    return decorated(node, ON_FAILURE, tree.node(element.children[1]))
 
 
 def is_handler(element: Element, node: YamlNode) -> bool:
@@ -117,25 +116,25 @@ def _if_then_else(tree: Translation, element: Element) -> YamlNode:
     options: dict[str, Data] = {}
     current: Element | None = element
     while current is not None:
-        text = _text(tree, current.children[0])
+        text = _condition_text(tree, current.children[0])
         if text is None:
             return _by_result(tree, element)
         cases.append(_case(tree, current.children[1], text, len(cases) + 1))
         rest = current.children[2] if len(current.children) == 3 else None
         current = None
         if rest is not None and rest.tag == "IfThenElse" and not rest.attributes:
-            current = rest if _text(tree, rest.children[0]) is not None else None
+            current = rest if _condition_text(tree, rest.children[0]) is not None else None
         if rest is not None and current is None:
             options["otherwise"] = _branch(tree, rest)
     return YamlNode(key="choose", value=options, children=tuple(cases))
 
 
 def _by_result(tree: Translation, element: Element) -> YamlNode:
-    """Return what chooses by how a node ends, not by a condition."""
-    asked, *branches = element.children
+    """Return nodes that choose by the result of a node instead of a condition."""
+    condition_node, *branches = element.children
     if len(branches) == 1:
-        return sequence(tree.node(asked), tree.node(branches[0]))
-    name, *steps = _asked(tree, asked)
+        return sequence(tree.node(condition_node), tree.node(branches[0]))
+    name, *steps = _result_of(tree, condition_node)
     first = _case(tree, branches[0], Raw(name), 1)
     choose = YamlNode(
         key="choose", value={"otherwise": _branch(tree, branches[1])}, children=(first,)
@@ -145,7 +144,7 @@ def _by_result(tree: Translation, element: Element) -> YamlNode:
 
 def _branch(tree: Translation, element: Element) -> YamlNode:
     node = tree.node(element)
-    if may_be_left_out(node):
+    if can_be_skipped(node):
         tree.remark(
             RemarkLevel.NOTE,
             element,
@@ -155,11 +154,11 @@ def _branch(tree: Translation, element: Element) -> YamlNode:
 
 
 def _case(tree: Translation, element: Element, condition: Raw, number: int) -> YamlNode:
-    case = outside(_branch(tree, element), "when", condition)
+    case = decorated(_branch(tree, element), "when", condition)
     return replace(case, name=case.name or f"case_{number}")
 
 
-def _text(tree: Translation, element: Element) -> Raw | None:
+def _condition_text(tree: Translation, element: Element) -> Raw | None:
     """Return the condition that an element checks, as text; None when it is more than that."""
     if node_id(element) == CHECK.key and set(element.attributes) <= {"ID", "condition"}:
         tree.names.read(names_of_expression(element.get("condition")))
@@ -181,35 +180,35 @@ def _formula(tree: Translation, element: Element) -> Formula | None:
 
 
 def _while_do_else(tree: Translation, element: Element) -> YamlNode:
-    asked, *branches = element.children
-    condition = _formula(tree, asked)
+    condition_node, *branches = element.children
+    condition = _formula(tree, condition_node)
     if condition is not None:
         text, opposite = tree.text(condition), tree.text(negated(condition))
         return _while(tree, branches, text, opposite)
-    _note_slow(tree, (asked,))
+    _remark_slow(tree, (condition_node,))
     if len(branches) == 1:
-        return _reactive("sequence", tree.node(asked), tree.node(branches[0]))
-    name, *steps = _asked(tree, asked)
+        return _reactive("sequence", tree.node(condition_node), tree.node(branches[0]))
+    name, *steps = _result_of(tree, condition_node)
     return _reactive("sequence", *steps, _while(tree, branches, Raw(name), Raw(f"not {name}")))
 
 
 def _while(tree: Translation, branches: list[Element], text: Raw, opposite: Raw) -> YamlNode:
-    """Return what does the first branch while a condition is true, the second while it is not."""
-    first = _held(tree, branches[0], text)
+    """Return nodes that run the first branch while a condition is true, else the second."""
+    first = _with_while(tree, branches[0], text)
     if len(branches) == 1:
         return first
-    return _reactive("selector", first, _held(tree, branches[1], opposite))
+    return _reactive("selector", first, _with_while(tree, branches[1], opposite))
 
 
-def _held(tree: Translation, element: Element, condition: Raw) -> YamlNode:
-    return tree.around(element, tree.node(element), "while", condition)
+def _with_while(tree: Translation, element: Element, condition: Raw) -> YamlNode:
+    return tree.decorate(element, tree.node(element), "while", condition)
 
 
-def _asked(tree: Translation, asked: Element) -> tuple[str, YamlNode, YamlNode]:
-    """Return a name that tells how a node has ended, and what gives it that value."""
+def _result_of(tree: Translation, condition_node: Element) -> tuple[str, YamlNode, YamlNode]:
+    """Return a name for the result of a node, and the nodes that set it."""
     name = tree.names.fresh("fits")
-    fits = sequence(tree.node(asked), YamlNode(key="set", value={name: True}))
-    return name, YamlNode(key="set", value={name: False}), outside(fits, "succeed", True)
+    fits = sequence(tree.node(condition_node), YamlNode(key="set", value={name: True}))
+    return name, YamlNode(key="set", value={name: False}), decorated(fits, "succeed", True)
 
 
 def _reactive(key: str, *children: YamlNode) -> YamlNode:
@@ -248,8 +247,8 @@ def _try_catch(tree: Translation, element: Element) -> YamlNode:
             "what is to be done when the node is stopped; of a whole agent, 'on_cancel' does it",
         )
     *tried, caught = element.children
-    handler = outside(tree.node(caught), "fail", True)
-    return outside(sequence(*map(tree.node, tried)), ON_FAILURE, handler)
+    handler = decorated(tree.node(caught), "fail", True)
+    return decorated(sequence(*map(tree.node, tried)), ON_FAILURE, handler)
 
 
 def own_control(tree: Translation, element: Element) -> YamlNode | None:

@@ -7,38 +7,37 @@ from collections.abc import Callable, Mapping
 
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Formula, Untranslatable, negated
-from bt_agents_groot.leaves import check, count, duration, shown_element
-from bt_agents_groot.own_words import own_fields
-from bt_agents_groot.remarks import RemarkLevel
-from bt_agents_groot.translation import Translation
-from bt_agents_groot.written import (
+from bt_agents_groot.leaves import check, count, duration, element_text
+from bt_agents_groot.own_nodes import own_fields
+from bt_agents_groot.translation import RemarkLevel, Translation
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import (
     Data,
     Raw,
     YamlNode,
-    may_be_left_out,
-    outside,
+    can_be_skipped,
+    decorated,
     selector,
     sequence,
 )
-from bt_agents_groot.xml_reader import Element
-from bt_agents_language.model.node_type import FOREVER
 from bt_agents_language.nodes.catalogue import DECORATORS as OWN_DECORATORS
+from bt_agents_language.nodes.node_type import FOREVER
 
-Decorate = Callable[[Translation, Element], YamlNode]
+Translate = Callable[[Translation, Element], YamlNode]
 
 
-def _switch(key: str) -> Decorate:
+def _plain(key: str) -> Translate:
     def translate(tree: Translation, element: Element) -> YamlNode:
-        return outside(tree.node(element.children[0]), key, True)
+        return decorated(tree.node(element.children[0]), key, True)
 
     return translate
 
 
-def _again(key: str, port: str) -> Decorate:
+def _loop(key: str, port: str) -> Translate:
     def translate(tree: Translation, element: Element) -> YamlNode:
         times = count(tree, element, port) if port else Raw(FOREVER)
         child = tree.node(element.children[0])
-        return tree.around(element, child, key, times)
+        return tree.decorate(element, child, key, times)
 
     return translate
 
@@ -47,7 +46,7 @@ def _timeout(tree: Translation, element: Element) -> YamlNode:
     limit = duration(tree, element, "msec")
     child = tree.node(element.children[0])
     # No milliseconds mean no limit there.
-    return child if limit == Raw("0 s") else outside(child, "timeout", limit)
+    return child if limit == Raw("0 s") else decorated(child, "timeout", limit)
 
 
 def _delay(tree: Translation, element: Element) -> YamlNode:
@@ -62,7 +61,7 @@ def _run_once(tree: Translation, element: Element) -> YamlNode:
             element,
             "the second time it ends as it did the first; ours is left out",
         )
-    return outside(tree.node(element.children[0]), "once", True)
+    return decorated(tree.node(element.children[0]), "once", True)
 
 
 def _precondition(tree: Translation, element: Element) -> YamlNode:
@@ -82,9 +81,9 @@ def _precondition(tree: Translation, element: Element) -> YamlNode:
     child = tree.node(element.children[0])
     match status:
         case "SKIPPED":
-            return outside(child, "when", text)
+            return decorated(child, "when", text)
         case "SUCCESS":
-            if may_be_left_out(child):
+            if can_be_skipped(child):
                 tree.remark(
                     RemarkLevel.NOTE, element, "when its child is left out, ours has failed"
                 )
@@ -95,11 +94,11 @@ def _precondition(tree: Translation, element: Element) -> YamlNode:
     return sequence(check(text), child)
 
 
-def _kept_child(tree: Translation, element: Element) -> YamlNode:
+def _child_alone(tree: Translation, element: Element) -> YamlNode:
     tree.remark(
         RemarkLevel.LOST,
         element,
-        f"{shown_element(element)} has no equivalent; its child stands alone",
+        f"{element_text(element)} has no equivalent; its child stands alone",
     )
     return tree.node(element.children[0])
 
@@ -113,28 +112,28 @@ def own_decorator(tree: Translation, element: Element) -> YamlNode | None:
     if fields is None:
         return None
     value: Data = fields[own.main] if list(fields) == [own.main] else fields
-    return outside(tree.node(element.children[0]), own.key, value)
+    return decorated(tree.node(element.children[0]), own.key, value)
 
 
 def unknown_parent(tree: Translation, element: Element) -> YamlNode:
-    """Return what stands for a custom element with children: the children alone."""
+    """Return the children of an unknown element with children, in a sequence if several."""
     if len(element.children) == 1:
-        return _kept_child(tree, element)
+        return _child_alone(tree, element)
     tree.remark(
         RemarkLevel.LOST,
         element,
-        f"{shown_element(element)} has no equivalent; its children stand in a sequence",
+        f"{element_text(element)} has no equivalent; its children stand in a sequence",
     )
     return sequence(*(tree.node(child) for child in element.children))
 
 
-DECORATORS: Mapping[str, Decorate] = {
-    "Inverter": _switch("invert"),
-    "ForceSuccess": _switch("succeed"),
-    "ForceFailure": _switch("fail"),
-    "Repeat": _again("repeat", "num_cycles"),
-    "RetryUntilSuccessful": _again("retry", "num_attempts"),
-    "KeepRunningUntilFailure": _again("repeat", ""),
+DECORATORS: Mapping[str, Translate] = {
+    "Inverter": _plain("invert"),
+    "ForceSuccess": _plain("succeed"),
+    "ForceFailure": _plain("fail"),
+    "Repeat": _loop("repeat", "num_cycles"),
+    "RetryUntilSuccessful": _loop("retry", "num_attempts"),
+    "KeepRunningUntilFailure": _loop("repeat", ""),
     "Timeout": _timeout,
     "Delay": _delay,
     "RunOnce": _run_once,
@@ -144,7 +143,7 @@ DECORATORS: Mapping[str, Decorate] = {
             "LoopInt", "LoopBool", "LoopDouble", "LoopString",
             "SkipUnlessUpdated", "WaitValueUpdate",
         ),
-        _kept_child,
+        _child_alone,
     ),
 }  # fmt: skip
 """Translator of each built-in decorator."""

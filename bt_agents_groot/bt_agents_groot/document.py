@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the trees and models of a BehaviorTree.CPP file, and checks them as that library does."""
+"""Document reader: trees and models of a BehaviorTree.CPP file, checked as that library does."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from bt_agents_groot.catalogue import (
 )
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scripts import ScriptError, parse_script
-from bt_agents_groot.xml_reader import Attribute, Element, XmlReading
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_groot.xml_files import Attribute, Element, XmlReading
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.yaml.source import Source
 
 _WHOLE = re.compile(r"[-+]?[0-9]{1,9}")
@@ -31,7 +31,7 @@ _KINDS = (*EXPLICIT, "SubTree")
 
 @dataclass(frozen=True, kw_only=True)
 class ModelPort:
-    """One declared port: ``in``, ``out`` or ``both``, its C++ type, default and description."""
+    """Declared port: ``in``, ``out`` or ``both``, its C++ type, default and description."""
 
     direction: str
     type: str = ""
@@ -41,7 +41,7 @@ class ModelPort:
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """A node that a program registers.
+    """Model of a node that a program registers.
 
     Attributes:
         kind: Element that declares it: ``Action``, ``Condition``, ``Control``, ``Decorator``.
@@ -54,14 +54,14 @@ class Model:
 
 @dataclass(frozen=True, kw_only=True)
 class Document:
-    """One file.
+    """Checked content of one file.
 
     Attributes:
         trees: ID → the ``BehaviorTree`` element, which has one child.
         main: ID of the main tree.
         models: ID → model of a custom node.
         subtree_models: ID → model of a subtree.
-        unread: Elements of the file that say something which is not read.
+        unread: Elements of the file that are not imported.
         calls: ID of a tree → its ``SubTree`` elements.
         reading: The file, for problems that are found later.
     """
@@ -76,7 +76,7 @@ class Document:
 
 
 def node_id(element: Element) -> str:
-    """Return what a node is: its ``ID`` in the explicit writing, else the name of its element."""
+    """Return the type of a node: its ``ID`` in the explicit form, else the name of its element."""
     return element.get("ID") if element.tag in _KINDS else element.tag
 
 

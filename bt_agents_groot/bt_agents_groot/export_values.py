@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conditions, times and numbers of our language as BehaviorTree.CPP writes them."""
+"""Export of values: conditions, times and numbers in the notation of BehaviorTree.CPP."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from bt_agents_groot.formulas import (
     Formula,
     Untranslatable,
     as_script,
-    mentioned,
+    names_in_formula,
     negated,
     script_name,
 )
 from bt_agents_groot.ports import only_name
-from bt_agents_language.model.node_type import FOREVER
-from bt_agents_language.model.quantities import QuantityError, duration
+from bt_agents_language.expression.quantities import QuantityError, duration
+from bt_agents_language.nodes.node_type import FOREVER
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
@@ -30,7 +30,7 @@ def condition_script(node: Node, *, negative: bool = False) -> str:
     """Return a condition as a script, or the opposite of it.
 
     Raises:
-        Untranslatable: Scripts cannot say it.
+        Untranslatable: Scripts cannot express it.
     """
     assert isinstance(node, Scalar)
     formula = parse_formula(node.text)
@@ -38,16 +38,16 @@ def condition_script(node: Node, *, negative: bool = False) -> str:
 
 
 def set_script(entries: tuple[MappingEntry, ...]) -> str:
-    """Return the script that gives names their values.
+    """Return the script that sets names to values.
 
     Raises:
-        Untranslatable: Scripts cannot say a value, or one value needs a name that is set with it.
+        Untranslatable: A value has no equivalent, or needs a name that is set with it.
     """
     statements: list[str] = []
     names: set[str] = set()
     for entry in entries:
         value = _formula(entry.value)
-        if names & set(mentioned(value)):
+        if names & set(names_in_formula(value)):
             raise Untranslatable("the values of a script follow each other")
         names.add(entry.key.text)
         statements.append(f"{script_name(entry.key.text)} := {as_script(value)}")
@@ -55,7 +55,7 @@ def set_script(entries: tuple[MappingEntry, ...]) -> str:
 
 
 def milliseconds(node: Node) -> str | None:
-    """Return a written time in whole milliseconds; None when it is not such a time."""
+    """Return a time as whole milliseconds; None when it is not a constant time."""
     if not isinstance(node, Scalar) or "${" in node.text:
         return None
     try:

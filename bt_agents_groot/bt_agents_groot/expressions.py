@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads our expressions as formulas, so that they can be written as scripts."""
+"""Parser of our expressions into formulas, which can be written as scripts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bt_agents_groot.formulas import (
     Untranslatable,
     negative,
 )
-from bt_agents_groot.scripts import MAX_WORDS
+from bt_agents_groot.scripts import MAX_TOKENS
 from bt_agents_language.expression.expression_tokens import Token, TokenKind, tokenize
 
 _STRENGTH = {
@@ -26,7 +26,7 @@ _NOT, _MINUS = 3, 7
 
 
 def parse_formula(text: str) -> Formula:
-    """Return the formula that an expression of our language says.
+    """Return the formula of an expression of our language.
 
     ``a between b and c`` becomes two comparisons.
 
@@ -38,13 +38,13 @@ def parse_formula(text: str) -> Formula:
         Untranslatable: It is too long to be written as a script.
     """
     tokens = tokenize(text)
-    if len(tokens) > MAX_WORDS:
-        raise Untranslatable(f"a script has at most {MAX_WORDS} words")
+    if len(tokens) > MAX_TOKENS:
+        raise Untranslatable(f"a script has at most {MAX_TOKENS} words")
     return _Parser(tokens).formula(0)
 
 
 class _Parser:
-    """A Pratt parser; what it reads was checked before."""
+    """Pratt parser of tokens that were checked before."""
 
     def __init__(self, tokens: list[Token]) -> None:
         self._tokens = tokens
@@ -59,26 +59,26 @@ class _Parser:
         """Read operands joined by operators that are stronger than ``weakest``."""
         left = self._operand()
         while True:
-            word = self._tokens[self._next].text
+            operator = self._tokens[self._next].text
             if self._tokens[self._next].kind is TokenKind.TEXT:
                 return left
-            strength = _STRENGTH.get(word, 0)
+            strength = _STRENGTH.get(operator, 0)
             if strength <= weakest:
                 return left
             self._take()
-            left = self._applied(word, left)
+            left = self._infix(operator, left)
 
-    def _applied(self, word: str, left: Formula) -> Formula:
-        if word == "not":
-            return Unary("not", self._applied(self._take().text, left))
-        if word == "not in":
+    def _infix(self, operator: str, left: Formula) -> Formula:
+        if operator == "not":
+            return Unary("not", self._infix(self._take().text, left))
+        if operator == "not in":
             return Unary("not", Binary("in", left, self.formula(_STRENGTH["in"])))
-        if word == "between":
+        if operator == "between":
             low = self.formula(_STRENGTH["between"])
             self._take()
             high = self.formula(_STRENGTH["between"])
             return Binary("and", Binary("<=", low, left), Binary("<=", left, high))
-        return Binary(word, left, self.formula(_STRENGTH[word]))
+        return Binary(operator, left, self.formula(_STRENGTH[operator]))
 
     def _operand(self) -> Formula:
         token = self._take()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What our expressions and BehaviorTree.CPP's scripts have in common, written as either."""
+"""Formulas: common form of our expressions and of BehaviorTree.CPP's scripts, and both texts."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from bt_agents_core.errors import BtAgentsError
 
 
 class Untranslatable(BtAgentsError):
-    """Something that the other language has no equivalent of; the message says what."""
+    """Raised for something without an equivalent in the other language."""
 
 
 @dataclass(frozen=True)
 class Constant:
-    """A number, a text, true or false."""
+    """Number, text, true or false."""
 
     value: bool | int | float | str
 
 
 @dataclass(frozen=True)
 class Name:
-    """A name as our language writes it, for example ``scene.age``."""
+    """Name in the form of our language, for example ``scene.age``."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Unary:
-    """``not`` or ``-`` before an operand; ``~`` stands only in scripts."""
+    """``not`` or ``-`` before an operand; ``~`` occurs only in scripts."""
 
     operator: str
     operand: Formula
@@ -38,7 +38,7 @@ class Unary:
 
 @dataclass(frozen=True)
 class Binary:
-    """Two operands; operators are written as in our language, ``..`` joins texts."""
+    """Operator between two operands, in the form of our language; ``..`` concatenates texts."""
 
     operator: str
     left: Formula
@@ -56,7 +56,7 @@ class Conditional:
 
 @dataclass(frozen=True)
 class Call:
-    """A function of our language; a list is the call of ``[``."""
+    """Call of a function of our language; a list is the call of ``[``."""
 
     function: str
     arguments: tuple[Formula, ...]
@@ -79,13 +79,13 @@ _SCRIPT_PREFIX = 20
 _NOT, _MINUS, _OPERAND = 3, 7, 99
 
 GROUPS = ("scene", "live", "profile", "mood")
-"""First parts of the names that hold a point, as in ``scene.age``."""
+"""Prefixes of dotted names, as in ``scene.age``."""
 
 _GROUPED = re.compile(rf"({'|'.join(GROUPS)})__(\w+)")
 
 
 def negated(formula: Formula) -> Formula:
-    """Return a formula that is true when another one is not."""
+    """Return the negation of a formula."""
     match formula:
         case Unary("not", operand):
             return operand
@@ -102,35 +102,35 @@ def negative(formula: Formula) -> Formula:
     return Unary("-", formula)
 
 
-def mentioned(formula: Formula) -> Iterator[str]:
+def names_in_formula(formula: Formula) -> Iterator[str]:
     """Return the names in a formula, in order."""
     match formula:
         case Name(name):
             yield name
         case Unary(_, operand):
-            yield from mentioned(operand)
+            yield from names_in_formula(operand)
         case Binary(_, left, right):
-            yield from mentioned(left)
-            yield from mentioned(right)
+            yield from names_in_formula(left)
+            yield from names_in_formula(right)
         case Conditional(condition, yes, no):
             for part in (condition, yes, no):
-                yield from mentioned(part)
+                yield from names_in_formula(part)
         case Call(_, arguments):
             for part in arguments:
-                yield from mentioned(part)
+                yield from names_in_formula(part)
 
 
 def as_expression(formula: Formula) -> str:
-    """Return a formula in our language.
+    """Return a formula as an expression of our language.
 
     Raises:
-        Untranslatable: It does something with bits, or joins texts.
+        Untranslatable: It has bit operators, or concatenates texts.
     """
     return _expression(formula)[0]
 
 
 def _expression(formula: Formula) -> tuple[str, int]:
-    """Return the text of a formula and how tightly it holds together."""
+    """Return the text of a formula and the strength of its outermost operator."""
     match formula:
         case Constant(value):
             return _constant(value), _MINUS if _is_negative(value) else _OPERAND
@@ -142,7 +142,7 @@ def _expression(formula: Formula) -> tuple[str, int]:
             return f"-{_inside(operand, _MINUS)}", _MINUS
         case Binary(operator, left, right) if operator in _OURS:
             strength = _OURS[operator]
-            # Comparisons do not chain, and '-' and '/' count from the left.
+            # Comparisons do not chain; '-' and '/' are left-associative.
             at_left = strength + (operator in COMPARISONS)
             text = f"{_inside(left, at_left)} {operator} {_inside(right, strength + 1)}"
             return text, strength
@@ -225,7 +225,7 @@ def _in_script(formula: Formula, strength: int) -> str:
 
 
 def script_name(name: str) -> str:
-    """Return a name as scripts can hold it: ``scene.age`` becomes ``scene__age``.
+    """Return a name in the form of scripts: ``scene.age`` becomes ``scene__age``.
 
     Raises:
         Untranslatable: It is the field of a message, or has letters that scripts cannot hold.
@@ -237,7 +237,7 @@ def script_name(name: str) -> str:
     return written
 
 
-def our_name(name: str) -> str | None:
-    """Return a name with a point that :func:`script_name` has replaced; None for any other."""
+def dotted_name(name: str) -> str | None:
+    """Return the dotted name of which :func:`script_name` made a name; None for any other."""
     match = _GROUPED.fullmatch(name)
     return f"{match[1]}.{match[2]}" if match else None

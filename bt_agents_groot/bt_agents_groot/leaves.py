@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Built-in leaves of BehaviorTree.CPP as leaves of our language."""
+"""Import of built-in leaves of BehaviorTree.CPP as leaves of our language."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.ports import from_port, names_in, pointed_at
-from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.script_nodes import as_node
-from bt_agents_groot.translation import Translation
-from bt_agents_groot.written import Data, Raw, YamlNode
-from bt_agents_groot.xml_reader import Element
-from bt_agents_language.model.node_type import FOREVER
+from bt_agents_groot.translation import RemarkLevel, Translation
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
+from bt_agents_language.nodes.node_type import FOREVER
 
 
 def count(tree: Translation, element: Element, port: str, default: str = "") -> Data:
-    """Return a number of attempts or cycles."""
+    """Return the number of attempts or cycles in a port."""
     text = element.get(port, default).strip()
     entry = pointed_at(text)
     if entry is not None:
@@ -30,7 +29,7 @@ def count(tree: Translation, element: Element, port: str, default: str = "") -> 
 
 
 def duration(tree: Translation, element: Element, port: str) -> Data:
-    """Return a time that is written in milliseconds."""
+    """Return the time in a port, which has milliseconds."""
     text = element.get(port).strip()
     entry = pointed_at(text)
     if entry is not None:
@@ -41,7 +40,7 @@ def duration(tree: Translation, element: Element, port: str) -> Data:
 
 
 def milliseconds(amount: int) -> Raw:
-    """Return a number of milliseconds with the unit that people would use."""
+    """Return milliseconds as a time with a fitting unit."""
     if amount % 60_000 == 0 and amount > 0:
         return Raw(f"{amount // 60_000} min")
     if amount % 1000 == 0:
@@ -62,10 +61,10 @@ def _script(tree: Translation, element: Element) -> YamlNode:
     try:
         return as_node(tree.statements(element.attributes["code"]), tree.names)
     except Untranslatable as error:
-        return lost(tree, element, str(error))
+        return untranslated(tree, element, str(error))
 
 
-def _always(result: str) -> Callable[[Translation, Element], YamlNode]:
+def _constant(result: str) -> Callable[[Translation, Element], YamlNode]:
     return lambda tree, element: check(Raw(result))
 
 
@@ -78,16 +77,16 @@ def _set_blackboard(tree: Translation, element: Element) -> YamlNode:
     return YamlNode(key="set", value={name: value})
 
 
-def lost(tree: Translation, element: Element, reason: str = "") -> YamlNode:
-    """Return what stands where a leaf cannot be translated: it says so, and fails."""
+def untranslated(tree: Translation, element: Element, reason: str = "") -> YamlNode:
+    """Return a leaf in place of one that cannot be translated: it logs so, and fails."""
     because = f": {reason}" if reason else ""
-    tree.remark(RemarkLevel.LOST, element, f"{shown_element(element)} has no equivalent{because}")
-    message = f"not translated: {shown_element(element)}".replace("${", "$ {")
+    tree.remark(RemarkLevel.LOST, element, f"{element_text(element)} has no equivalent{because}")
+    message = f"not translated: {element_text(element)}".replace("${", "$ {")
     node = YamlNode(key="log", value={"message": message, "level": "error"})
     return replace(node, decorators={"fail": True})
 
 
-def shown_element(element: Element) -> str:
+def element_text(element: Element) -> str:
     """Return an element in one line, for messages."""
     ports = [f'{one.name}="{one.value[:60]}"' for one in element.attributes.values()]
     shown = " ".join((node_id(element), *(port for port in ports if port[:3] != "ID=")))
@@ -99,9 +98,9 @@ LEAVES: Mapping[str, Callable[[Translation, Element], YamlNode]] = {
     "Script": _script,
     "ScriptCondition": _script,
     "SetBlackboard": _set_blackboard,
-    "AlwaysSuccess": _always("true"),
-    "AlwaysFailure": _always("false"),
-    "UnsetBlackboard": lost,
-    "WasEntryUpdated": lost,
+    "AlwaysSuccess": _constant("true"),
+    "AlwaysFailure": _constant("false"),
+    "UnsetBlackboard": untranslated,
+    "WasEntryUpdated": untranslated,
 }
 """Translator of each built-in leaf."""

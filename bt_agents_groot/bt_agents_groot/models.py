@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes that an exported file declares, so that Groot2 knows their ports, and their IDs."""
+"""Models of an exported file: declarations of nodes with their ports and IDs, for Groot2."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from collections.abc import Iterable
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, EXPLICIT
-from bt_agents_groot.port_types import written_type
-from bt_agents_groot.ports import plain_port
-from bt_agents_groot.words import pascal, port
-from bt_agents_groot.xml_writer import Xml
-from bt_agents_language.model.node_type import NodeField, NodeType
+from bt_agents_groot.naming import pascal, port
+from bt_agents_groot.ports import cpp_type, plain_port
+from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec, Tunable
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
+from bt_agents_language.nodes.node_type import NodeField, NodeType
 
 
 class Models:
-    """Collects the nodes that a file uses and BehaviorTree.CPP does not bring along."""
+    """Collection of the nodes that a file uses and that are not built into BehaviorTree.CPP."""
 
     def __init__(self) -> None:
         self._ids: dict[tuple[str, str], str] = {}
@@ -33,12 +32,12 @@ class Models:
 
     def subtree(self, file: str, subtree: SubtreeSpec) -> str:
         """Return the ID of a subtree and declare it."""
-        own = self._id(f"in {file}", subtree.name)
+        model_id = self._id(f"in {file}", subtree.name)
         ports = (*_ports("input_port", subtree.inputs), *_ports("output_port", subtree.outputs))
-        self._declare("SubTree", own, ports)
-        return own
+        self._declare("SubTree", model_id, ports)
+        return model_id
 
-    def main(self, own: str, tunables: Iterable[Tunable]) -> None:
+    def main(self, model_id: str, tunables: Iterable[Tunable]) -> None:
         """Declare the main tree, whose ports are the agent's tunables."""
         ports = tuple(
             _declared(
@@ -51,27 +50,27 @@ class Models:
             for one in tunables
         )
         if ports:
-            self._declare("SubTree", own, ports)
+            self._declare("SubTree", model_id, ports)
 
     def skill(self, skill: SkillSpec) -> str:
         """Return the ID of a skill and declare it."""
-        own = self._id("leaf", skill.name)
+        model_id = self._id("leaf", skill.name)
         ports = (*_ports("input_port", skill.inputs), *_ports("output_port", skill.outputs))
-        self._declare("Action", own, ports)
-        return own
+        self._declare("Action", model_id, ports)
+        return model_id
 
     def plugin(self, node_type: NodeType) -> str:
         """Return the ID of a plug-in's node and declare it."""
-        own = self._id("leaf", node_type.key)
-        self._declare("Action", own, tuple(map(_port, node_type.fields)))
-        return own
+        model_id = self._id("leaf", node_type.key)
+        self._declare("Action", model_id, tuple(map(_port, node_type.fields)))
+        return model_id
 
-    def word(self, kind: str, key: str, ports: Iterable[NodeField]) -> str:
-        """Return the ID of a word of our language, which is the word, and declare it.
+    def node_key(self, kind: str, key: str, ports: Iterable[NodeField]) -> str:
+        """Return the ID of a node key of our language, which is the key itself, and declare it.
 
         Args:
             kind: ``Action``, ``Condition``, ``Control`` or ``Decorator``.
-            key: The word.
+            key: The node key.
             ports: Its fields.
         """
         self._declare(kind, key, tuple(map(_port, ports)))
@@ -85,13 +84,15 @@ class Models:
 
     def _id(self, group: str, name: str) -> str:
         if (group, name) not in self._ids:
-            own = pascal(name, self._taken)
-            self._taken.add(own)
-            self._ids[group, name] = own
+            model_id = pascal(name, self._taken)
+            self._taken.add(model_id)
+            self._ids[group, name] = model_id
         return self._ids[group, name]
 
-    def _declare(self, kind: str, own: str, ports: tuple[Xml, ...]) -> None:
-        self._models.setdefault(own, Xml(tag=kind, attributes={"ID": own}, children=ports))
+    def _declare(self, kind: str, model_id: str, ports: tuple[Xml, ...]) -> None:
+        self._models.setdefault(
+            model_id, Xml(tag=kind, attributes={"ID": model_id}, children=ports)
+        )
 
 
 def _ports(tag: str, fields: tuple[FieldSpec, ...]) -> tuple[Xml, ...]:
@@ -106,8 +107,8 @@ def _port(one: NodeField) -> Xml:
 
 def _declared(tag: str, name: str, of: FieldType, description: str, default: str) -> Xml:
     attributes = {"name": port(name)}
-    if written_type(of):
-        attributes["type"] = written_type(of)
+    if cpp_type(of):
+        attributes["type"] = cpp_type(of)
     if default:
         attributes["default"] = default
     return Xml(tag=tag, attributes=attributes, text=description)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of our fields as ports of BehaviorTree.CPP, which are texts, and back."""
+"""Ports of BehaviorTree.CPP: their texts and C++ types from values of our fields, and back."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ from itertools import pairwise
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_groot.formulas import GROUPS, script_name
-from bt_agents_groot.port_types import quantity
-from bt_agents_groot.written import Data, Raw
+from bt_agents_groot.yaml_nodes import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
-from bt_agents_language.model.quantities import QuantityError
+from bt_agents_language.expression.quantities import QuantityError
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 
 JSON = "json:"
-"""Start of a port whose value is written as JSON; a convention of BehaviorTree.CPP."""
+"""Prefix of a port whose value is JSON; a convention of BehaviorTree.CPP."""
 
 MAX_JSON_DEPTH = 16
 """Nesting of lists and mappings in one port."""
@@ -30,22 +29,40 @@ _NAME = re.compile(r"[^\W\d]\w*(\.\w+)?")
 _NOWHERE = Source("", "")
 
 
+_CPP_TYPES = {
+    FieldType.TEXT: "std::string",
+    FieldType.NUMBER: "double",
+    FieldType.INTEGER: "int",
+    FieldType.BOOLEAN: "bool",
+}
+_FIELD_TYPES = {
+    **{type_name: field_type for field_type, type_name in _CPP_TYPES.items()},
+    **{field_type.value: field_type for field_type in FieldType},
+    "string": FieldType.TEXT,
+    "unsigned int": FieldType.INTEGER,
+    "unsigned": FieldType.INTEGER,
+    "long": FieldType.INTEGER,
+    "float": FieldType.NUMBER,
+}
+_UNITS = {FieldType.DURATION: "s", FieldType.LENGTH: "m", FieldType.ANGLE: "rad"}
+
+
 class PortError(BtAgentsError):
-    """The text of a port means nothing; the message says why."""
+    """Raised for the text of a port that has no value."""
 
 
 def pointed_at(text: str) -> str | None:
-    """Return the name in ``{name}``, None when a text is no such pointer."""
+    """Return the entry in ``{entry}``; None when a text is no such pointer."""
     text = text.strip(" ")
     return text[1:-1] if len(text) > 2 and text[0] == "{" and text[-1] == "}" else None
 
 
 def as_port(node: Node, field_type: FieldType) -> str:
-    """Return the text of a port for what stands in a field of our language.
+    """Return the text of a port for the value of a field of our language.
 
     Args:
-        node: What stands there.
-        field_type: Type of the field; only a text is always taken as it is written.
+        node: Value of the field.
+        field_type: Type of the field; only a text is always taken literally.
     """
     if not isinstance(node, Scalar):
         return _as_json(_plain(node))
@@ -53,7 +70,9 @@ def as_port(node: Node, field_type: FieldType) -> str:
     if name is not None:
         return f"{{{script_name(name)}}}"
     special = node.text.startswith(JSON) or pointed_at(node.text) is not None
-    if special or (field_type is not FieldType.TEXT and not node.plain and _means_more(node.text)):
+    if special or (
+        field_type is not FieldType.TEXT and not node.plain and _needs_quotes(node.text)
+    ):
         return _as_json(node.text)
     return node.text
 
@@ -63,7 +82,7 @@ def plain_port(value: Plain, field_type: FieldType) -> str:
     with_unit = quantity(value, field_type)
     if with_unit is not None:
         return with_unit
-    if isinstance(value, str) and not (field_type is not FieldType.TEXT and _means_more(value)):
+    if isinstance(value, str) and not (field_type is not FieldType.TEXT and _needs_quotes(value)):
         return value
     return json.dumps(value) if isinstance(value, bool | int | float) else _as_json(value)
 
@@ -82,12 +101,12 @@ def only_name(text: str) -> str | None:
 
 
 def from_port(text: str, field_type: FieldType, rename: Callable[[str], str]) -> Data:
-    """Return what stands in a field of our language for the text of a port.
+    """Return the value of a field of our language for the text of a port.
 
     Args:
         text: The text.
-        field_type: Type of the field; a text is taken as it is written.
-        rename: Returns what a blackboard entry is called in our language.
+        field_type: Type of the field; a text is taken literally.
+        rename: Returns the name of a blackboard entry in our language.
 
     Raises:
         PortError: It starts as JSON but is none.
@@ -97,13 +116,13 @@ def from_port(text: str, field_type: FieldType, rename: Callable[[str], str]) ->
         return Raw(f"${{{rename(entry)}}}")
     if text.startswith(JSON):
         return _from_json(text[len(JSON) :])
-    if field_type is FieldType.TEXT or not _means_more(text):
+    if field_type is FieldType.TEXT or not _needs_quotes(text):
         return text
     return Raw(text)
 
 
 def names_in(data: Data) -> Iterator[str]:
-    """Return the names that stand in the ``${…}`` of a value."""
+    """Yield the names in the ``${…}`` of a value."""
     match data:
         case str() | Raw():
             text = data if isinstance(data, str) else data.text
@@ -119,7 +138,7 @@ def names_in(data: Data) -> Iterator[str]:
 
 
 def names_of_expression(text: str) -> Iterator[str]:
-    """Return the names in an expression of our language; none when it is no expression."""
+    """Yield the names in an expression of our language; none when it is no expression."""
     try:
         tokens = tokenize(text)
     except ExpressionError:
@@ -139,8 +158,8 @@ def _plain(node: Node) -> Plain:
             return node.text if "${" in node.text else plain_value(node)
 
 
-def _means_more(text: str) -> bool:
-    """Return whether a text without quotes would be taken for a number, a time, or the like."""
+def _needs_quotes(text: str) -> bool:
+    """Return whether YAML would take a text without quotes for a number, a time, or the like."""
     scalar = Scalar(_NOWHERE, 0, 0, text, "")
     try:
         return isinstance(plain_value(scalar), bool | int | float)
@@ -156,8 +175,8 @@ def _from_json(text: str) -> Data:
         raise PortError(f"what stands behind '{JSON}' is not JSON: {str(error)[:80]}") from None
 
 
-def _refuse_constant(word: str) -> None:
-    raise ValueError(f"{word} is no finite number")
+def _refuse_constant(literal: str) -> None:
+    raise ValueError(f"{literal} is no finite number")
 
 
 def _data(value: object, depth: int) -> Data:
@@ -173,3 +192,21 @@ def _data(value: object, depth: int) -> Data:
         case dict():
             return {str(key): _data(item, depth + 1) for key, item in value.items()}
     raise ValueError("null and infinite numbers mean nothing here")
+
+
+def cpp_type(field_type: FieldType) -> str:
+    """Return the declared C++ type of a port, empty for any; a time has our own type name."""
+    return "" if field_type is FieldType.ANY else _CPP_TYPES.get(field_type, field_type.value)
+
+
+def field_type_of(type_name: str) -> FieldType:
+    """Return our type for the declared type of a port; any for one that we do not have."""
+    return _FIELD_TYPES.get(type_name.strip(), FieldType.ANY)
+
+
+def quantity(value: Plain, field_type: FieldType) -> str | None:
+    """Return a value in SI with its unit, None when its type has none."""
+    unit = _UNITS.get(field_type)
+    if unit is None or isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return f"{int(value) if value == int(value) else value} {unit}"

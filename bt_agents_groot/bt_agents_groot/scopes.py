@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The names of one tree of BehaviorTree.CPP: which it reads, writes, and gets from outside."""
+"""Name scope of one imported tree: names that it reads, writes, and gets from outside."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from bt_agents_groot.formulas import (
     Formula,
     Name,
     Unary,
-    our_name,
+    dotted_name,
 )
-from bt_agents_groot.words import Renaming
+from bt_agents_groot.naming import Renaming
 
 _DEFAULTS: Mapping[FieldType, bool | int | float | str] = {
     FieldType.BOOLEAN: False,
@@ -30,10 +30,10 @@ _DEFAULTS: Mapping[FieldType, bool | int | float | str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Interface:
-    """What a subtree gets from its caller and gives back.
+    """Interface of a subtree towards its callers.
 
     Attributes:
-        inputs: Declared input → the name that it has inside of the tree.
+        inputs: Declared input → its name inside of the tree.
         optional: Inputs that need not be given.
         outputs: Names that the tree writes and that some caller uses.
     """
@@ -48,7 +48,7 @@ class TreeNames:
 
     Args:
         mentions: Blackboard entry → how often the tree mentions it.
-        given: Entries that callers of the tree fill.
+        given: Entries that callers of the tree set.
 
     Attributes:
         shared: Entries of all trees together (``@name``) that the tree mentions.
@@ -62,13 +62,13 @@ class TreeNames:
         self._originals: dict[str, str] = {}
         # Name → whether its first mention reads it, in the order of the tree.
         self._first: dict[str, bool] = {}
-        self._written: set[str] = set()
+        self._assigned: set[str] = set()
         self._types: dict[str, FieldType] = {}
         self._fresh: list[str] = []
 
     def rename(self, entry: str) -> str:
-        """Return what a blackboard entry is called in our language."""
-        grouped = our_name(entry)
+        """Return the name of a blackboard entry in our language."""
+        grouped = dotted_name(entry)
         if grouped is not None:
             return grouped
         if entry.startswith("@"):
@@ -81,21 +81,21 @@ class TreeNames:
         """Return the blackboard entry of a name."""
         return self._originals.get(name, name)
 
-    def fresh(self, word: str) -> str:
-        """Return a name that nothing in the tree has."""
-        number = sum(key.startswith(f"{word} ") for key in self._fresh) + 1
-        self._fresh.append(f"{word} {number}")
-        name = self._rename(f"{word} {number}")
+    def fresh(self, prefix: str) -> str:
+        """Return a name that is not used in the tree, and record that it is written."""
+        number = sum(key.startswith(f"{prefix} ") for key in self._fresh) + 1
+        self._fresh.append(f"{prefix} {number}")
+        name = self._rename(f"{prefix} {number}")
         self.write(name)
         return name
 
     def is_new(self, entry: str) -> bool:
-        """Return whether an entry was not mentioned before, but is again behind this place."""
+        """Return whether this is the first mention of an entry, and others follow."""
         known = self.rename(entry) in self._first or entry in self._given
         return not known and self._mentions.get(entry, 0) > 1
 
     def read(self, names: Iterable[str], field_type: FieldType = FieldType.ANY) -> None:
-        """Remember that the values of names are needed, for a place of a type."""
+        """Record that names are read, at a place of a type."""
         for name in names:
             if "." not in name:
                 self._first.setdefault(name, True)
@@ -103,18 +103,18 @@ class TreeNames:
                     self._types[name] = field_type
 
     def write(self, name: str) -> None:
-        """Remember that a name is given a value."""
+        """Record that a name is written."""
         self._first.setdefault(name, False)
-        self._written.add(name)
+        self._assigned.add(name)
 
     def read_formula(self, formula: Formula, field_type: FieldType = FieldType.ANY) -> None:
-        """Remember the names of a formula, with the types that its operators ask for."""
+        """Record that the names of a formula are read, with the types of its operators."""
         match formula:
             case Name(name):
                 self.read([name], field_type)
             case Unary(operator, operand):
-                wanted = FieldType.BOOLEAN if operator == "not" else FieldType.NUMBER
-                self.read_formula(operand, wanted)
+                operand_type = FieldType.BOOLEAN if operator == "not" else FieldType.NUMBER
+                self.read_formula(operand, operand_type)
             case Binary(operator, left, right):
                 for one, other in ((left, right), (right, left)):
                     self.read_formula(one, _operand_type(operator, other))
@@ -126,15 +126,15 @@ class TreeNames:
     @property
     def written(self) -> frozenset[str]:
         """Names that the tree writes."""
-        return frozenset(self._written)
+        return frozenset(self._assigned)
 
     @property
     def needed(self) -> list[str]:
-        """Names that are read before anything in the tree has written them."""
+        """Names that are read before the tree writes them."""
         return [name for name, reads in self._first.items() if reads]
 
     def default(self, name: str) -> bool | int | float | str:
-        """Return a value that fits where a name is used."""
+        """Return a default value of the type for which a name is used."""
         return _DEFAULTS.get(self._types.get(name, FieldType.ANY), "")
 
 

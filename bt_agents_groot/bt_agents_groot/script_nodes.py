@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scripts of BehaviorTree.CPP as nodes and conditions of our language."""
+"""Import of scripts of BehaviorTree.CPP as nodes and conditions of our language."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from bt_agents_groot.formulas import (
     Name,
     Untranslatable,
     as_expression,
-    mentioned,
+    names_in_formula,
 )
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.scripts import Assignment, Statement
-from bt_agents_groot.written import Data, Raw, YamlNode, outside, sequence
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, decorated, sequence
 
 
 def as_condition(statements: list[Statement]) -> Formula:
-    """Return the condition that a script is.
+    """Return a script as a condition.
 
     Raises:
-        Untranslatable: It assigns something.
+        Untranslatable: It has an assignment.
     """
     if len(statements) != 1 or isinstance(statements[0], Assignment):
         raise Untranslatable("a condition cannot give names values")
@@ -40,7 +40,7 @@ def as_condition(statements: list[Statement]) -> Formula:
 
 
 def condition_text(formula: Formula, names: TreeNames) -> Raw:
-    """Return a condition as it stands in a file, its names remembered.
+    """Return a condition as text of our language; its names are recorded as read.
 
     Raises:
         Untranslatable: Our language has no such condition.
@@ -51,10 +51,10 @@ def condition_text(formula: Formula, names: TreeNames) -> Raw:
 
 
 def as_node(statements: list[Statement], names: TreeNames) -> YamlNode:
-    """Return the node that does what a script does: ``set``, ``check``, or several of them.
+    """Return the node for a script: ``set``, ``check``, or a sequence of them.
 
     Raises:
-        Untranslatable: Our language cannot say some statement.
+        Untranslatable: Our language has no equivalent of a statement.
     """
     nodes = list(_nodes(statements, names))
     return nodes[0] if len(nodes) == 1 else sequence(*nodes)
@@ -65,7 +65,7 @@ def _nodes(statements: list[Statement], names: TreeNames) -> Iterator[YamlNode]:
     for statement in statements:
         if isinstance(statement, Assignment) and not isinstance(statement.value, Conditional):
             # The values of one 'set' do not see each other.
-            if {statement.name, *mentioned(statement.value)} & set(values):
+            if {statement.name, *names_in_formula(statement.value)} & set(values):
                 yield YamlNode(key="set", value=values)
                 values = {}
             values[statement.name] = _assigned(statement, names)
@@ -92,13 +92,13 @@ def _assigned(statement: Assignment, names: TreeNames) -> Data:
 
 
 def _chosen(statement: Assignment, names: TreeNames) -> YamlNode:
-    """Return ``name := condition ? yes : no`` as two cases."""
+    """Return ``name := condition ? yes : no`` as a ``choose``."""
     choice = statement.value
     assert isinstance(choice, Conditional)
     condition = condition_text(choice.condition, names)
     yes = as_node([Assignment(statement.name, choice.yes)], names)
     no = as_node([Assignment(statement.name, choice.no)], names)
-    case = outside(yes, "when", condition)
+    case = decorated(yes, "when", condition)
     named = replace(case, name=case.name or "then")
     return YamlNode(key="choose", value={"otherwise": no}, children=(named,))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the script language of BehaviorTree.CPP: assignments and conditions."""
+"""Parser of the script language of BehaviorTree.CPP: assignments and conditions."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from bt_agents_groot.formulas import (
     negative,
 )
 
-MAX_WORDS = 400
-"""Words of one script; formulas of this size can be walked without running out of stack."""
+MAX_TOKENS = 400
+"""Tokens of one script; formulas of this size can be walked without running out of stack."""
 
 MAX_DEPTH = 32
 """Nesting of parentheses and signs."""
 
-_WORD = re.compile(
+_TOKEN = re.compile(
     r"""
     (?P<space>[ \t\r\n]+)
     | (?P<text>'[^']*')
@@ -42,16 +42,16 @@ _STRENGTH = {
     "+": 16, "-": 16, "..": 16, "*": 18, "/": 18,
 }  # fmt: skip
 _PREFIX = 20
-_WORDS = {"||": "or", "&&": "and"}
+_OPERATORS = {"||": "or", "&&": "and"}
 _SIGNS = {"!": "not", "-": "-", "~": "~"}
 
 
 class ScriptError(BtAgentsError):
-    """A text that is no script.
+    """Syntax error in a script.
 
     Attributes:
         message: What was found and what is expected.
-        offset: Where, counted from 0 in the text.
+        offset: Index in the text.
     """
 
     def __init__(self, message: str, offset: int) -> None:
@@ -80,12 +80,12 @@ def parse_script(text: str, rename: Callable[[str], str]) -> list[Statement]:
 
     Args:
         text: The script.
-        rename: Returns what a name of the script is called in our language.
+        rename: Returns the name of our language for a name of the script.
 
     Raises:
         ScriptError: The text is no script.
     """
-    parser = _Parser(_words(text), rename)
+    parser = _Parser(_tokens(text), rename)
     statements: list[Statement] = []
     while not parser.at_end:
         statements.append(parser.statement())
@@ -95,17 +95,17 @@ def parse_script(text: str, rename: Callable[[str], str]) -> list[Statement]:
 
 
 @dataclass(frozen=True)
-class _Word:
+class _Token:
     kind: str
     text: str
     offset: int
 
 
-def _words(text: str) -> list[_Word]:
-    words: list[_Word] = []
+def _tokens(text: str) -> list[_Token]:
+    tokens: list[_Token] = []
     at = 0
     while at < len(text):
-        match = _WORD.match(text, at)
+        match = _TOKEN.match(text, at)
         if match is None:
             if text[at] == "'":
                 raise ScriptError("this quotation mark is not closed", at)
@@ -114,41 +114,41 @@ def _words(text: str) -> list[_Word]:
             raise ScriptError(f"'{text[at : at + 12]}' means nothing in a script", at)
         kind = match.lastgroup or ""
         if kind != "space":
-            words.append(_Word(kind, match[0], at))
+            tokens.append(_Token(kind, match[0], at))
         at = match.end()
-        if len(words) > MAX_WORDS:
+        if len(tokens) > MAX_TOKENS:
             raise ScriptError(
-                f"the script has more than {MAX_WORDS} words; split it", match.start()
+                f"the script has more than {MAX_TOKENS} words; split it", match.start()
             )
-    return [*words, _Word("end", "", len(text))]
+    return [*tokens, _Token("end", "", len(text))]
 
 
 class _Parser:
-    """A Pratt parser over the words of one script."""
+    """Pratt parser of the tokens of one script."""
 
-    def __init__(self, words: list[_Word], rename: Callable[[str], str]) -> None:
-        self._words = words
+    def __init__(self, tokens: list[_Token], rename: Callable[[str], str]) -> None:
+        self._tokens = tokens
         self._rename = rename
         self._next = 0
         self._depth = 0
 
     @property
     def at_end(self) -> bool:
-        """True when all words are read."""
+        """True when all tokens are read."""
         return self._peek.kind == "end"
 
     @property
-    def _peek(self) -> _Word:
-        return self._words[self._next]
+    def _peek(self) -> _Token:
+        return self._tokens[self._next]
 
-    def _take(self) -> _Word:
-        word = self._peek
-        if word.kind != "end":
+    def _take(self) -> _Token:
+        token = self._peek
+        if token.kind != "end":
             self._next += 1
-        return word
+        return token
 
     def statement(self) -> Statement:
-        """Read an assignment or a formula, and the semicolons behind it."""
+        """Parse an assignment or a formula, and the semicolons behind it."""
         start = self._peek
         left = self._formula(0)
         statement: Statement = left
@@ -161,8 +161,8 @@ class _Parser:
             statement = Assignment(left.name, Binary(operator, left, value) if operator else value)
         # Between assignments the semicolon may be left out.
         if not self.at_end and self._peek.text != ";" and not isinstance(statement, Assignment):
-            word = self._peek
-            raise ScriptError(f"an operator is expected before '{word.text}'", word.offset)
+            token = self._peek
+            raise ScriptError(f"an operator is expected before '{token.text}'", token.offset)
         while self._peek.text == ";":
             self._take()
         return statement
@@ -175,31 +175,31 @@ class _Parser:
             )
         left = self._operand()
         while True:
-            word = self._peek
-            strength = _STRENGTH.get(word.text, -1) if word.kind == "operator" else -1
+            token = self._peek
+            strength = _STRENGTH.get(token.text, -1) if token.kind == "operator" else -1
             if strength < max(weakest, 1):
                 break
-            if word.text == "?":
+            if token.text == "?":
                 left = self._choice(left)
                 break
-            left = self._comparison(left) if word.text in COMPARISONS else self._binary(left)
+            left = self._comparison(left) if token.text in COMPARISONS else self._binary(left)
         self._depth -= 1
         return left
 
     def _binary(self, left: Formula) -> Formula:
-        word = self._take()
-        right = self._formula(_STRENGTH[word.text] + 1)
-        if word.text == "+" and _is_text(left, right):
+        token = self._take()
+        right = self._formula(_STRENGTH[token.text] + 1)
+        if token.text == "+" and _is_text(left, right):
             return Binary("..", left, right)
-        return Binary(_WORDS.get(word.text, word.text), left, right)
+        return Binary(_OPERATORS.get(token.text, token.text), left, right)
 
     def _comparison(self, left: Formula) -> Formula:
-        """Read ``a < b < c``, which means ``a < b and b < c``."""
+        """Parse ``a < b < c``, which means ``a < b and b < c``."""
         whole: Formula | None = None
         while self._peek.kind == "operator" and self._peek.text in COMPARISONS:
-            word = self._take()
-            right = self._formula(_STRENGTH[word.text] + 1)
-            compared = Binary(word.text, left, right)
+            token = self._take()
+            right = self._formula(_STRENGTH[token.text] + 1)
+            compared = Binary(token.text, left, right)
             whole = compared if whole is None else Binary("and", whole, compared)
             left = right
         assert whole is not None
@@ -214,29 +214,29 @@ class _Parser:
         return Conditional(condition, yes, self._formula(_STRENGTH["?"]))
 
     def _operand(self) -> Formula:
-        word = self._take()
-        match word.kind:
+        token = self._take()
+        match token.kind:
             case "text":
-                return Constant(word.text[1:-1])
+                return Constant(token.text[1:-1])
             case "hex":
-                return Constant(int(word.text, 16))
+                return Constant(int(token.text, 16))
             case "number":
-                return Constant(int(word.text) if word.text.isdigit() else float(word.text))
-            case "name" if word.text in ("true", "false"):
-                return Constant(word.text == "true")
+                return Constant(int(token.text) if token.text.isdigit() else float(token.text))
+            case "name" if token.text in ("true", "false"):
+                return Constant(token.text == "true")
             case "name":
-                return Name(self._rename(word.text))
-            case "operator" if word.text in _SIGNS:
-                return _signed(_SIGNS[word.text], self._formula(_PREFIX))
-            case "operator" if word.text == "(":
+                return Name(self._rename(token.text))
+            case "operator" if token.text in _SIGNS:
+                return _signed(_SIGNS[token.text], self._formula(_PREFIX))
+            case "operator" if token.text == "(":
                 inner = self._formula(0)
                 closing = self._take()
                 if closing.text != ")":
-                    raise ScriptError("this '(' is not closed", word.offset)
+                    raise ScriptError("this '(' is not closed", token.offset)
                 return inner
             case "end":
-                raise ScriptError("the script ends where a value is expected", word.offset)
-        raise ScriptError(f"a value or name is expected, found '{word.text}'", word.offset)
+                raise ScriptError("the script ends where a value is expected", token.offset)
+        raise ScriptError(f"a value or name is expected, found '{token.text}'", token.offset)
 
 
 def _signed(sign: str, operand: Formula) -> Formula:

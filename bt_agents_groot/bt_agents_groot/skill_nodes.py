@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Custom leaves of BehaviorTree.CPP as skills of the robot."""
+"""Import of custom leaves of BehaviorTree.CPP as skills of the robot."""
 
 from __future__ import annotations
 
@@ -8,22 +8,21 @@ from dataclasses import dataclass, field, replace
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import Document, Model, ModelPort, node_id
-from bt_agents_groot.own_words import Remarking, own_leaf, port_value, written_ports
-from bt_agents_groot.port_types import read_type
-from bt_agents_groot.ports import pointed_at
-from bt_agents_groot.remarks import RemarkLevel
+from bt_agents_groot.naming import field_of, snake
+from bt_agents_groot.own_nodes import RemarkFunction, given_ports, own_leaf, port_value
+from bt_agents_groot.ports import field_type_of, pointed_at
 from bt_agents_groot.scopes import TreeNames
-from bt_agents_groot.words import field_of, snake
-from bt_agents_groot.written import Data, Raw, YamlNode
-from bt_agents_groot.xml_reader import Attribute, Element
-from bt_agents_language.model.node_type import NodeType
+from bt_agents_groot.translation import RemarkLevel
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import WORDS
+from bt_agents_language.nodes.node_type import NodeType
 
 
 @dataclass
 class MissingSkill:
-    """A skill that nobody has declared yet, as far as its uses show it."""
+    """Skill that no file declares, as far as its uses show it."""
 
     name: str
     inputs: dict[str, FieldType] = field(default_factory=dict)
@@ -31,8 +30,8 @@ class MissingSkill:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Word:
-    """What is known of a skill or plug-in: types of its fields, its outputs, its main field."""
+class _Signature:
+    """Signature of a skill or plug-in: types of its fields, its outputs, its main field."""
 
     fields: Mapping[str, FieldType]
     outputs: tuple[str, ...] = ()
@@ -41,16 +40,21 @@ class _Word:
 
 @dataclass
 class _Use:
-    """One use of a skill while it is read."""
+    """Use of a skill while it is imported."""
 
     name: str
-    word: _Word | None
+    signature: _Signature | None
     fields: dict[str, Data] = field(default_factory=dict)
     outputs: dict[str, Data] = field(default_factory=dict)
 
 
 class SkillNodes:
-    """Translates custom leaves.
+    """Translator of custom leaves.
+
+    Args:
+        document: The file.
+        skills: Known skills by name.
+        plugins: Node types of plug-ins by key.
 
     Attributes:
         missing: Skills that are used but not known, by name.
@@ -62,22 +66,21 @@ class SkillNodes:
         skills: Mapping[str, SkillSpec],
         plugins: Mapping[str, NodeType],
     ) -> None:
-        """Take the file and the known words."""
         self.missing: dict[str, MissingSkill] = {}
         self._models = document.models
-        self._words = {
+        self._signatures = {
             **{name: _of_skill(skill) for name, skill in skills.items()},
             **{key: _of_plugin(kind) for key, kind in plugins.items()},
         }
 
-    def leaf(self, element: Element, names: TreeNames, remark: Remarking) -> YamlNode:
+    def leaf(self, element: Element, names: TreeNames, remark: RemarkFunction) -> YamlNode:
         """Return the node for a custom element without children."""
         own = own_leaf(element, names, remark)
         if own is not None:
             return own
         name = _skill_name(element, remark)
-        use = _Use(name, self._words.get(name))
-        if use.word is None:
+        use = _Use(name, self._signatures.get(name))
+        if use.signature is None:
             self.missing.setdefault(name, MissingSkill(name))
         model = self._models.get(node_id(element), Model(kind="Action"))
         for attribute in _ports(element, model):
@@ -87,7 +90,7 @@ class SkillNodes:
                 self._input(use, attribute, declared, names, remark)
             if direction != "in":
                 self._output(use, attribute, declared, names, remark)
-        return _written(use, names)
+        return _skill_node(use, names)
 
     def _direction(
         self,
@@ -95,15 +98,15 @@ class SkillNodes:
         attribute: Attribute,
         declared: ModelPort,
         names: TreeNames,
-        remark: Remarking,
+        remark: RemarkFunction,
     ) -> str:
         """Return whether a port is ``in``, ``out`` or ``both``."""
-        word, name = use.word, field_of(attribute.name)
-        if word is not None and (name in word.outputs or name in word.fields):
-            return "out" if name not in word.fields else "in"
-        if word is not None or declared.direction:
+        signature, name = use.signature, field_of(attribute.name)
+        if signature is not None and (name in signature.outputs or name in signature.fields):
+            return "out" if name not in signature.fields else "in"
+        if signature is not None or declared.direction:
             return declared.direction or "in"
-        # Nothing says what it is. What nothing has filled yet, but others use, is filled here.
+        # Nothing declares it. An entry that nothing has set yet, but others use, is set here.
         entry = pointed_at(attribute.value)
         if entry is None or not names.is_new(entry):
             return "in"
@@ -121,21 +124,23 @@ class SkillNodes:
         attribute: Attribute,
         declared: ModelPort,
         names: TreeNames,
-        remark: Remarking,
+        remark: RemarkFunction,
     ) -> None:
         name = field_of(attribute.name)
-        field_type = read_type(declared.type)
-        if use.word is not None:
-            if name not in use.word.fields:
+        field_type = field_type_of(declared.type)
+        if use.signature is not None:
+            if name not in use.signature.fields:
                 remark(
                     RemarkLevel.LOST, attribute, f"our skill '{use.name}' has no field '{name}'"
                 )
                 return
-            field_type = use.word.fields[name]
+            field_type = use.signature.fields[name]
         use.fields[name] = port_value(attribute, field_type, names, remark)
-        if use.word is None:
-            seen = field_type if field_type is not FieldType.ANY else _seen(use.fields[name])
-            _note(self.missing[use.name].inputs, name, seen)
+        if use.signature is None:
+            apparent = (
+                field_type if field_type is not FieldType.ANY else _apparent_type(use.fields[name])
+            )
+            _merge_type(self.missing[use.name].inputs, name, apparent)
 
     def _output(
         self,
@@ -143,12 +148,12 @@ class SkillNodes:
         attribute: Attribute,
         declared: ModelPort,
         names: TreeNames,
-        remark: Remarking,
+        remark: RemarkFunction,
     ) -> None:
         name, entry = field_of(attribute.name), pointed_at(attribute.value)
-        if use.word is None:
-            _note(self.missing[use.name].outputs, name, read_type(declared.type))
-        elif name not in use.word.outputs:
+        if use.signature is None:
+            _merge_type(self.missing[use.name].outputs, name, field_type_of(declared.type))
+        elif name not in use.signature.outputs:
             remark(RemarkLevel.LOST, attribute, f"our skill '{use.name}' has no output '{name}'")
             return
         if entry is None:
@@ -161,7 +166,7 @@ class SkillNodes:
         use.outputs[names.rename(entry)] = name
 
 
-def _skill_name(element: Element, remark: Remarking) -> str:
+def _skill_name(element: Element, remark: RemarkFunction) -> str:
     name = snake(node_id(element))
     if name not in WORDS:
         return name
@@ -174,8 +179,8 @@ def _skill_name(element: Element, remark: Remarking) -> str:
 
 
 def _ports(element: Element, model: Model) -> list[Attribute]:
-    """Return the ports of an element, those included that point at an entry by default."""
-    ports = written_ports(element)
+    """Return the ports of an element, with those that point at an entry by default."""
+    ports = given_ports(element)
     written = {attribute.name for attribute in ports}
     ports += [
         Attribute(name=name, value=one.default, position=element.position, span=(0, 0))
@@ -189,37 +194,41 @@ def _ports(element: Element, model: Model) -> list[Attribute]:
     ]
 
 
-def _written(use: _Use, names: TreeNames) -> YamlNode:
-    word, outputs = use.word, use.outputs
-    usual = {name: name for name in word.outputs} if word is not None else {}
+def _skill_node(use: _Use, names: TreeNames) -> YamlNode:
+    signature, outputs = use.signature, use.outputs
+    usual = {name: name for name in signature.outputs} if signature is not None else {}
     for name in outputs or usual:
         names.write(name)
     value: Data = use.fields
-    if word is not None and word.main is not None and list(use.fields) == [word.main]:
-        only = use.fields[word.main]
+    if (
+        signature is not None
+        and signature.main is not None
+        and list(use.fields) == [signature.main]
+    ):
+        only = use.fields[signature.main]
         value = use.fields if isinstance(only, dict) else only
     siblings: dict[str, Data] = {"outputs": outputs} if outputs and outputs != usual else {}
     return YamlNode(key=use.name, value=value, siblings=siblings)
 
 
-def _note(types: dict[str, FieldType], name: str, seen: FieldType) -> None:
-    types[name] = seen if types.get(name, seen) is seen else FieldType.ANY
+def _merge_type(types: dict[str, FieldType], name: str, apparent: FieldType) -> None:
+    types[name] = apparent if types.get(name, apparent) is apparent else FieldType.ANY
 
 
-def _of_skill(skill: SkillSpec) -> _Word:
-    return _Word(
+def _of_skill(skill: SkillSpec) -> _Signature:
+    return _Signature(
         fields={one.name: one.type for one in skill.inputs},
         outputs=tuple(one.name for one in skill.outputs),
         main=skill.main,
     )
 
 
-def _of_plugin(node_type: NodeType) -> _Word:
-    return _Word(fields={one.name: one.type for one in node_type.fields}, main=node_type.main)
+def _of_plugin(node_type: NodeType) -> _Signature:
+    return _Signature(fields={one.name: one.type for one in node_type.fields}, main=node_type.main)
 
 
-def _seen(data: Data) -> FieldType:
-    """Return the type that a value has by its looks."""
+def _apparent_type(data: Data) -> FieldType:
+    """Return the type that the form of a value suggests."""
     match data:
         case Raw(text) if "$" in text:
             return FieldType.ANY

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Uses of a tree inside of another one: what is passed in and what comes out."""
+"""Import of ``SubTree`` elements: arguments that are passed in, outputs that come back."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import dataclass
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
-from bt_agents_groot.own_words import Remarking
+from bt_agents_groot.naming import entry_of, snake
+from bt_agents_groot.own_nodes import RemarkFunction
 from bt_agents_groot.ports import from_port, names_in, pointed_at
-from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.scopes import Interface, TreeNames
-from bt_agents_groot.words import entry_of, snake
-from bt_agents_groot.written import Data, Raw, YamlNode
-from bt_agents_groot.xml_reader import Element
+from bt_agents_groot.translation import RemarkLevel
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 
 
 @dataclass(frozen=True, kw_only=True)
 class Callee:
-    """A tree that was translated as a subtree."""
+    """Tree that was imported as a subtree."""
 
     name: str
     names: TreeNames
@@ -27,7 +27,7 @@ class Callee:
 
 
 def ports_of_call(element: Element) -> dict[str, str]:
-    """Return what a ``SubTree`` element passes: entry → text, ``{=}`` written out."""
+    """Return the arguments of a ``SubTree`` element: entry → text, with ``{=}`` resolved."""
     return {
         entry_of(name): f"{{{name}}}" if attribute.value == "{=}" else attribute.value
         for name, attribute in element.attributes.items()
@@ -41,17 +41,17 @@ def remaps_all(element: Element) -> bool:
 
 
 class SubtreeCalls:
-    """Translates ``SubTree`` elements.
+    """Translator of ``SubTree`` elements.
 
     Attributes:
-        callees: Trees that are translated already, by their ID.
+        callees: Trees that are imported already, by their ID.
     """
 
     def __init__(self) -> None:
         self.callees: dict[str, Callee] = {}
 
-    def call(self, element: Element, names: TreeNames, remark: Remarking) -> YamlNode:
-        """Return the node that does a subtree."""
+    def call(self, element: Element, names: TreeNames, remark: RemarkFunction) -> YamlNode:
+        """Return the node that calls a subtree."""
         tree_id = element.get("ID")
         ports = ports_of_call(element)
         callee = self.callees.get(tree_id)
@@ -62,10 +62,10 @@ class SubtreeCalls:
                 f"tree '{tree_id}' stands in an included file; import that one too, and put its "
                 "subtree below 'subtrees:'",
             )
-            given = {snake(port): _passed(text, names) for port, text in ports.items()}
-            return _subtree(snake(tree_id), given, {})
+            arguments = {snake(port): _argument(text, names) for port, text in ports.items()}
+            return _subtree(snake(tree_id), arguments, {})
         entries = {callee.names.rename(port): text for port, text in ports.items()}
-        given = self._inputs(element, callee, entries, names, remark)
+        arguments = self._inputs(element, callee, entries, names, remark)
         outputs: dict[str, Data] = {}
         for name in callee.interface.outputs:
             entry = pointed_at(entries.get(name, ""))
@@ -80,7 +80,7 @@ class SubtreeCalls:
             if name not in used:
                 text = f"'{name}' is not passed on: '{callee.name}' never uses it"
                 remark(RemarkLevel.NOTE, element, text)
-        return _subtree(callee.name, given, outputs)
+        return _subtree(callee.name, arguments, outputs)
 
     def _inputs(
         self,
@@ -88,9 +88,9 @@ class SubtreeCalls:
         callee: Callee,
         entries: Mapping[str, str],
         names: TreeNames,
-        remark: Remarking,
+        remark: RemarkFunction,
     ) -> dict[str, Data]:
-        given: dict[str, Data] = {}
+        arguments: dict[str, Data] = {}
         for declared, inside in callee.interface.inputs.items():
             text = entries.get(inside)
             if text is None and remaps_all(element):
@@ -103,22 +103,22 @@ class SubtreeCalls:
                     element,
                     f"nothing says what '{inside}' is for '{callee.name}'; write it behind 'with'",
                 )
-                given[declared] = callee.names.default(inside)
+                arguments[declared] = callee.names.default(inside)
                 continue
-            given[declared] = _passed(text, names)
-        return given
+            arguments[declared] = _argument(text, names)
+        return arguments
 
 
-def _passed(text: str, names: TreeNames) -> Data:
+def _argument(text: str, names: TreeNames) -> Data:
     data = from_port(text, FieldType.ANY, names.rename)
     names.read(names_in(data))
     return data
 
 
-def _subtree(name: str, given: dict[str, Data], outputs: dict[str, Data]) -> YamlNode:
+def _subtree(name: str, arguments: dict[str, Data], outputs: dict[str, Data]) -> YamlNode:
     siblings: dict[str, Data] = {}
-    if given:
-        siblings["with"] = given
+    if arguments:
+        siblings["with"] = arguments
     if outputs:
         siblings["outputs"] = outputs
     return YamlNode(key="subtree", value=Raw(name), siblings=siblings)

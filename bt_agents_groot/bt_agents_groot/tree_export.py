@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns the nodes of one tree of our language into elements of BehaviorTree.CPP."""
+"""Export of one tree: nodes of our language as elements of BehaviorTree.CPP."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from bt_agents_groot.catalogue import SKIP_IF
 from bt_agents_groot.export_values import condition_script, milliseconds, number_port, set_script
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Models
+from bt_agents_groot.naming import port
 from bt_agents_groot.ports import JSON, as_port
-from bt_agents_groot.remarks import RemarkLevel, Remarks
-from bt_agents_groot.words import port
-from bt_agents_groot.xml_writer import Xml
-from bt_agents_language.model.node_type import Content, NodeField, NodeType, RawNode
+from bt_agents_groot.translation import RemarkLevel, Remarks
+from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.nodes.check import CHECK
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, RawNode
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
 from bt_agents_language.nodes.set import SET
@@ -33,7 +33,7 @@ Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
 """Returns the ID and the interface of a subtree by its name."""
 
 Decorate = Callable[[Node, Xml], Xml | None]
-"""Returns an element with a decorator around it, of which the main field or switch is given.
+"""Returns an element with a decorator around it, of which only the main field or switch is given.
 
 None when BehaviorTree.CPP has no decorator for that.
 """
@@ -43,12 +43,12 @@ _VALUES = NodeField(name="values", description="names and values")
 
 
 class TreeExport:
-    """One file's trees while they are translated.
+    """Translator of the trees of one file.
 
     Args:
-        models: Collects what must be declared.
-        subtrees: Finds the subtrees that the file can use.
-        remarks: Collects what differs.
+        models: Collects the declarations.
+        subtrees: Lookup of the subtrees that the file can use.
+        remarks: Collects the differences.
     """
 
     def __init__(self, models: Models, subtrees: Subtrees, remarks: Remarks) -> None:
@@ -63,20 +63,20 @@ class TreeExport:
             raw: The node.
             part_of_parent: Decorators that the composite around it takes care of.
         """
-        xml = self._named(raw, self._bare(raw))
+        xml = self._with_name(raw, self._undecorated(raw))
         for decorator in reversed([*DECORATORS.values()]):
             entry = raw.decorators.get(decorator.key)
             if entry is not None and decorator.key not in part_of_parent:
                 xml = self._decorated(raw, decorator, entry, xml)
         return xml
 
-    def _named(self, raw: RawNode, xml: Xml) -> Xml:
+    def _with_name(self, raw: RawNode, xml: Xml) -> Xml:
         if not raw.name:
             return xml
         first = {key: value for key, value in xml.attributes.items() if key == "ID"}
         return replace(xml, attributes={**first, "name": raw.name, **xml.attributes})
 
-    def _bare(self, raw: RawNode) -> Xml:
+    def _undecorated(self, raw: RawNode) -> Xml:
         if raw.skill is not None:
             skill = raw.skill
             fields = {one.name: one.type for one in skill.inputs}
@@ -84,28 +84,30 @@ class TreeExport:
             outputs = self._outputs(raw, skill.outputs)
             return Xml(tag=self._models.skill(skill), attributes=ports | outputs)
         assert raw.type is not None
-        return NODES.get(raw.type.key, TreeExport.own_leaf)(self, raw)
+        return NODES.get(raw.type.key, TreeExport.declared_leaf)(self, raw)
 
-    def own_leaf(self, raw: RawNode) -> Xml:
-        """Return a leaf that BehaviorTree.CPP does not bring along."""
+    def declared_leaf(self, raw: RawNode) -> Xml:
+        """Return a leaf that is not built into BehaviorTree.CPP."""
         own = raw.type
         assert own is not None
         types = {one.name: one.type for one in own.fields}
-        texts = {one.name for one in own.fields if one.content is Content.CONDITION}
-        ports = self._ports(self._fields(raw, own.main), types, texts)
+        verbatim = {one.name for one in own.fields if one.content is Content.CONDITION}
+        ports = self._ports(self._fields(raw, own.main), types, verbatim)
         if own.plugin is not None:
             return Xml(tag=self._models.plugin(own), attributes=ports)
-        what = "Condition" if own.looks_only else "Action"
-        return Xml(tag=self._word(raw.key, what, own.key, own.fields), attributes=ports)
+        what = "Condition" if own.read_only else "Action"
+        return Xml(tag=self._declared_tag(raw.key, what, own.key, own.fields), attributes=ports)
 
-    def _word(self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]) -> str:
+    def _declared_tag(
+        self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]
+    ) -> str:
         self._remarks.add(
             RemarkLevel.NOTE,
             where.position,
             f"BehaviorTree.CPP has no node for '{key}' as it stands here; Groot2 shows it as "
             f"<{key}>",
         )
-        return self._models.word(kind, key, fields)
+        return self._models.node_key(kind, key, fields)
 
     def _fields(self, raw: RawNode, main: str | None) -> dict[str, Node]:
         value = raw.value
@@ -167,7 +169,7 @@ class TreeExport:
         children = self._children(raw)
         entry = raw.options.get("succeed_on")
         if entry is not None and isinstance(entry.value, SequenceNode):
-            tag = self._word(entry.key, "Control", PARALLEL.key, PARALLEL.fields)
+            tag = self._declared_tag(entry.key, "Control", PARALLEL.key, PARALLEL.fields)
             succeed_on = as_port(entry.value, FieldType.ANY)
             return Xml(tag=tag, attributes={"succeed_on": succeed_on}, children=children)
         word = _option(raw, "succeed_on") or "all"
@@ -188,18 +190,18 @@ class TreeExport:
         otherwise = raw.nodes.get("otherwise")
         rest: tuple[Xml, ...] = (self.node(otherwise),) if otherwise is not None else ()
         for case in reversed(raw.children):
-            asked = self._condition(case.decorators[WHEN.key].value)
+            condition_leaf = self._condition(case.decorators[WHEN.key].value)
             then = self.node(case, part_of_parent=(WHEN.key,))
-            rest = (Xml(tag="IfThenElse", children=(asked, then, *rest)),)
+            rest = (Xml(tag="IfThenElse", children=(condition_leaf, then, *rest)),)
         return rest[0]
 
     def _condition(self, node: Node) -> Xml:
-        """Return the leaf that looks at a condition."""
+        """Return the leaf that evaluates a condition."""
         try:
             return Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
         except Untranslatable:
             assert isinstance(node, Scalar)
-            tag = self._word(node, "Condition", CHECK.key, CHECK.fields)
+            tag = self._declared_tag(node, "Condition", CHECK.key, CHECK.fields)
             return Xml(tag=tag, attributes={CHECK.fields[0].name: node.text})
 
     def random(self, raw: RawNode) -> Xml:
@@ -210,7 +212,7 @@ class TreeExport:
         if any(weights):
             values = [1 if one is None else _weight(one.value) for one in weights]
             attributes["weights"] = JSON + json.dumps(values)
-        tag = self._word(raw.key, "Control", RANDOM.key, (*RANDOM.fields, _WEIGHTS))
+        tag = self._declared_tag(raw.key, "Control", RANDOM.key, (*RANDOM.fields, _WEIGHTS))
         return Xml(tag=tag, attributes=attributes, children=self._children(raw))
 
     def check(self, raw: RawNode) -> Xml:
@@ -228,25 +230,25 @@ class TreeExport:
             return Xml(tag="Script", attributes={"code": set_script(raw.value.entries)})
         except Untranslatable:
             values = as_port(raw.value, FieldType.ANY)
-            tag = self._word(raw.key, "Action", SET.key, (_VALUES,))
+            tag = self._declared_tag(raw.key, "Action", SET.key, (_VALUES,))
             return Xml(tag=tag, attributes={"values": values})
 
     def wait(self, raw: RawNode) -> Xml:
         """Return the leaf for ``wait``."""
         time = milliseconds(self._fields(raw, "duration")["duration"])
         if time is None:
-            return self.own_leaf(raw)
+            return self.declared_leaf(raw)
         return Xml(tag="Sleep", attributes={"msec": time})
 
     def wait_for(self, raw: RawNode) -> Xml:
         """Return the leaf for ``wait_for``."""
         fields = self._fields(raw, "condition")
         if set(fields) != {"condition"}:
-            return self.own_leaf(raw)
+            return self.declared_leaf(raw)
         try:
             script = condition_script(fields["condition"])
         except Untranslatable:
-            return self.own_leaf(raw)
+            return self.declared_leaf(raw)
         return Xml(
             tag="Precondition",
             attributes={"if": script, "else": "RUNNING"},
@@ -259,8 +261,8 @@ class TreeExport:
         assert isinstance(node, Scalar)
         tree_id, subtree = self._subtrees(node.text)
         entry = raw.siblings.get("with")
-        given = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
-        ports = self._ports({one.key.text: one.value for one in given}, {})
+        arguments = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
+        ports = self._ports({one.key.text: one.value for one in arguments}, {})
         outputs = self._outputs(raw, subtree.outputs)
         return Xml(tag="SubTree", attributes={"ID": tree_id, **ports, **outputs})
 
@@ -274,7 +276,7 @@ class TreeExport:
             on = isinstance(entry.value, Scalar) and boolean(entry.value.text)
             native = export(entry.value, xml) if export is not None else None
             return xml if not on else native or self._own_decorator(decorator, entry, xml)
-        fields = _written(entry.value, decorator.main)
+        fields = _fields_of(entry.value, decorator.main)
         if export is not None and set(fields) == {decorator.main}:
             native = export(fields[decorator.main], xml)
             if native is not None:
@@ -284,10 +286,10 @@ class TreeExport:
     def _own_decorator(self, decorator: NodeType, entry: MappingEntry, xml: Xml) -> Xml:
         """Return a decorator that BehaviorTree.CPP does not bring along."""
         types = {one.name: one.type for one in decorator.fields}
-        texts = {one.name for one in decorator.fields if one.content is Content.CONDITION}
-        fields = _written(entry.value, decorator.main) if decorator.main is not None else {}
-        tag = self._word(entry.key, "Decorator", decorator.key, decorator.fields)
-        return Xml(tag=tag, attributes=self._ports(fields, types, texts), children=(xml,))
+        verbatim = {one.name for one in decorator.fields if one.content is Content.CONDITION}
+        fields = _fields_of(entry.value, decorator.main) if decorator.main is not None else {}
+        tag = self._declared_tag(entry.key, "Decorator", decorator.key, decorator.fields)
+        return Xml(tag=tag, attributes=self._ports(fields, types, verbatim), children=(xml,))
 
 
 def _switch(tag: str) -> Decorate:
@@ -311,10 +313,10 @@ def _skip_unless(node: Node, xml: Xml) -> Xml | None:
 
 def _while(node: Node, xml: Xml) -> Xml | None:
     try:
-        asked = Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
+        condition_leaf = Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
     except Untranslatable:
         return None
-    return Xml(tag="WhileDoElse", children=(asked, xml))
+    return Xml(tag="WhileDoElse", children=(condition_leaf, xml))
 
 
 def _option(raw: RawNode, name: str) -> str | None:
@@ -322,7 +324,7 @@ def _option(raw: RawNode, name: str) -> str | None:
     return entry.value.text if entry is not None and isinstance(entry.value, Scalar) else None
 
 
-def _written(node: Node, main: str) -> dict[str, Node]:
+def _fields_of(node: Node, main: str) -> dict[str, Node]:
     if isinstance(node, MappingNode):
         return {entry.key.text: entry.value for entry in node.entries}
     return {main: node}

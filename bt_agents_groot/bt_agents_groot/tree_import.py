@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns the elements of one tree of BehaviorTree.CPP into nodes of our language."""
+"""Import of one tree: elements of BehaviorTree.CPP as nodes of our language."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from bt_agents_groot.expressions import parse_formula
 from bt_agents_groot.formulas import Binary, Formula, Untranslatable, negated
 from bt_agents_groot.leaves import LEAVES, check
 from bt_agents_groot.ports import pointed_at
-from bt_agents_groot.remarks import RemarkLevel, Remarks
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.script_nodes import as_condition, as_node, condition_text
 from bt_agents_groot.scripts import Statement, parse_script
 from bt_agents_groot.skill_nodes import SkillNodes
 from bt_agents_groot.subtree_calls import SubtreeCalls
-from bt_agents_groot.written import (
+from bt_agents_groot.translation import RemarkLevel, Remarks
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import (
     Data,
     Raw,
     YamlNode,
-    may_be_left_out,
-    outside,
+    can_be_skipped,
+    decorated,
     selector,
     sequence,
     with_comments,
 )
-from bt_agents_groot.xml_reader import Attribute, Element
 from bt_agents_language.nodes.sequence import SEQUENCE
 from bt_agents_language.nodes.when import WHEN
 
@@ -52,7 +52,7 @@ _BUILDERS = {**CONTROLS, **DECORATORS, **LEAVES}
 
 @dataclass(frozen=True)
 class _Guards:
-    """The conditions of an element, read before the element itself is."""
+    """Conditions of an element, which are imported before the element itself."""
 
     skip: Formula | None
     failure: Formula | None
@@ -61,7 +61,7 @@ class _Guards:
 
 
 class TreeImport:
-    """One tree while it is translated; see :class:`~bt_agents_groot.translation.Translation`."""
+    """Tree that is being imported; see :class:`~bt_agents_groot.translation.Translation`."""
 
     def __init__(
         self, names: TreeNames, skills: SkillNodes, calls: SubtreeCalls, remarks: Remarks
@@ -80,15 +80,15 @@ class TreeImport:
         if description:
             self._comments[-1].append(description)
         guards = self._guards(element)
-        node = self._named(element, self._unguarded(element))
-        node = self._guarded(element, node, guards, below_fallback)
-        self._note_others(element)
+        node = self._with_name(element, self._translated(element))
+        node = self._with_guards(element, node, guards, below_fallback)
+        self._remark_unread(element)
         return with_comments(node, self._comments.pop())
 
-    def around(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
-        """Wrap a node in a decorator, and remark what differs when the node is left out."""
-        whole = outside(node, key, value)
-        if whole.key == SEQUENCE.key and whole.children == (node,) and may_be_left_out(node):
+    def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
+        """Return a node with a decorator around it; remark on differences when it is skipped."""
+        whole = decorated(node, key, value)
+        if whole.key == SEQUENCE.key and whole.children == (node,) and can_be_skipped(node):
             self.remark(
                 RemarkLevel.NOTE,
                 element,
@@ -97,9 +97,9 @@ class TreeImport:
             )
         return whole
 
-    def remark(self, weight: RemarkLevel, where: Element | Attribute, message: str) -> None:
+    def remark(self, level: RemarkLevel, where: Element | Attribute, message: str) -> None:
         """Add a remark, which also becomes a comment above the node being translated."""
-        remark = self._remarks.add(weight, where.position, message)
+        remark = self._remarks.add(level, where.position, message)
         if self._comments and remark.comment not in self._comments[-1]:
             self._comments[-1].append(remark.comment)
 
@@ -110,14 +110,14 @@ class TreeImport:
         return parse_script(attribute.value, self.names.rename)
 
     def condition(self, attribute: Attribute) -> Formula:
-        """Return the condition that a script is."""
+        """Return a script as a condition."""
         return as_condition(self.statements(attribute))
 
     def text(self, condition: Formula) -> Raw:
-        """Return a condition as it stands in a file, its names remembered."""
+        """Return a condition as text of our language; its names are recorded as read."""
         return condition_text(condition, self.names)
 
-    def _unguarded(self, element: Element) -> YamlNode:
+    def _translated(self, element: Element) -> YamlNode:
         name = node_id(element)
         if element.tag == "SubTree":
             return self._calls.call(element, self.names, self.remark)
@@ -131,7 +131,7 @@ class TreeImport:
             or unknown_parent(self, element)
         )
 
-    def _named(self, element: Element, node: YamlNode) -> YamlNode:
+    def _with_name(self, element: Element, node: YamlNode) -> YamlNode:
         label = " ".join(element.get("name").replace("${", "$ {").split())
         if not label or label == node_id(element) or is_handler(element, node):
             return node
@@ -151,7 +151,7 @@ class TreeImport:
         return node
 
     def _guards(self, element: Element) -> _Guards:
-        # In the order in which BehaviorTree.CPP looks at them.
+        # In the order in which BehaviorTree.CPP evaluates them.
         failure, success, skip, hold = (
             self._guard(element, name) for name in (FAILURE_IF, SUCCESS_IF, SKIP_IF, WHILE)
         )
@@ -173,19 +173,19 @@ class TreeImport:
             return None
         return condition
 
-    def _guarded(
+    def _with_guards(
         self, element: Element, node: YamlNode, guards: _Guards, below_fallback: bool
     ) -> YamlNode:
-        node, inner = self._opened(element, node, guards)
+        node, inner = self._without_when(element, node, guards)
         if guards.hold is not None:
-            node = self.around(element, node, "while", self.text(guards.hold))
+            node = self.decorate(element, node, "while", self.text(guards.hold))
             if not below_fallback:
                 self.remark(RemarkLevel.NOTE, element.attributes[WHILE], CONDITIONS[WHILE][1])
         if guards.success is not None:
             node = selector(check(self.text(guards.success)), node)
         if guards.failure is not None:
             node = sequence(check(self.text(negated(guards.failure))), node)
-        node = self._followed(element, node)
+        node = self._with_scripts(element, node)
         wanted = [negated(guards.skip)] if guards.skip is not None else []
         wanted += [one for one in (guards.hold, inner) if one is not None]
         if not wanted:
@@ -193,18 +193,18 @@ class TreeImport:
         whole = wanted[0]
         for one in wanted[1:]:
             whole = Binary("and", whole, one)
-        # What decides earlier is never left out.
+        # What decides earlier is never skipped.
         for earlier in (guards.success, guards.failure):
             if earlier is not None:
                 whole = Binary("or", earlier, whole)
-        return outside(node, "when", self.text(whole))
+        return decorated(node, "when", self.text(whole))
 
-    def _opened(
+    def _without_when(
         self, element: Element, node: YamlNode, guards: _Guards
     ) -> tuple[YamlNode, Formula | None]:
-        """Return a node that gets something around it, without its ``when``, and that condition.
+        """Split the ``when`` off a node that gets something around it.
 
-        What is left out has not ended and is not looked at, so that the condition goes outside.
+        A node that is skipped has no result, so that its condition must go outside.
         """
         condition = node.decorators.get(WHEN.key)
         conditions = guards.success is not None or guards.failure is not None
@@ -214,15 +214,15 @@ class TreeImport:
         rest = {key: value for key, value in node.decorators.items() if key != WHEN.key}
         return replace(node, decorators=rest), parse_formula(condition.text)
 
-    def _followed(self, element: Element, node: YamlNode) -> YamlNode:
-        """Return a node with the scripts that are run when it has ended."""
+    def _with_scripts(self, element: Element, node: YamlNode) -> YamlNode:
+        """Return a node with the scripts that run after its end."""
         after_success = [*self._scripts(element, ON_SUCCESS), *self._scripts(element, POST)]
         after_failure = [*self._scripts(element, ON_FAILURE), *self._scripts(element, POST)]
         self._scripts(element, ON_HALTED, lost=True)
         if after_failure:
             whole = after_failure[0] if len(after_failure) == 1 else sequence(*after_failure)
-            node = outside(node, "on_failure", outside(whole, "fail", True))
-        if after_success and may_be_left_out(node):
+            node = decorated(node, "on_failure", decorated(whole, "fail", True))
+        if after_success and can_be_skipped(node):
             self.remark(RemarkLevel.NOTE, element, "its scripts are run even when it is left out")
         return sequence(node, *after_success) if after_success else node
 
@@ -242,7 +242,7 @@ class TreeImport:
             )
             return []
 
-    def _note_others(self, element: Element) -> None:
+    def _remark_unread(self, element: Element) -> None:
         known = (*CONDITIONS, *OTHER_ATTRIBUTES)
         for name, attribute in element.attributes.items():
             if name.startswith("_") and name not in known:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes of the system share: base node, executor, QoS, calls and parameters."""
+"""Toolkit of every ROS node: base node, executor, QoS profiles, calls and parameters."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The base class of every node of the system."""
+"""Base class of every node of the system: checked parameters, quick log lines."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from bt_agents_ros.workarounds.quick_logger import QuickLogger
 
 
 class BaseNode(Node):
-    """A node whose parameters are finite numbers, and which survives every request about them.
+    """Node that rejects parameters that are not finite, and survives malformed parameter requests.
 
     Args:
         name: Name of the node.
-        node_kwargs: For :class:`rclpy.node.Node`.
+        node_kwargs: Keyword arguments of :class:`rclpy.node.Node`.
     """
 
     def __init__(self, name: str, **node_kwargs: Any) -> None:

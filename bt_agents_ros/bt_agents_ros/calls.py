@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Service calls that always end: each one has an owner, a deadline and exactly one outcome."""
+"""Service calls with a deadline: each ends in exactly one callback."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from rclpy.node import Node
 
 from bt_agents_ros.timers import OneShot
 
-_LOOK_S = 0.02
-"""How often a server that is not there is looked for [s]; nothing tells that it has come."""
+_POLL_S = 0.02
+"""Period for polling a server that is not ready [s]; rclpy has no event for that."""
 
 
 @dataclass(eq=False)
@@ -29,7 +29,7 @@ class _Call:
 
 
 class Calls:
-    """Sends service requests from the executor's thread and ends those that are overdue.
+    """Client side of service calls; call it from the executor's thread only.
 
     A request waits for its server until the deadline, so a server that is just starting is found.
     A late answer is discarded.
@@ -38,7 +38,7 @@ class Calls:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._open: list[_Call] = []
-        self._timer = OneShot(node, self._look)
+        self._timer = OneShot(node, self._poll)
 
     def call(
         self,
@@ -56,7 +56,7 @@ class Calls:
             request: The request message.
             deadline_s: Time for finding the server and getting the answer [s].
             on_answer: Called with the response.
-            on_failure: Called with the reason in words.
+            on_failure: Called with the reason as text.
         """
         call = _Call(client, request, time.monotonic() + deadline_s, on_answer, on_failure)
         self._open.append(call)
@@ -66,9 +66,9 @@ class Calls:
     def _send(self, call: _Call) -> None:
         if call.future is None and call.client.service_is_ready():
             call.future = call.client.call_async(call.request)
-            call.future.add_done_callback(lambda future: self._answered(call, future))
+            call.future.add_done_callback(lambda future: self._on_response(call, future))
 
-    def _answered(self, call: _Call, future: Any) -> None:
+    def _on_response(self, call: _Call, future: Any) -> None:
         if call not in self._open:
             return
         self._open.remove(call)
@@ -81,13 +81,13 @@ class Calls:
         else:
             call.on_failure(f"{call.client.srv_name} was cancelled")
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         try:
-            self._go_through()
+            self._send_or_end()
         finally:
             self._set_timer()
 
-    def _go_through(self) -> None:
+    def _send_or_end(self) -> None:
         now = time.monotonic()
         for call in list(self._open):
             if now < call.deadline:
@@ -103,5 +103,5 @@ class Calls:
     def _set_timer(self) -> None:
         due = min((call.deadline for call in self._open), default=math.inf)
         if any(call.future is None for call in self._open):
-            due = min(due, time.monotonic() + _LOOK_S)
+            due = min(due, time.monotonic() + _POLL_S)
         self._timer.set(due)

@@ -14,7 +14,7 @@ from bt_agents_ros.types import SECTIONS, fill, load_type, slot_at, types_of
 
 
 class InstalledInterfaces:
-    """The installed ROS types; see :class:`bt_agents_language.model.interfaces.Interfaces`."""
+    """The installed ROS types; see :class:`bt_agents_language.fields.interfaces.Interfaces`."""
 
     def has_package(self, package: str) -> bool:
         """Return whether a ROS package is installed."""

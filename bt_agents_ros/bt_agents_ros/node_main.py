@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts a node by the name of its module: ``python -m bt_agents_ros.node_main MODULE …``."""
+"""Entry point of every node's process: ``python -m bt_agents_ros.node_main MODULE …``."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import sys
 from bt_agents_ros.signals import end_silently
 
 SUPERVISED = "BT_AGENTS_SUPERVISED"
-"""Environment variable with the pid of the parent to whose life a node's process is tied."""
+"""Environment variable with the pid of the parent with which a node's process ends."""
 
 READY = "BT_AGENTS_READY"
-"""Environment variable with the file descriptor on which a node's process says that it is up."""
+"""Environment variable with the file descriptor on which a node's process reports its start."""
 
 
 def start(module: str) -> int:

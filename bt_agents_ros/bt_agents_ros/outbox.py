@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Service requests that must arrive: kept while the server is away, sent until it has answered."""
+"""Outbox of service requests: at-least-once delivery, in order, also while a server is away."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ from bt_agents_core.errors import STORAGE_FULL
 from bt_agents_ros.timers import steady_timer
 
 ANSWER_S = 2.0
-"""A request without an answer for so long is sent again; most answers take less [s]."""
+"""Time after which a request without an answer is sent again [s]; most answers take less."""
 
 MOST = 1000
-"""Requests that are kept; more push the oldest ones out."""
+"""Requests that are stored at most; more push the oldest ones out."""
 
-_LOOK_S = 0.1
-_REMEMBERED = 10
+_POLL_S = 0.1
+_AWAITED = 10
+"""Sendings of one request of which any may still be answered."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Letter:
-    request: Any
+class _Request:
+    message: Any
     on_done: Callable[[Any | None], None]
 
 
 class Outbox:
-    """Sends requests in order, one at a time, the same one again until the server has answered.
+    """Queue of requests to one service: one in flight, resent until the server has answered.
 
-    Server and network may swallow a request or its answer, so the server gets some requests more
-    than once: each needs an id of its own by which the server knows it again. Any answer ends a
-    request, a late one and a refusal too, except that the server's disk is full: then the request
-    is sent again until there is room. What is kept is lost with the process.
+    A request or its answer may get lost, so the server gets some requests more than once: each
+    needs an id by which the server recognises it. Any answer ends a request, also a late one or a
+    refusal, except that the server's disk is full: then the request is sent again until there is
+    room. The queue is lost with the process.
 
     Args:
-        node: Whose executor turns the client; call from its thread only.
+        node: Node of the client; call from the thread of its executor only.
         client: Client of the service.
-        answer_s: A request without an answer for so long is sent again [s].
-        most: Requests that are kept.
+        answer_s: Time after which a request without an answer is sent again [s].
+        most: Requests that are stored.
     """
 
     def __init__(
@@ -52,17 +53,17 @@ class Outbox:
     ) -> None:
         self._node = node
         self._client = client
-        self._letters: DeliveryQueue[_Letter] = DeliveryQueue(
+        self._queue: DeliveryQueue[_Request] = DeliveryQueue(
             time.monotonic, most=most, answer_s=answer_s
         )
         self._sendings: deque[Any] = deque()
         self._late = False
-        self._timer = steady_timer(node, _LOOK_S, self._send, running=False)
+        self._timer = steady_timer(node, _POLL_S, self._send, running=False)
 
     @property
     def waiting(self) -> int:
-        """How many requests have no answer yet."""
-        return len(self._letters)
+        """Number of requests without an answer."""
+        return len(self._queue)
 
     @property
     def late(self) -> bool:
@@ -70,16 +71,16 @@ class Outbox:
         return self._late
 
     def put(self, request: Any, on_done: Callable[[Any | None], None]) -> None:
-        """Keep a request until it is answered.
+        """Enqueue a request.
 
         Args:
             request: The request message, with an id of its own; not changed any more.
             on_done: Called once on the executor's thread, with the response, or with None when
-                so many requests came that this one was dropped unanswered.
+                the request was dropped because the queue was full.
         """
-        dropped = self._letters.enqueue(_Letter(request, on_done))
+        dropped = self._queue.enqueue(_Request(request, on_done))
         if dropped is not None:
-            self._forget()
+            self._forget_sendings()
         self._send()
         if self._timer.is_canceled():
             self._timer.reset()
@@ -91,9 +92,9 @@ class Outbox:
             dropped.on_done(None)
 
     def close(self) -> None:
-        """Send no more; say what is lost."""
+        """Send no more; log how many requests are lost."""
         self._timer.cancel()
-        self._forget()
+        self._forget_sendings()
         if self.waiting:
             self._node.get_logger().error(
                 f"{self.waiting} requests to {self._client.srv_name} were never answered and are "
@@ -101,50 +102,50 @@ class Outbox:
             )
 
     def _send(self) -> None:
-        if not self._letters:
+        if not self._queue:
             self._timer.cancel()
             return
         if not self._client.service_is_ready():
-            self._forget()
-            self._letters.peer_lost()
-            self._tell_late("is not there")
+            self._forget_sendings()
+            self._queue.peer_lost()
+            self._warn_late("is not there")
             return
-        if self._letters.overdue:
-            self._tell_late("has not answered in time")
-        letter = self._letters.next_to_send
-        if letter is None:
+        if self._queue.overdue:
+            self._warn_late("has not answered in time")
+        request = self._queue.next_to_send
+        if request is None:
             return
-        if len(self._sendings) == _REMEMBERED:
+        if len(self._sendings) == _AWAITED:
             self._client.remove_pending_request(self._sendings.popleft())
-        self._letters.sent()
-        sending = self._client.call_async(letter.request)
+        self._queue.sent()
+        sending = self._client.call_async(request.message)
         self._sendings.append(sending)
-        sending.add_done_callback(lambda future: self._answered(letter, future))
+        sending.add_done_callback(lambda future: self._on_response(request, future))
 
-    def _tell_late(self, what: str) -> None:
+    def _warn_late(self, what: str) -> None:
         if not self._late:
             self._late = True
             self._node.get_logger().warning(
-                f"{self._client.srv_name} {what}: {self.waiting} request(s) kept and sent again "
+                f"{self._client.srv_name} {what}: {self.waiting} request(s) stored and sent again "
                 f"until it answers"
             )
 
-    def _forget(self) -> None:
-        """Listen no more for answers to what was sent so far."""
+    def _forget_sendings(self) -> None:
+        """Drop the futures of everything sent so far, so that late answers are ignored."""
         while self._sendings:
             self._client.remove_pending_request(self._sendings.popleft())
 
-    def _answered(self, letter: _Letter, future: Any) -> None:
+    def _on_response(self, request: _Request, future: Any) -> None:
         if future.exception() is not None or future.result() is None:
             return
         if future.result().code == STORAGE_FULL:
-            self._tell_late("has no room on its disk")
+            self._warn_late("has no room on its disk")
             return
-        if not self._letters.acknowledge(letter):
+        if not self._queue.acknowledge(request):
             return
-        self._forget()
+        self._forget_sendings()
         self._send()
-        if self._late and not self._letters:
+        if self._late and not self._queue:
             self._late = False
-            self._node.get_logger().info(f"{self._client.srv_name} has answered everything kept")
-        letter.on_done(future.result())
+            self._node.get_logger().info(f"{self._client.srv_name} has answered all of them")
+        request.on_done(future.result())

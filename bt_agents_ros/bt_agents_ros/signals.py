@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C and SIGTERM: silent while a program is being loaded, later a flag that loops look at."""
+"""SIGINT and SIGTERM: silent while a program is being loaded, later a flag that loops poll."""
 
 from __future__ import annotations
 
@@ -12,48 +12,48 @@ STOPPING = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupted(BaseException):
-    """The program is to end in the middle of what may be cut short."""
+    """Raised by SIGINT or SIGTERM within :meth:`Interrupt.raising`."""
 
 
 class Interrupt:
-    """Becomes true when the user or the system wants the program to end."""
+    """Flag that SIGINT or SIGTERM sets."""
 
     def __init__(self) -> None:
-        self._asked = False
-        self._cuts_short = False
+        self._requested = False
+        self._raises = False
         for number in STOPPING:
-            signal.signal(number, self._ask)
+            signal.signal(number, self._handle)
 
-    def _ask(self, _signal: int, _frame: FrameType | None) -> None:
-        self._asked = True
-        if self._cuts_short:
-            self._cuts_short = False
+    def _handle(self, _signal: int, _frame: FrameType | None) -> None:
+        self._requested = True
+        if self._raises:
+            self._raises = False
             raise Interrupted
 
     def __bool__(self) -> bool:
-        return self._asked
+        return self._requested
 
     @contextmanager
-    def cutting_short(self) -> Iterator[None]:
-        """Raise what is asked for as an exception within this block, which may take long.
+    def raising(self) -> Iterator[None]:
+        """Have a signal raise an exception within this block, which may take long.
 
         Raises:
-            Interrupted: The program is to end.
+            Interrupted: A signal has come, perhaps before the block.
         """
-        self._cuts_short = True
+        self._raises = True
         try:
-            if self._asked:
+            if self._requested:
                 raise Interrupted
             yield
         finally:
-            self._cuts_short = False
+            self._raises = False
 
 
 def end_silently() -> None:
     """Let a Ctrl-C end the process without a traceback, as SIGTERM does.
 
-    Whoever starts a process may hold SIGINT back until here with ``hold_back``, as Python itself
-    prints a traceback when it comes before the first line of a program.
+    The parent may block SIGINT until here with :func:`block_sigint`, as Python itself prints a
+    traceback when it comes before the first line of a program.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -61,7 +61,7 @@ def end_silently() -> None:
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Let a Ctrl-C end the process without a word while modules are imported in this block.
+    """Let a Ctrl-C end the process without output while modules are imported in this block.
 
     A ``KeyboardInterrupt`` would come out of a library of ROS as an error of that library.
     """
@@ -72,6 +72,6 @@ def loading() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def hold_back() -> set[int | signal.Signals]:
-    """Hold SIGINT back for the process that is started next; return what to restore after that."""
+def block_sigint() -> set[int | signal.Signals]:
+    """Block SIGINT for the process that is started next; return the mask to restore after that."""
     return set(signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one way a node is run: guarded against exceptions, stopped cleanly by SIGINT and SIGTERM."""
+"""Spinning of a node: survives exceptions of callbacks, ends cleanly on SIGINT and SIGTERM."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 _POLL_S = 0.1
 STOP_LIMIT_S = 1.0
-"""How long a node that is stopped has to end what it has under way [s]."""
+"""Time that a node that is stopped has to end what it has under way [s]."""
 
 _LAST_RESULTS_S = 0.05
 _PR_SET_PDEATHSIG = 1
 
 
 class Stopping(Protocol):
-    """A node that needs some turns of the executor to end what it has under way."""
+    """Node that needs its executor to spin on until what it has under way has ended."""
 
     def request_stop(self) -> None:
         """Start ending; called once."""
@@ -44,14 +44,14 @@ NodeT = TypeVar("NodeT", bound=Node)
 
 
 class Spinner:
-    """Turns a node; an exception in a callback is reported and survived."""
+    """Executor of one node; an exception in a callback is logged and survived."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
         self.executor = CachedExecutor()
         self.executor.add_node(node)
 
-    def turn(self, timeout_s: float = _POLL_S) -> None:
+    def spin_once(self, timeout_s: float = _POLL_S) -> None:
         """Wait up to ``timeout_s`` seconds for work and do one piece of it."""
         try:
             self.executor.spin_once(timeout_sec=timeout_s)
@@ -64,14 +64,14 @@ class Spinner:
                 "a callback failed and was skipped:\n" + traceback.format_exc()
             )
 
-    def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
-        """Turn until ``done()`` is true or ``limit_s`` seconds have passed; return ``done()``."""
+    def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
+        """Spin until ``done()`` is true or ``limit_s`` seconds have passed; return ``done()``."""
         end = time.monotonic() + limit_s
         while not done():
             left = end - time.monotonic()
             if left <= 0:
                 return False
-            self.turn(min(left, _POLL_S))
+            self.spin_once(min(left, _POLL_S))
         return True
 
     def close(self) -> None:
@@ -81,12 +81,12 @@ class Spinner:
 
 
 def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> int:
-    """Create a node and turn it until SIGINT, SIGTERM or a shutdown of its context.
+    """Create a node and spin it until SIGINT, SIGTERM or a shutdown of its context.
 
     A node with the methods of :class:`Stopping` gets up to a second to end what it has under way.
 
     Args:
-        make_node: Called after ``rclpy.init``; may raise, which ends the process with one line.
+        make_node: Called after ``rclpy.init``; if it raises, the process ends with one line.
         args: Command line as ROS expects it; None takes that of the process.
 
     Returns:
@@ -97,33 +97,33 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         try:
-            with interrupt.cutting_short():
+            with interrupt.raising():
                 node = make_node()
         except Interrupted:
             return 0
         except Exception as error:
             print(f"error: {error}", file=sys.stderr)
             return 1
-        turner = Spinner(node)
+        spinner = Spinner(node)
         try:
-            _say_ready()
+            _report_ready()
             while not interrupt and rclpy.ok():
-                turner.turn()
+                spinner.spin_once()
             if hasattr(node, "request_stop") and rclpy.ok():
                 node.request_stop()
-                turner.turn_until(node.stopped, STOP_LIMIT_S)
+                spinner.spin_until(node.stopped, STOP_LIMIT_S)
                 # The executor still has to send the results of what has just ended.
-                turner.turn_until(lambda: False, _LAST_RESULTS_S)
+                spinner.spin_until(lambda: False, _LAST_RESULTS_S)
         except ExternalShutdownException:
             pass
         finally:
-            turner.close()
+            spinner.close()
         return 0
     finally:
         rclpy.try_shutdown()
 
 
-def _say_ready() -> None:
+def _report_ready() -> None:
     descriptor = os.environ.pop(READY, "")
     if descriptor.isdecimal():
         # The parent may have ended.
@@ -136,5 +136,5 @@ def _die_with_parent() -> None:
     if parent and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
         if os.getppid() != int(parent):
-            # It has died before it could be watched.
+            # It died before the line above.
             os.kill(os.getpid(), signal.SIGTERM)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters that say what a node is made of, so that they are read before it exists."""
+"""Start parameters: read before a node is constructed, since they say what it is made of."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NodeT = TypeVar("NodeT", bound=Node)
 
 @dataclass(frozen=True, kw_only=True)
 class StartParameter:
-    """A text that is read once at the start; empty unless it is set."""
+    """Read-only string parameter that is read once at the start; empty unless it is set."""
 
     name: str
     description: str
@@ -33,12 +33,12 @@ def make_from_parameters(
     parameters: tuple[StartParameter, ...],
     make: Callable[[Mapping[str, str]], NodeT],
 ) -> NodeT:
-    """Return a node made of what the parameters of its process say.
+    """Return a node that is constructed from the parameters of its process.
 
     Args:
         name: Name of the node.
-        parameters: What it is made of; they are declared on the finished node too.
-        make: Returns the node for the values by name; may raise.
+        parameters: Read by a temporary node, then declared on the node itself too.
+        make: Constructs the node from the values by name; may raise.
     """
     reader = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Timers for deadlines, leases and polls, which simulated time does not touch."""
+"""Steady timers for deadlines, leases and polls; simulated time does not touch them."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ def steady_timer(
     """Create a timer on the steady clock, which nobody can set or stop.
 
     Args:
-        node: Whose executor calls back.
+        node: Owner of the timer.
         period_s: Time between two calls [s].
-        callback: What is called.
-        running: False lets it stand until its ``reset``.
+        callback: Called on the thread of the node's executor.
+        running: False creates it cancelled; ``reset`` starts it.
     """
     steady = Clock(clock_type=ClockType.STEADY_TIME)
     return node.create_timer(period_s, callback, clock=steady, autostart=running)
 
 
 class OneShot:
-    """Calls back once, at a time that may be moved.
+    """Steady timer that fires once, at a time that may be moved.
 
     Args:
-        node: Whose executor calls back.
-        callback: What is called.
+        node: Owner of the timer.
+        callback: Called on the thread of the node's executor.
     """
 
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
         self._callback = callback
         self._at = math.inf
-        self._timer = steady_timer(node, 1.0, self._ring, running=False)
+        self._timer = steady_timer(node, 1.0, self._fire, running=False)
 
     def set(self, at: float) -> None:
-        """Call back at this time on the steady clock [s], and no more for infinity.
+        """Set the time to fire, on the steady clock [s]; infinity stops the timer.
 
-        A time that is more than a day ahead is cut to that.
+        It fires after a day at most, also when the time is further ahead.
         """
         if at == self._at:
             return
@@ -53,12 +53,12 @@ class OneShot:
         if at == math.inf:
             self._timer.cancel()
             return
-        # It rings early rather than never: a period of zero is none.
+        # A period of zero never fires.
         wait_s = min(at - time.monotonic(), _DAY_S)
         self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
         self._timer.reset()
 
-    def _ring(self) -> None:
+    def _fire(self) -> None:
         self._timer.cancel()
         self._at = math.inf
         self._callback()

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS, Option
 
 ON_NEW_SCENE: Final = ("queue", "reject", "preempt")

@@ -11,8 +11,8 @@ from dataclasses import replace
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import check_value
 from bt_agents_core.source_mapping import mapped, mapped_std
-from bt_agents_language.expression.expression_values import described
-from bt_agents_language.expression.expressions import EvaluationError, Expression, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError, described
+from bt_agents_language.expression.expressions import Expression, MissingValue
 from bt_agents_language.model.scene_specs import (
     LARGEST_STD,
     MESSAGE,

@@ -19,10 +19,9 @@ import pytest
 from bt_agents_interfaces.msg import MarketStatus, Run, Scene
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from bt_agents_ros.signals import hold_back
+from bt_agents_ros.signals import block_sigint
 from bt_agents_tools.launcher import components as system
-from bt_agents_tools.launcher.log_file import LogFile
-from bt_agents_tools.launcher.supervisor import Component, spawn
+from bt_agents_tools.launcher.supervisor import Component, LogFile, spawn
 from graph import Ros, fresh_graph
 from processes import write_trees
 from programs import HANG_S
@@ -242,7 +241,7 @@ def test_a_ctrl_c_at_any_moment_of_a_command_prints_no_traceback(
 
 def started_silently(command: tuple[str, ...], output: Path) -> subprocess.Popen[bytes]:
     """Start a command that no Ctrl-C reaches before its first line, as that is Python's matter."""
-    held_back = hold_back()
+    signal_mask = block_sigint()
     try:
         with output.open("wb") as file:
             return subprocess.Popen(
@@ -253,7 +252,7 @@ def started_silently(command: tuple[str, ...], output: Path) -> subprocess.Popen
                 start_new_session=True,
             )
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, held_back)
+        signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
 
 
 def in_a_run(ros: Ros, told: list[Told], random: Random) -> list[str]:

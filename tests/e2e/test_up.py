@@ -188,7 +188,7 @@ def test_a_component_that_cannot_start_at_all_ends_up_with_its_words(
     (tmp_path / "file").write_text("")
     up = start("up", "--no-voice", "--ledger", str(tmp_path / "file" / "ledger.sqlite"))
     assert up.wait() == 1
-    assert "feedback ended with exit code 1; its last words:" in up.output
+    assert "feedback ended with exit code 1; the end of its log:" in up.output
     assert "ledger.sqlite" in up.output
 
 

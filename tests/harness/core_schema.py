@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Sequence, read_yaml
 

@@ -113,7 +113,7 @@ class Market:
 
     def goal(self, host: HostNode, agent: str = "talker", **changes: Any) -> RunAgent.Goal:
         """Return a goal for an agent of a host, with other values for some fields."""
-        member = host.roster.members.get(agent)
+        member = host.registry.members.get(agent)
         goal = RunAgent.Goal(
             epoch=self.epoch,
             round=1,

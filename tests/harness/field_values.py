@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What strategies are given, made by hand."""
+"""Round arrays written by hand, and the scores that strategies give them."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from typing import Any
 from rclpy.serialization import serialize_message
 
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
-from bt_agents.host.reload.source_bundle import texts
+from bt_agents.host.reload.source_bundle import source_bundle
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
 from bt_agents.recording.recorded_run import RecordingRun
@@ -119,7 +119,7 @@ class Town:
         self._revisions = dict.fromkeys(self.profiles, 0)
         self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
         versions = AgentVersions(self._trees, 0.0)
-        found = texts(versions, lambda _package: True)
+        found = source_bundle(versions, lambda _package: True)
         self.publish(
             "/agents/files",
             AgentFiles(
@@ -222,7 +222,7 @@ class Town:
             profile=spec.profile,
             live=lambda: moody,
             tunables={},
-            world=world,
+            environment=world,
             steady=world.clock,
             seed=5,
             sink=record,

@@ -14,7 +14,7 @@ from tree_harness import SPACE, VOCABULARY, agent
 
 
 def scenario(spec: AgentSpec, text: str = "") -> Scenario:
-    """Return the scenario that a text says, with the keys of a case."""
+    """Return the scenario of a text with the keys of a case."""
     head = "format: 1\n"
     if "scene:" not in text:
         head += "scene: {age: 3, familiarity: 3, mood: 3}\n"
@@ -22,7 +22,7 @@ def scenario(spec: AgentSpec, text: str = "") -> Scenario:
 
 
 def rehearsed(tree: str, text: str = "", *, head: str = "") -> Rehearsed:
-    """Return how the agent of a tree does in a scenario."""
+    """Return the rehearsal of the agent of a tree in a scenario."""
     spec = agent(tree, head)
     return rehearse(spec, SPACE, scenario(spec, text))
 
@@ -35,8 +35,8 @@ def cases_for(spec: AgentSpec, cases: str) -> AgentTest:
     return read_test_text(text, "a.test.yaml", [spec], VOCABULARY)
 
 
-def told(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:
-    """Return when events of some kinds happened, and to which skill or in which words."""
+def events_of(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:
+    """Return the times of events of some kinds, with their skill or text."""
     return [
         (round(event.at_s, 6), event.node.kind if event.node is not None else event.text)
         for event in result.events
@@ -44,6 +44,6 @@ def told(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:
     ]
 
 
-def said(result: Rehearsed) -> list[object]:
-    """Return what was said and asked, in order."""
+def spoken_texts(result: Rehearsed) -> list[object]:
+    """Return the texts that were said and asked, in order."""
     return [use.main for use in result.uses if use.spoken]

@@ -6,8 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bt_agents.host.reload.folder_watch import FolderWatch
-from bt_agents.host.reload.reload_actions import ReloadEffect
-from bt_agents.host.reload.versions import AgentVersions
+from bt_agents.host.reload.versions import AgentVersions, ReloadEffect
 from bt_agents_language.files.folder_reader import Trees, read_trees
 
 SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
@@ -55,36 +54,36 @@ class Watched:
         self.versions = AgentVersions(trees, self.now)
         self.in_force = {agent.name: agent for agent in trees.agents}
 
-    def look(self) -> list[str]:
-        """Look until the folder stands still; return what was said."""
+    def poll(self) -> list[str]:
+        """Poll until the folder stands still; return what was reported."""
         said: list[str] = []
         for _ in range(3):
-            said += self.look_once()
+            said += self.poll_once()
         return said
 
-    def look_once(self) -> list[str]:
-        """Look once; return what was said."""
-        trees = self.watch.look()
-        return self.take(trees) if trees is not None else []
+    def poll_once(self) -> list[str]:
+        """Poll once; return what was reported."""
+        trees = self.watch.poll()
+        return self.settle(trees) if trees is not None else []
 
-    def take(self, trees: Trees) -> list[str]:
-        """Settle all that is new."""
+    def settle(self, trees: Trees) -> list[str]:
+        """Settle all agents that have changed."""
         self.now += 1.0
         effects = [
             self.versions.settle(name, self.running, self.now)
-            for name in self.versions.take(trees)
+            for name in self.versions.update(trees)
         ]
         return [self.apply(effect) for effect in effects if effect is not None]
 
     def end_run(self) -> list[str]:
-        """End the run; return what was said."""
+        """End the run; return what was reported."""
         name, self.running = self.running, ""
-        effect = self.versions.ended(name)
+        effect = self.versions.run_ended(name)
         return [self.apply(effect)] if effect is not None else []
 
     def apply(self, effect: ReloadEffect) -> str:
-        """Do as a host does; return the words."""
-        match effect.act.value:
+        """Execute an effect as a host does; return its text."""
+        match effect.action.value:
             case "add":
                 assert effect.name not in self.in_force
                 self.in_force[effect.name] = effect.agent
@@ -93,13 +92,13 @@ class Watched:
             case "replace" | "update":
                 assert effect.name in self.in_force
                 self.in_force[effect.name] = effect.agent
-        return f"{effect.act.value} {effect.words}"
+        return f"{effect.action.value} {effect.text}"
 
     def roll_back(self, name: str, number: int = 0) -> list[str]:
         """Roll back as a host does; return what was said."""
-        version = self.versions.wanted(name, number)
+        version = self.versions.find(name, number)
         texts = {one.file.text for one in self.versions.versions(name)}
         file = self.versions.file(name).file
         written = self.watch.write(file, version.file, texts)
         effect = self.versions.roll_back(name, version, written.file, self.running, self.now)
-        return [self.apply(effect), *filter(None, [written.words])]
+        return [self.apply(effect), *filter(None, [written.text])]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stage for trees: an agent written in a test, a scripted world, a clock turned by hand."""
+"""Harness for trees: an agent written in a test, a scripted environment, a clock set by hand."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.symbols import SymbolTable
 
 TREES = Path(__file__).parents[2] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
@@ -80,7 +80,7 @@ class Stage:
             self.spec = replace(agent("wait: 0 s", head), tree=tree)
         else:
             self.spec = agent(tree, head)
-        self.world = ScriptedEnvironment(
+        self.environment = ScriptedEnvironment(
             answers, result={"message": "", "answer": "yes", "accepted": True}
         )
         self.scene = awarded or scene(age=3, familiarity=3, mood=3)
@@ -93,8 +93,8 @@ class Stage:
             profile=self.spec.profile,
             live=lambda: self.live,
             tunables=self.tunables,
-            world=self.world,
-            steady=self.world.clock,
+            environment=self.environment,
+            steady=self.environment.clock,
             limits=limits,
             random=random,
             on_visit=lambda node, status: self.ticked.append((node, status)),
@@ -106,14 +106,14 @@ class Stage:
         """Tick, moving the clock on before each tick but the first; return how it stands."""
         for number in range(times):
             if number:
-                self.world.clock.advance(step_s)
+                self.environment.clock.advance(step_s)
             self.ticked.clear()
             self.changes += self.run.tick()
         return self.outcome
 
     def after(self, seconds: float) -> str:
         """Move the clock on and tick once."""
-        self.world.clock.advance(seconds)
+        self.environment.clock.advance(seconds)
         return self.tick()
 
     def set_mood(self, mood: float) -> None:
@@ -166,9 +166,9 @@ class Stage:
     @property
     def said(self) -> list[Plain]:
         """Texts of all ``say`` goals so far, in order."""
-        return [g.goal.fields["text"] for g in self.world.goals if g.goal.name == "say"]
+        return [g.goal.fields["text"] for g in self.environment.goals if g.goal.name == "say"]
 
     @property
     def asked(self) -> list[str]:
         """Names of everything sent so far, in order."""
-        return [g.goal.name for g in self.world.goals]
+        return [g.goal.name for g in self.environment.goals]

@@ -22,10 +22,10 @@ EPOCHS = ("0123456789ab", "e", "another market, äöü")
 ROUNDS = (1, 2, 255, 256, 2**31 + 1, 2**32 - 1)
 
 
-def roster() -> AgentRegistry:
+def registry() -> AgentRegistry:
     ours = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     ours.add(replace(agent("say: x"), name="b"))
-    ours.enrol(["a", "b"], [7, 8], ["", ""])
+    ours.apply_registration(["a", "b"], [7, 8], ["", ""])
     return ours
 
 
@@ -45,15 +45,15 @@ def expected(epoch: str, number: int, answer: Any) -> Bids:
 
 
 def test_a_host_says_in_each_round_of_each_market_what_its_agents_answer() -> None:
-    saying, ours = BidEncoder("/agents", "first"), roster()
+    saying, ours = BidEncoder("/agents", "first"), registry()
     for age in (2, 2, 3, 3, 2):
         for epoch in EPOCHS:
             for number in ROUNDS:
-                answer = ours.answer(scene(age=age))
+                answer = ours.bids_for(scene(age=age))
                 message = saying.message(epoch, number, answer)
                 assert deserialize_message(message, Bids) == expected(epoch, number, answer)
     ours.set_profile("b", [1.0, 2.0, 3.0], 1)
-    answer = ours.answer(scene(age=2))
+    answer = ours.bids_for(scene(age=2))
     message = saying.message("e", 9, answer)
     assert deserialize_message(message, Bids) == expected("e", 9, answer)
 
@@ -70,7 +70,7 @@ def test_what_stands_between_two_fields_does_not_matter(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(bid_encoding, "serialize_message", serialize)
     bid_encoding._before.cache_clear()
-    answer = roster().answer(scene(age=3))
+    answer = registry().bids_for(scene(age=3))
     for epoch in EPOCHS:
         message = BidEncoder("/agents", "first").message(epoch, 3, answer)
         assert deserialize_message(message, Bids) == expected(epoch, 3, answer)

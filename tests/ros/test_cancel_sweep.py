@@ -74,7 +74,7 @@ class Sweep:
             if status.status in TERMINAL:
                 self.ends[bytes(status.goal_info.goal_id.uuid)].add(status.status)
 
-    def turn_until(self, moment: float) -> None:
+    def spin_until(self, moment: float) -> None:
         """Turn until a moment of the steady clock [s]."""
         while (left := moment - time.monotonic()) > 0:
             self.ros.executor.spin_once(timeout_sec=left)
@@ -104,7 +104,7 @@ class Sweep:
             began = time.monotonic()
         if after_ms == AFTER_THE_END:
             ros.until(lambda: not self.host._runs.busy)
-        self.turn_until(began + after_ms / 1e3)
+        self.spin_until(began + after_ms / 1e3)
         answer = self.cancel(goal_id)
         ros.until(accepted.done)
         handle = accepted.result()

@@ -31,8 +31,8 @@ LIMIT_S = 30.0
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
-class Turned:
-    """A node and the executor that turns it.
+class SpunNode:
+    """A node and the executor that spin_times it.
 
     Attributes:
         errors: What callbacks have raised.
@@ -40,11 +40,11 @@ class Turned:
 
     def __init__(self, kind: type) -> None:
         self.executor = kind()
-        self.node = rclpy.create_node("turned", start_parameter_services=False)
+        self.node = rclpy.create_node("spun", start_parameter_services=False)
         self.executor.add_node(self.node)
         self.errors: list[BaseException] = []
 
-    def turn(self, timeout_s: float = 0.02) -> None:
+    def spin_once(self, timeout_s: float = 0.02) -> None:
         """Do one piece of work."""
         try:
             self.executor.spin_once(timeout_sec=timeout_s)
@@ -54,16 +54,16 @@ class Turned:
             self.errors.append(error)
 
     def until(self, condition: Callable[[], Any], timeout_s: float = 0.02) -> None:
-        """Turn until something holds."""
+        """Spin until something holds."""
         end = time.monotonic() + LIMIT_S
         while not condition():
             assert time.monotonic() < end, "it does not happen"
-            self.turn(timeout_s)
+            self.spin_once(timeout_s)
 
-    def turns(self, count: int = 30) -> None:
-        """Turn a few times, for things that must not happen."""
+    def spin_times(self, count: int = 30) -> None:
+        """Spin a few times, for things that must not happen."""
         for _ in range(count):
-            self.turn(0.005)
+            self.spin_once(0.005)
 
     def talk(self, heard: Callable[[Any], Any], **options: Any) -> Any:
         """Return a publisher whose messages a callback of this node hears."""
@@ -87,20 +87,20 @@ class Turned:
 
 
 @pytest.fixture(params=[CachedExecutor, SingleThreadedExecutor])
-def turned(request: pytest.FixtureRequest) -> Iterator[Turned]:
+def spun(request: pytest.FixtureRequest) -> Iterator[SpunNode]:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
-        turned = Turned(request.param)
+        spun = SpunNode(request.param)
         try:
-            yield turned
+            yield spun
         finally:
-            turned.executor.shutdown()
-            turned.node.destroy_node()
+            spun.executor.shutdown()
+            spun.node.destroy_node()
     finally:
         rclpy.try_shutdown()
 
 
-def test_a_callback_that_raises_keeps_no_message_from_being_heard(turned: Turned) -> None:
+def test_a_callback_that_raises_keeps_no_message_from_being_heard(spun: SpunNode) -> None:
     heard = []
 
     def hear(message: String) -> None:
@@ -108,17 +108,17 @@ def test_a_callback_that_raises_keeps_no_message_from_being_heard(turned: Turned
         if message.data == "2":
             raise RuntimeError("no")
 
-    publisher = turned.talk(hear)
+    publisher = spun.talk(hear)
     for number in range(5):
         publisher.publish(String(data=str(number)))
-    turned.until(lambda: len(heard) == 5)
+    spun.until(lambda: len(heard) == 5)
     publisher.publish(String(data="5"))
-    turned.until(lambda: len(heard) == 6)
+    spun.until(lambda: len(heard) == 6)
     assert heard == ["0", "1", "2", "3", "4", "5"]
-    assert [str(error) for error in turned.errors] == ["no"]
+    assert [str(error) for error in spun.errors] == ["no"]
 
 
-def test_many_messages_are_heard_in_order_and_keep_nobody_else_waiting(turned: Turned) -> None:
+def test_many_messages_are_heard_in_order_and_keep_nobody_else_waiting(spun: SpunNode) -> None:
     heard: list[str] = []
     ticks: list[int] = []
 
@@ -127,18 +127,18 @@ def test_many_messages_are_heard_in_order_and_keep_nobody_else_waiting(turned: T
         if len(heard) == 50:
             timer.reset()
 
-    timer = turned.timer(
+    timer = spun.timer(
         lambda: (timer.cancel(), ticks.append(len(heard))), 0.000001, autostart=False
     )
-    publisher = turned.talk(hear)
+    publisher = spun.talk(hear)
     for number in range(200):
         publisher.publish(String(data=str(number)))
-    turned.until(lambda: len(heard) == 200 and ticks)
+    spun.until(lambda: len(heard) == 200 and ticks)
     assert heard == [str(number) for number in range(200)]
     assert ticks[0] < 100
 
 
-def test_messages_that_take_long_to_hear_keep_nobody_else_waiting(turned: Turned) -> None:
+def test_messages_that_take_long_to_hear_keep_nobody_else_waiting(spun: SpunNode) -> None:
     heard: list[str] = []
     ticks: list[int] = []
 
@@ -146,16 +146,16 @@ def test_messages_that_take_long_to_hear_keep_nobody_else_waiting(turned: Turned
         time.sleep(0.003)
         heard.append(message.data)
 
-    publisher = turned.talk(hear)
-    turned.timer(lambda: ticks.append(len(heard)), 0.001)
+    publisher = spun.talk(hear)
+    spun.timer(lambda: ticks.append(len(heard)), 0.001)
     for number in range(10):
         publisher.publish(String(data=str(number)))
-    turned.until(lambda: len(heard) == 10)
-    turned.until(lambda: ticks[-1] == 10)
+    spun.until(lambda: len(heard) == 10)
+    spun.until(lambda: ticks[-1] == 10)
     assert set(range(1, 11)) <= set(ticks)
 
 
-def test_timers_and_services_that_raise_go_on(turned: Turned) -> None:
+def test_timers_and_services_that_raise_go_on(spun: SpunNode) -> None:
     asked = []
 
     def answer(_request: Any, response: Any) -> Any:
@@ -170,16 +170,16 @@ def test_timers_and_services_that_raise_go_on(turned: Turned) -> None:
         ticks.append(1)
         raise RuntimeError("timer")
 
-    client = turned.serve(answer)
+    client = spun.serve(answer)
     first, second = client.call_async(Trigger.Request()), client.call_async(Trigger.Request())
-    turned.until(second.done)
+    spun.until(second.done)
     assert not first.done()
-    turned.timer(tick)
-    turned.until(lambda: len(ticks) == 3)
-    assert {str(error) for error in turned.errors} == {"service", "timer"}
+    spun.timer(tick)
+    spun.until(lambda: len(ticks) == 3)
+    assert {str(error) for error in spun.errors} == {"service", "timer"}
 
 
-def test_a_timer_stopped_by_a_callback_before_its_own_is_not_called(turned: Turned) -> None:
+def test_a_timer_stopped_by_a_callback_before_its_own_is_not_called(spun: SpunNode) -> None:
     called = []
     timers: list[Any] = []
 
@@ -188,100 +188,100 @@ def test_a_timer_stopped_by_a_callback_before_its_own_is_not_called(turned: Turn
         for timer in timers:
             timer.cancel()
 
-    timers += [turned.timer(lambda: call(0)), turned.timer(lambda: call(1))]
+    timers += [spun.timer(lambda: call(0)), spun.timer(lambda: call(1))]
     time.sleep(0.02)  # both are due when the first is looked at
-    turned.turns()
+    spun.spin_times()
     assert len(called) == 1
     timers[1 - called[0]].reset()
-    turned.until(lambda: len(called) == 2)
+    spun.until(lambda: len(called) == 2)
     assert sorted(called) == [0, 1]
 
 
-def test_a_timer_that_is_set_anew_in_its_callback_comes_again(turned: Turned) -> None:
+def test_a_timer_that_is_set_anew_in_its_callback_comes_again(spun: SpunNode) -> None:
     called: list[int] = []
-    timer = turned.timer(lambda: (timer.cancel(), called.append(1)), autostart=False)
-    turned.turns(5)
+    timer = spun.timer(lambda: (timer.cancel(), called.append(1)), autostart=False)
+    spun.spin_times(5)
     assert called == []
     for number in range(1, 4):
         timer.reset()
-        turned.until(lambda number=number: len(called) == number)
-    turned.turns()
+        spun.until(lambda number=number: len(called) == number)
+    spun.spin_times()
     assert len(called) == 3
 
 
-def test_what_a_callback_destroys_is_not_called_any_more(turned: Turned) -> None:
+def test_what_a_callback_destroys_is_not_called_any_more(spun: SpunNode) -> None:
     called = []
     timers: list[Any] = []
 
     def call(own: int) -> None:
         called.append(own)
-        turned.node.destroy_timer(timers[1 - own])
+        spun.node.destroy_timer(timers[1 - own])
 
-    timers += [turned.timer(lambda: call(0)), turned.timer(lambda: call(1))]
+    timers += [spun.timer(lambda: call(0)), spun.timer(lambda: call(1))]
     time.sleep(0.02)
-    turned.until(lambda: len(called) > 3)
+    spun.until(lambda: len(called) > 3)
     assert len(set(called)) == 1
-    assert turned.errors == []
+    assert spun.errors == []
 
 
-@pytest.mark.parametrize("turned", [CachedExecutor], indirect=True)  # rclpy's raises for ever
-def test_what_is_destroyed_without_a_word_is_not_called_any_more(turned: Turned) -> None:
+@pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)  # rclpy's raises for ever
+def test_what_is_destroyed_without_a_word_is_not_called_any_more(spun: SpunNode) -> None:
     heard: list[Any] = []
     told: list[Any] = []
-    publisher = turned.talk(heard.append)
-    turned.talk(told.append)
+    publisher = spun.talk(heard.append)
+    spun.talk(told.append)
     publisher.publish(String())
-    turned.until(lambda: heard and told)
-    next(iter(turned.node.subscriptions)).destroy()
+    spun.until(lambda: heard and told)
+    next(iter(spun.node.subscriptions)).destroy()
     publisher.publish(String())
-    turned.until(lambda: len(heard) + len(told) == 3)
+    spun.until(lambda: len(heard) + len(told) == 3)
     ticks: list[int] = []
-    turned.timer(lambda: ticks.append(1))
-    turned.until(lambda: len(ticks) == 3)
+    spun.timer(lambda: ticks.append(1))
+    spun.until(lambda: len(ticks) == 3)
     assert len(heard) + len(told) == 3
-    assert turned.errors == []
+    assert spun.errors == []
 
 
-def test_what_a_callback_makes_is_served(turned: Turned) -> None:
+def test_what_a_callback_makes_is_served(spun: SpunNode) -> None:
     heard: list[Any] = []
     parts: list[Any] = []
 
     def make(_message: Any) -> None:
-        parts.append(turned.node.create_subscription(Empty, "made", heard.append, qos.FACTS))
-        parts.append(turned.node.create_publisher(Empty, "made", qos.FACTS))
+        parts.append(spun.node.create_subscription(Empty, "made", heard.append, qos.FACTS))
+        parts.append(spun.node.create_publisher(Empty, "made", qos.FACTS))
 
-    turned.talk(make).publish(String())
-    turned.until(lambda: parts)
-    turned.until(parts[1].get_subscription_count)
+    spun.talk(make).publish(String())
+    spun.until(lambda: parts)
+    spun.until(parts[1].get_subscription_count)
     parts[1].publish(Empty())
-    turned.until(lambda: heard)
-    turned.node.destroy_subscription(parts[0])
-    turned.until(lambda: not parts[1].get_subscription_count())
+    spun.until(lambda: heard)
+    spun.node.destroy_subscription(parts[0])
+    spun.until(lambda: not parts[1].get_subscription_count())
     parts[1].publish(Empty())
-    turned.turns()
+    spun.spin_times()
     assert len(heard) == 1
-    assert turned.errors == []
+    assert spun.errors == []
 
 
-def test_a_service_answers_when_what_it_awaits_has_come(turned: Turned) -> None:
+def test_a_service_answers_when_what_it_awaits_has_come(spun: SpunNode) -> None:
     awaited = Future()
 
     async def answer(_request: Any, response: Any) -> Any:
         response.message = await awaited
         return response
 
-    client = turned.serve(answer)
+    client = spun.serve(answer)
     future = client.call_async(Trigger.Request())
-    turned.turns()
+    spun.spin_times()
     assert not future.done()
     awaited.set_result("here")
-    turned.until(future.done)
+    spun.until(future.done)
     assert future.result().message == "here"
 
 
 @pytest.mark.parametrize("group", [MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup])
 def test_an_exclusive_group_is_busy_while_one_of_its_callbacks_awaits(
-    turned: Turned, group: Callable[[], Any]
+    spun: SpunNode, group: Callable[[], Any]
 ) -> None:
     awaited = Future()
     asked: list[int] = []
@@ -293,24 +293,24 @@ def test_an_exclusive_group_is_busy_while_one_of_its_callbacks_awaits(
         return response
 
     heard: list[Any] = []
-    publisher = turned.talk(heard.append, callback_group=shared)
-    client = turned.serve(answer, callback_group=shared)
+    publisher = spun.talk(heard.append, callback_group=shared)
+    client = spun.serve(answer, callback_group=shared)
     futures = [client.call_async(Trigger.Request()) for _ in range(3)]
-    turned.until(lambda: asked)
+    spun.until(lambda: asked)
     publisher.publish(String())
-    turned.turns(60)
+    spun.spin_times(60)
     busy = group is MutuallyExclusiveCallbackGroup
     assert (len(asked), len(heard)) == ((1, 0) if busy else (3, 1))
     awaited.set_result(None)
-    turned.until(lambda: all(future.done() for future in futures) and heard)
+    spun.until(lambda: all(future.done() for future in futures) and heard)
 
 
-def test_a_guard_condition_of_a_busy_group_is_not_lost(turned: Turned) -> None:
+def test_a_guard_condition_of_a_busy_group_is_not_lost(spun: SpunNode) -> None:
     awaited = Future()
     asked: list[int] = []
     called: list[int] = []
     shared = MutuallyExclusiveCallbackGroup()
-    guard = turned.node.create_guard_condition(lambda: called.append(1), callback_group=shared)
+    guard = spun.node.create_guard_condition(lambda: called.append(1), callback_group=shared)
 
     async def answer(_request: Any, response: Any) -> Any:
         asked.append(1)
@@ -318,17 +318,17 @@ def test_a_guard_condition_of_a_busy_group_is_not_lost(turned: Turned) -> None:
         await awaited
         return response
 
-    client = turned.serve(answer, callback_group=shared)
+    client = spun.serve(answer, callback_group=shared)
     future = client.call_async(Trigger.Request())
-    turned.until(lambda: asked)
-    turned.turns()
+    spun.until(lambda: asked)
+    spun.spin_times()
     assert called == []
     awaited.set_result(None)
-    turned.until(lambda: called and future.done())
+    spun.until(lambda: called and future.done())
     assert called == [1]
 
 
-def test_a_task_that_raises_is_reported_and_over(turned: Turned) -> None:
+def test_a_task_that_raises_is_reported_and_over(spun: SpunNode) -> None:
     awaited = Future()
 
     async def fail() -> None:
@@ -338,15 +338,15 @@ def test_a_task_that_raises_is_reported_and_over(turned: Turned) -> None:
     def fail_at_once() -> None:
         raise RuntimeError("at once")
 
-    tasks = [turned.executor.create_task(fail), turned.executor.create_task(fail_at_once)]
-    turned.until(lambda: turned.errors)
+    tasks = [spun.executor.create_task(fail), spun.executor.create_task(fail_at_once)]
+    spun.until(lambda: spun.errors)
     awaited.set_result(None)
-    turned.until(lambda: all(task.done() for task in tasks))
-    assert sorted(str(error) for error in turned.errors) == ["after a wait", "at once"]
+    spun.until(lambda: all(task.done() for task in tasks))
+    assert sorted(str(error) for error in spun.errors) == ["after a wait", "at once"]
     assert sorted(str(task.exception()) for task in tasks) == ["after a wait", "at once"]
 
 
-def test_a_task_that_is_cancelled_goes_on_no_more(turned: Turned) -> None:
+def test_a_task_that_is_cancelled_goes_on_no_more(spun: SpunNode) -> None:
     awaited = Future()
     seen: list[str] = []
 
@@ -357,42 +357,42 @@ def test_a_task_that_is_cancelled_goes_on_no_more(turned: Turned) -> None:
         finally:
             seen.append("closed")
 
-    task = turned.executor.create_task(work)
-    turned.turns(4)
+    task = spun.executor.create_task(work)
+    spun.spin_times(4)
     task.cancel()
     awaited.set_result(None)
-    turned.turns()
+    spun.spin_times()
     assert seen == ["closed"]
     assert task.cancelled()
-    assert turned.errors == []
+    assert spun.errors == []
 
 
-def test_what_is_done_when_a_future_is_done_is_done_once_and_in_a_turn(turned: Turned) -> None:
-    future = Future(executor=turned.executor)
+def test_what_is_done_when_a_future_is_done_is_done_once_and_in_a_turn(spun: SpunNode) -> None:
+    future = Future(executor=spun.executor)
     told: list[Any] = []
     future.add_done_callback(lambda done: told.append(done.result()))
     future.set_result(7)
     assert told == []
-    turned.until(lambda: told)
-    turned.turns()
+    spun.until(lambda: told)
+    spun.spin_times()
     assert told == [7]
 
 
-def test_another_thread_ends_the_wait_with_a_task(turned: Turned) -> None:
+def test_another_thread_ends_the_wait_with_a_task(spun: SpunNode) -> None:
     called: list[int] = []
-    turned.turns(3)
-    thread = Thread(target=lambda: turned.executor.create_task(called.append, 1))
+    spun.spin_times(3)
+    thread = Thread(target=lambda: spun.executor.create_task(called.append, 1))
 
     def start() -> None:
         timer.cancel()
         thread.start()
 
-    timer = turned.timer(start)
-    turned.until(lambda: called, timeout_s=2 * LIMIT_S)
+    timer = spun.timer(start)
+    spun.until(lambda: called, timeout_s=2 * LIMIT_S)
     thread.join()
 
 
-def test_threads_run_while_it_waits(turned: Turned) -> None:
+def test_threads_run_while_it_waits(spun: SpunNode) -> None:
     counted: list[int] = []
 
     def count() -> None:
@@ -401,79 +401,79 @@ def test_threads_run_while_it_waits(turned: Turned) -> None:
             time.sleep(0)
 
     thread = Thread(target=count)
-    turned.timer(lambda: None, 0.1)
+    spun.timer(lambda: None, 0.1)
     thread.start()
-    turned.until(lambda: len(counted) == 50, timeout_s=2.0)
+    spun.until(lambda: len(counted) == 50, timeout_s=2.0)
     thread.join()
 
 
-def test_timers_of_simulated_time_stand_while_it_stands(turned: Turned) -> None:
-    turned.node.set_parameters([Parameter("use_sim_time", value=True)])
-    told = turned.node.create_publisher(ClockMsg, "/clock", qos.FACT)
-    turned.until(told.get_subscription_count)
+def test_timers_of_simulated_time_stand_while_it_stands(spun: SpunNode) -> None:
+    spun.node.set_parameters([Parameter("use_sim_time", value=True)])
+    told = spun.node.create_publisher(ClockMsg, "/clock", qos.FACT)
+    spun.until(told.get_subscription_count)
     simulated: list[int] = []
     steady: list[int] = []
-    clock = turned.node.get_clock()
-    turned.node.create_timer(1.0, lambda: simulated.append(1), clock=clock)
-    turned.timer(lambda: steady.append(1))
+    clock = spun.node.get_clock()
+    spun.node.create_timer(1.0, lambda: simulated.append(1), clock=clock)
+    spun.timer(lambda: steady.append(1))
     for second in (100, 101, 102):
         told.publish(ClockMsg(clock=rclpy.time.Time(seconds=second).to_msg()))
-        turned.until(lambda second=second: clock.now().nanoseconds == second * 10**9)
+        spun.until(lambda second=second: clock.now().nanoseconds == second * 10**9)
         ticks = len(steady)
-        turned.until(lambda ticks=ticks: len(steady) > ticks + 3)
-    turned.until(lambda: len(simulated) >= 2)
+        spun.until(lambda ticks=ticks: len(steady) > ticks + 3)
+    spun.until(lambda: len(simulated) >= 2)
     before = len(simulated)
-    turned.turns(60)
+    spun.spin_times(60)
     assert len(simulated) == before
-    assert turned.errors == []
+    assert spun.errors == []
 
 
-def test_events_of_the_middleware_come_even_where_there_is_always_work(turned: Turned) -> None:
+def test_events_of_the_middleware_come_even_where_there_is_always_work(spun: SpunNode) -> None:
     matched: list[int] = []
-    publisher = turned.talk(lambda message: publisher.publish(message))
+    publisher = spun.talk(lambda message: publisher.publish(message))
     publisher.publish(String())
-    turned.node.create_publisher(
+    spun.node.create_publisher(
         Empty,
         "other",
         qos.FACTS,
         event_callbacks=PublisherEventCallbacks(matched=lambda _: matched.append(1)),
     )
-    turned.node.create_subscription(Empty, "other", lambda _: None, qos.FACTS)
-    turned.until(lambda: matched)
+    spun.node.create_subscription(Empty, "other", lambda _: None, qos.FACTS)
+    spun.until(lambda: matched)
 
 
-def test_a_node_that_is_taken_away_is_turned_no_more(turned: Turned) -> None:
+def test_a_node_that_is_taken_away_is_turned_no_more(spun: SpunNode) -> None:
     ticks: list[int] = []
     other = rclpy.create_node("other", start_parameter_services=False)
-    turned.executor.add_node(other)
+    spun.executor.add_node(other)
     other.create_timer(0.005, lambda: ticks.append(1), clock=STEADY)
-    turned.until(lambda: len(ticks) == 3)
-    turned.executor.remove_node(other)
-    turned.turns()
+    spun.until(lambda: len(ticks) == 3)
+    spun.executor.remove_node(other)
+    spun.spin_times()
     assert len(ticks) == 3
     other.destroy_node()
-    turned.turns(3)
-    assert turned.executor.get_nodes() == [turned.node]
-    assert turned.errors == []
+    spun.spin_times(3)
+    assert spun.executor.get_nodes() == [spun.node]
+    assert spun.errors == []
 
 
-def test_the_end_of_its_context_ends_the_wait(turned: Turned) -> None:
+def test_the_end_of_its_context_ends_the_wait(spun: SpunNode) -> None:
     thread = Thread(target=rclpy.shutdown)
 
     def start() -> None:
         timer.cancel()
         thread.start()
 
-    timer = turned.timer(start)
+    timer = spun.timer(start)
     began = time.monotonic()
     with suppress(ExternalShutdownException):
-        turned.until(lambda: not rclpy.ok(), timeout_s=2 * LIMIT_S)
+        spun.until(lambda: not rclpy.ok(), timeout_s=2 * LIMIT_S)
     assert time.monotonic() - began < LIMIT_S
     thread.join()
 
 
 def test_an_interrupt_in_a_callback_comes_out_and_leaves_the_rest_in_order(
-    turned: Turned,
+    spun: SpunNode,
 ) -> None:
     class Cut(BaseException):
         pass
@@ -485,9 +485,9 @@ def test_an_interrupt_in_a_callback_comes_out_and_leaves_the_rest_in_order(
         if message.data == "cut":
             raise Cut
 
-    publisher = turned.talk(hear)
+    publisher = spun.talk(hear)
     publisher.publish(String(data="cut"))
     with pytest.raises(Cut):
-        turned.until(lambda: False)
+        spun.until(lambda: False)
     publisher.publish(String(data="next"))
-    turned.until(lambda: heard == ["cut", "next"])
+    spun.until(lambda: heard == ["cut", "next"])

@@ -42,13 +42,15 @@ BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_
 
 
 class Host:
-    """A world and how often it has woken its tree."""
+    """A environment and how often it has woken its tree."""
 
     def __init__(self, ros: Any) -> None:
         self.woken = 0
         self.seen = 0
         self.node = ros.add(rclpy.create_node("host"))
-        self.world = RosEnvironment(self.node, self._wake, space=SPACE, agent=lambda: "guide")
+        self.environment = RosEnvironment(
+            self.node, self._wake, space=SPACE, agent=lambda: "guide"
+        )
         self._ros = ros
 
     def _wake(self) -> None:
@@ -56,12 +58,12 @@ class Host:
 
     def prepare(self, tree: str) -> None:
         """Make ahead what the one node of a tree needs."""
-        self.world.prepare(agent(tree).tree)
+        self.environment.prepare(agent(tree).tree)
 
     def send(self, goal: SkillGoal = SAY, **changes: Any) -> GoalRun:
         """Send a goal."""
         self.seen = self.woken
-        return self.world.send(replace(goal, **changes))
+        return self.environment.send(replace(goal, **changes))
 
     def accepted(self, goal: SkillGoal = SAY, **changes: Any) -> GoalRun:
         """Send a goal and wait until it is under way."""
@@ -72,10 +74,10 @@ class Host:
 
 @pytest.fixture
 def host(ros: Any) -> Iterator[Host]:
-    """The world of a host."""
+    """The environment of a host."""
     subject = Host(ros)
     yield subject
-    subject.world.close()
+    subject.environment.close()
 
 
 def news(ros: Any, host: Host, run: GoalRun) -> GoalState:
@@ -308,13 +310,13 @@ def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
 
 def test_goals_that_are_never_confirmed_are_forgotten_at_some_time(ros: Any, host: Host) -> None:
     server = ScriptedServer(ros, script=Script(accept_s=None))
-    ros.until(lambda: host.world._client(SAY.kind, SAY.name, SAY.type).server_is_ready())
+    ros.until(lambda: host.environment._client(SAY.kind, SAY.name, SAY.type).server_is_ready())
     runs = [host.send(timeouts=Timeouts(accept_s=0.05)) for _ in range(MOST_UNCONFIRMED + 20)]
     ros.until(lambda: all(run.state.ended for run in runs))
     ros.until(lambda: len(server.goals) == len(runs))
-    client = host.world._client(SAY.kind, SAY.name, SAY.type)
+    client = host.environment._client(SAY.kind, SAY.name, SAY.type)
     ros.until(lambda: len(client._pending_goal_requests) == MOST_UNCONFIRMED)
-    assert len(host.world._deadlines._unconfirmed) == MOST_UNCONFIRMED
+    assert len(host.environment._deadlines._unconfirmed) == MOST_UNCONFIRMED
 
 
 def switch(ros: Any) -> ScriptedService:
@@ -365,7 +367,7 @@ def test_a_topic_is_subscribed_to_only_while_a_leaf_waits_for_it(ros: Any, host:
     host.prepare("wait_for: {topic: button, type: std_msgs/msg/Bool}")
     ros.turns(5)
     assert publisher.get_subscription_count() == 0
-    inbox = host.world.watch("button", "std_msgs/msg/Bool")
+    inbox = host.environment.watch("button", "std_msgs/msg/Bool")
     ros.until(lambda: publisher.get_subscription_count() == 1)
     publisher.publish(Bool(data=True))
     ros.until(lambda: host.woken)
@@ -383,16 +385,16 @@ def test_a_latched_topic_is_heard_from_the_start_and_begins_with_its_last_messag
     publisher.publish(Bool(data=False))
     publisher.publish(Bool(data=True))
     host.prepare("wait_for: {topic: door, type: std_msgs/msg/Bool, latched: true}")
-    ros.until(lambda: host.world._latched["door", "std_msgs/msg/Bool"]._last is not None)
+    ros.until(lambda: host.environment._latched["door", "std_msgs/msg/Bool"]._last is not None)
     assert host.woken == 0
     for _ in range(2):
-        inbox = host.world.watch("door", "std_msgs/msg/Bool", latched=True)
+        inbox = host.environment.watch("door", "std_msgs/msg/Bool", latched=True)
         message = inbox.take()
         assert message is not None
         assert (message["data"], inbox.take()) == (True, None)
         inbox.close()
         inbox.close()
-    inbox = host.world.watch("door", "std_msgs/msg/Bool", latched=True)
+    inbox = host.environment.watch("door", "std_msgs/msg/Bool", latched=True)
     inbox.take()
     publisher.publish(Bool(data=False))
     ros.until(lambda: host.woken == 1)
@@ -406,7 +408,7 @@ def test_of_a_burst_the_newest_messages_stay(ros: Any, host: Host) -> None:
     publisher = ros.node.create_publisher(String, "words", qos.FACTS)
     host.prepare("wait_for: {topic: words, type: std_msgs/msg/String, latched: true}")
     ros.until(lambda: publisher.get_subscription_count() == 1)
-    inbox = host.world.watch("words", "std_msgs/msg/String", latched=True)
+    inbox = host.environment.watch("words", "std_msgs/msg/String", latched=True)
     count = 3 * DEPTH
     for number in range(count):
         publisher.publish(String(data=str(number)))

@@ -198,7 +198,7 @@ def test_a_host_has_a_card_only_while_the_market_has_the_host(
     market.refuses_host = "OTHER_PARAMETERS: both must read the same scene.yaml"
     market.epoch = "e2"
     market.open()
-    ros.until(lambda: not host._membership.accepted)
+    ros.until(lambda: not host._registration.accepted)
     late = ros.collect(HostCard, "cards", qos.FACTS)
     ros.turns(20)
     assert (len(cards), late) == (1, [])
@@ -394,7 +394,7 @@ def test_a_bad_profile_is_refused_by_name_and_nothing_changes(
     request = SetProfile.Request(agent="talker", values=[float(v) for v in values], revision=1)
     answer = ros.call(client, request)
     assert (answer.accepted, answer.code) == (False, code)
-    assert host.roster.members["talker"].profile == (3.0, 3.0, 3.0)
+    assert host.registry.members["talker"].profile == (3.0, 3.0, 3.0)
 
 
 def test_a_profile_is_taken_and_an_older_revision_is_not(ros: Any, host: HostNode) -> None:
@@ -406,7 +406,7 @@ def test_a_profile_is_taken_and_an_older_revision_is_not(ros: Any, host: HostNod
 
     assert give(4.0, 2).accepted
     assert give(5.0, 1).code == "STALE_REVISION"
-    assert host.roster.members["talker"].profile == (4.0, 3.0, 3.0)
+    assert host.registry.members["talker"].profile == (4.0, 3.0, 3.0)
 
 
 def test_heartbeats_say_what_runs(ros: Any, host: HostNode, market: Market) -> None:

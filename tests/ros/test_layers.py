@@ -104,7 +104,7 @@ class Street:
 
     def layers(self) -> set[str]:
         """Return the layers that the host bids with."""
-        return set(self.host.roster.members["ann"].layers)
+        return set(self.host.registry.members["ann"].layers)
 
 
 @pytest.fixture
@@ -189,7 +189,7 @@ def test_people_look_at_what_was_learned_take_it_back_and_out(street: Street) ->
     assert [r["values"]["age"] for r in told["revisions"]] == [3.0, 1.0, 2.0]
     undone = street.manage(asked.UNDO, agent="ann", layer=ANNA, author="eva")
     assert undone.message == "ann: for person/anna age 2 → 1 (revision 3)"
-    street.ros.until(lambda: street.host.roster.members["ann"].layers[ANNA][1] == 3)
+    street.ros.until(lambda: street.host.registry.members["ann"].layers[ANNA][1] == 3)
     street.ros.until(lambda: street.changes[-1].source == "eva")
     document = street.manage(asked.EXPORT, layer=ANNA).document
     assert street.manage(asked.FORGET, layer=ANNA).accepted
@@ -216,7 +216,7 @@ def test_an_undo_of_everybodys_profile_reaches_the_bid(street: Street) -> None:
     street.teach()
     assert street.winner()[0] == "ann"
     assert street.manage(ManageProfiles.Request.RESET, agent="ann").accepted
-    street.ros.until(lambda: street.host.roster.members["ann"].revision == 2)
+    street.ros.until(lambda: street.host.registry.members["ann"].revision == 2)
     assert street.winner()[0] == "bob"
 
 
@@ -245,10 +245,10 @@ def test_a_card_that_a_full_disk_kept_out_is_taken_when_there_is_room(
     assert codes[-1] == "STORAGE_FULL"
     revision = street.ledger.current("ann").revision
     # Agents that are new meanwhile cannot be entered, and are as soon as there is room.
-    street.host.roster.members["ann"].spec = replace(
-        street.host.roster.members["ann"].spec, profile=(1.0, 1.0, 1.0)
+    street.host.registry.members["ann"].spec = replace(
+        street.host.registry.members["ann"].spec, profile=(1.0, 1.0, 1.0)
     )
-    street.host._introductions.card()
+    street.host._host_card.card()
     ros.turns(50)
     assert street.ledger.current("ann").revision == revision
     database.execute("PRAGMA max_page_count = 1000000")

@@ -210,4 +210,4 @@ def test_of_10000_updates_none_is_lost_and_the_last_one_wins(ros: Any) -> None:
     ros.until(lambda: all(future.done() for future in futures), 60.0)
     assert all(future.result().results[0].successful for future in futures)
     assert host.get_parameter(name).value == value
-    assert host.roster.members["attentive_guide"].tunables["patience"] == value
+    assert host.registry.members["attentive_guide"].tunables["patience"] == value

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A host whose agents' files change: what comes into force when, and who is told."""
+"""A host whose agents' files change: what comes into force when, and who is reported."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Market:
             round=1,
             host_instance=host.instance,
             agent=name,
-            agent_id=host.roster.members[name].agent_id,
+            agent_id=host.registry.members[name].agent_id,
             scene=scene_to_msg(awarded),
         )
         future = self._action.send_goal_async(goal)
@@ -133,7 +133,7 @@ class Host:
 
     def said(self, name: str) -> str:
         """Return what the tree of an agent says."""
-        return str(self.node.roster.members[name].spec.tree.fields["text"].value)
+        return str(self.node.registry.members[name].spec.tree.fields["text"].value)
 
     def says_on(self) -> set[str]:
         """Return the topics for words that its node publishes."""
@@ -155,7 +155,7 @@ def test_a_change_that_cannot_be_made_is_undone_and_whoever_asked_is_told(
         answer = host.ask(ReloadAgents, "reload")
         assert not answer.accepted
         assert answer.message == "bob: version 1 could not be added: RuntimeError: cogwheel"
-        assert list(host.node.roster.members) == ["ann"]
+        assert list(host.node.registry.members) == ["ann"]
 
     replace, count = host.node._tunables.replace, 0
 
@@ -173,8 +173,8 @@ def test_a_change_that_cannot_be_made_is_undone_and_whoever_asked_is_told(
     assert not answer.accepted
     assert "ann: version 2 could not be brought into force, version 1 stays" in answer.message
     assert host.node.has_parameter("ann.patience")
-    assert host.node.roster.members["ann"].spec.tree.kind == "wait"
-    assert list(host.node.roster.members) == ["ann", "bob"]
+    assert host.node.registry.members["ann"].spec.tree.kind == "wait"
+    assert list(host.node.registry.members) == ["ann", "bob"]
 
     host.edit("ann", agent("ann", "{say: good-bye}"))
     answer = host.ask(ReloadAgents, "reload")
@@ -186,12 +186,12 @@ def test_a_changed_file_comes_into_force_by_itself_and_touches_nothing_else(
     ros: Any, tmp_path: Path
 ) -> None:
     host = Host(ros, tmp_path, ann=agent("ann"), bob=agent("bob"))
-    ann = host.node.roster.members["ann"]
+    ann = host.node.registry.members["ann"]
     spec, tunables, cards, trees = ann.spec, ann.tunables, len(host.cards), len(host.trees)
     host.edit("bob", agent("bob", "{say: bye}"))
     host.await_version("bob", 2)
     assert host.said("bob") == "bye"
-    assert host.node.roster.members["ann"] is ann
+    assert host.node.registry.members["ann"] is ann
     assert (ann.spec, ann.tunables) == (spec, tunables)
     assert ann.spec is spec
     assert host.card("ann").version == 1
@@ -203,11 +203,11 @@ def test_a_changed_file_comes_into_force_by_itself_and_touches_nothing_else(
 
 def test_a_running_tree_is_retuned_at_once_by_a_changed_default(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob", WAITING, PATIENT.format("50 s")))
-    tunables = host.node.roster.members["bob"].tunables
+    tunables = host.node.registry.members["bob"].tunables
     handle = host.market.start(host.node, "bob")
     host.edit("bob", agent("bob", WAITING, PATIENT.format("1 s")))
     host.await_version("bob", 2)
-    assert host.node.roster.members["bob"].tunables is tunables
+    assert host.node.registry.members["bob"].tunables is tunables
     assert tunables == {"patience": 1.0}
     assert not host.card("bob").waiting
     host.market.end(handle)
@@ -215,7 +215,7 @@ def test_a_running_tree_is_retuned_at_once_by_a_changed_default(ros: Any, tmp_pa
 
 def test_a_changed_tree_waits_for_the_end_of_its_run(ros: Any, tmp_path: Path) -> None:
     host = Host(ros, tmp_path, bob=agent("bob", WAITING, PATIENT.format("50 s")))
-    member = host.node.roster.members["bob"]
+    member = host.node.registry.members["bob"]
     before, tunables = member.spec, member.tunables
     handle = host.market.start(host.node, "bob")
     host.edit("bob", agent("bob", "{say: bye}"))
@@ -270,7 +270,7 @@ def test_agents_come_go_and_are_renamed_while_another_one_runs(ros: Any, tmp_pat
     host.await_version("anna", 1)
     ros.until(lambda: host.market.registered[-1] == ["bob", "anna"])
     assert [tree.agent for tree in host.trees[-1].trees] == ["bob", "anna"]
-    assert host.node.roster.members["bob"].tunables == {"patience": 50.0}
+    assert host.node.registry.members["bob"].tunables == {"patience": 50.0}
     result = host.market.end(handle)
     assert result.outcome == RunAgent.Result.CANCELLED
 
@@ -284,7 +284,7 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(
     (host.folder / "agents" / "bob.yaml").unlink()
     ros.until(lambda: host.card("bob").degraded)
     assert "is gone" in host.card("bob").problems[0]
-    assert "is gone" in host.node.roster.members["bob"].removal_reason
+    assert "is gone" in host.node.registry.members["bob"].removal_reason
     host.market.end(handle)
     ros.until(lambda: host.card("bob") is None)
     ros.until(lambda: host.market.registered[-1] == ["ann"])
@@ -408,32 +408,32 @@ def test_a_thousand_swaps_while_the_tree_is_ticked_never_mix_two_versions(
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
     watch = FolderWatch(host.node._versions.trees)
     runs: list[tuple[list[Any], Any]] = []
-    swaps = swapped = 0
-    while swaps < 1000:
+    replacements = replaced = 0
+    while replacements < 1000:
         first = len(statuses)
         handle = host.market.start(host.node, "bob")
         future = handle.get_result_async()
         while not future.done():
-            if swaps < 1000:
-                swaps += 1
-                name = ("ann", "bob")[swaps % 2]
-                before = host.node.roster.members[name].spec
-                host.edit(name, text(name, swaps))
-                trees = watch.look(settle=False)
+            if replacements < 1000:
+                replacements += 1
+                name = ("ann", "bob")[replacements % 2]
+                before = host.node.registry.members[name].spec
+                host.edit(name, text(name, replacements))
+                trees = watch.poll(settle=False)
                 assert trees is not None
-                host.node._reloading.take(trees)
-                swapped += host.node.roster.members[name].spec is not before
+                host.node._reloading.update(trees)
+                replaced += host.node.registry.members[name].spec is not before
             ros.turns(3)
         result = future.result().result
         ros.until(lambda r=result, f=first: statuses[f:] and statuses[-1].tick == r.ticks)
         runs.append((statuses[first:], result))
     assert len(runs) >= 10
-    assert swapped >= 500, "ann does not run, so that each change of her tree is a swap at once"
+    assert replaced >= 500, "ann does not run, so that each change of her tree acts at once"
     versions = []
-    for told, result in runs:
+    for reported, result in runs:
         assert result.outcome == RunAgent.Result.SUCCEEDED
-        assert [status.tick for status in told] == list(range(1, result.ticks + 1))
-        names = {c.name for s in told for c in s.changes if c.name.startswith("v")}
+        assert [status.tick for status in reported] == list(range(1, result.ticks + 1))
+        names = {c.name for s in reported for c in s.changes if c.name.startswith("v")}
         marks = {name.partition("_")[0] for name in names}
         assert len(marks) == 1
         assert {name.partition("_")[2] for name in names} == {"a", "b", "c"}
@@ -468,7 +468,7 @@ def test_a_file_that_is_rewritten_again_and_again_never_harms_a_run(
         versions.append(host.card("bob").version)
     answer = host.ask(ReloadAgents, "reload")
     assert answer.accepted
-    tree = host.node.roster.members["bob"].spec.tree
+    tree = host.node.registry.members["bob"].spec.tree
     names = {node.name for node in iter_nodes(tree) if node.name.startswith("v")}
     assert names == {"v8_a", "v8_b", "v8_c"}
     assert not host.card("bob").degraded

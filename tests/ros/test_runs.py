@@ -248,7 +248,7 @@ def test_a_host_that_was_held_up_goes_on_when_nothing_has_happened(
 def beating(ros: Any, host: HostNode, market: Market) -> Market:
     """A market of which the host has heard a heartbeat."""
     market.live()
-    ros.until(lambda: host._runs._market._named)
+    ros.until(lambda: host._runs._award_monitor._named)
     return market
 
 
@@ -307,7 +307,7 @@ def test_a_goal_of_a_round_that_is_over_is_refused(
     market.award = (3, "talker")
     ros.until(market._heart.get_subscription_count)
     market.beat()
-    ros.until(lambda: host._runs._market._named)
+    ros.until(lambda: host._runs._award_monitor._named)
     assert not market.send(market.goal(host, agent="quick", round=2)).accepted
     assert market.send(market.goal(host, agent="quick", round=3)).accepted
 
@@ -348,7 +348,7 @@ def test_a_refused_host_takes_no_goal_while_its_run_ends(
     market.refuses_host = "OTHER_PARAMETERS: both must read the same scene.yaml"
     market.epoch = "e2"
     market.open()
-    ros.until(lambda: not host._membership.accepted)
+    ros.until(lambda: not host._registration.accepted)
     assert host._runs.busy
     assert not market.send(market.goal(host, agent="quick", round=2)).accepted
     answer = results(ros, handle)
@@ -374,7 +374,7 @@ class Dead(Sleepy):
 
 def plug_in(host: HostNode, name: str, kind: type) -> None:
     """Give an agent the tree of a plug-in."""
-    member = host.roster.members[name]
+    member = host.registry.members[name]
     position = Position(file="guide.yaml", line=12, column=5)
     spec = NodeSpec(path="tree", position=position, kind="nap", name="nap", fields={}, plugin=kind)
     member.spec = replace(member.spec, tree=spec)
@@ -502,7 +502,7 @@ def test_a_run_whose_market_falls_silent_is_stopped_and_told_to_the_next_one(
     market.live()
     handle = market.send(market.goal(host, round=7))
     ros.until(lambda: mouth.goals)
-    ros.until(lambda: host._membership._lease._known)
+    ros.until(lambda: host._registration._lease._known)
     end = time.monotonic() + 0.6
     ros.until(lambda: time.monotonic() > end)
     assert mouth.goals[0].cancels == 0
@@ -523,7 +523,7 @@ def test_a_run_whose_market_falls_silent_is_stopped_and_told_to_the_next_one(
     assert run.stop_cause == answer.result.stop_cause == Run.MARKET_LOST
     assert run.host_instance == host.instance
     assert run.scene.scene_id == "s1"
-    ros.until(lambda: host._membership.epoch == "e2")
+    ros.until(lambda: host._registration.epoch == "e2")
     count = len(market.requests)
     market.epoch = "e3"
     market.open()
@@ -570,7 +570,7 @@ def test_a_run_that_its_market_has_announced_is_not_told_again(
         results(ros, market.send(goal))
     ros.until(market._runs.get_subscription_count)
     market.announce(1, "quick")
-    ros.until(lambda: ("e1", 1, "quick") in host._membership._unheard._closed)
+    ros.until(lambda: ("e1", 1, "quick") in host._registration._unreported._closed)
     market.epoch = "e2"
     market.open()
     ros.until(lambda: market.requests[-1].unreported)
@@ -585,7 +585,7 @@ def test_a_host_registers_anew_when_a_heartbeat_shows_another_market(
     market.epoch = "e2"
     market.live()
     ros.until(lambda: len(market.requests) > before)
-    ros.until(lambda: host._membership.epoch == "e2")
+    ros.until(lambda: host._registration.epoch == "e2")
 
 
 def test_two_markets_of_one_name_do_not_have_a_host_register_all_the_time(

@@ -77,9 +77,9 @@ def test_a_second_host_with_the_same_agent_name_is_refused(ros: Any, tmp_path: P
             read_trees(other, InstalledInterfaces()), cli_args=["--ros-args", "-r", "__node:=b"]
         )
     )
-    ros.until(lambda: second.roster.members["other"].agent_id)
-    assert "young" in second.roster.members["young"].refusal
-    assert "/agents" in second.roster.members["young"].refusal
+    ros.until(lambda: second.registry.members["other"].agent_id)
+    assert "young" in second.registry.members["young"].refusal
+    assert "/agents" in second.registry.members["young"].refusal
     assert system.interact(age=5, familiarity=3, mood=3) == "other"
     assert "young" in {bid.agent for bid in system.auctions[-1].ranking}
 
@@ -90,7 +90,7 @@ def test_a_second_host_of_the_same_name_takes_no_goals_and_the_first_goes_on(
     trees = write_agents(tmp_path, wait="30 s", young=1.5)
     system = System(ros, trees)
     second = ros.add(HostNode(system.folder))
-    ros.until(lambda: second.roster.members["young"].refusal)
+    ros.until(lambda: second.registry.members["young"].refusal)
     assert not second.registered
     scene_id = system.analyze(age=1, familiarity=3, mood=3).scene.scene_id
     ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
@@ -113,13 +113,13 @@ def test_an_agent_that_the_market_refused_is_on_no_card_so_that_it_cannot_take_t
             read_trees(other, InstalledInterfaces()), cli_args=["--ros-args", "-r", "__node:=b"]
         )
     )
-    ros.until(lambda: second.roster.members["other"].agent_id)
+    ros.until(lambda: second.registry.members["other"].agent_id)
     ros.until(lambda: "other" in system.profiles[-1].agents)
     give = ros.node.create_client(GiveFeedback, "feedback/give")
     request = GiveFeedback.Request(agent="young", kind=0, values=[5.0, 5.0, 5.0])
     assert ros.call(give, request).accepted
-    assert system.host.roster.members["young"].revision == 1
-    assert second.roster.members["young"].revision == 0
+    assert system.host.registry.members["young"].revision == 1
+    assert second.registry.members["young"].revision == 0
 
 
 def test_a_market_that_starts_again_ends_the_run_of_the_one_before_it(

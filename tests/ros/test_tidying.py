@@ -51,49 +51,49 @@ def node(ros: Any) -> Node:
 
 
 @pytest.fixture
-def world(node: Node) -> Iterator[RosEnvironment]:
+def environment(node: Node) -> Iterator[RosEnvironment]:
     """What its trees reach."""
     subject = RosEnvironment(node, lambda: None, space=SPACE, agent=lambda: "guide")
     yield subject
     subject.close()
 
 
-def prepared(world: RosEnvironment, tree: str) -> list[NodeSpec]:
+def prepared(environment: RosEnvironment, tree: str) -> list[NodeSpec]:
     """Make what a tree needs; return its nodes."""
     nodes = list(iter_nodes(agent(tree).tree))
     for spec in nodes:
-        world.prepare(spec)
+        environment.prepare(spec)
     return nodes
 
 
 def test_what_no_tree_names_any_more_leaves_the_graph_and_the_rest_stays_as_it_is(
-    node: Node, world: RosEnvironment
+    node: Node, environment: RosEnvironment
 ) -> None:
-    nodes = prepared(world, TREE)
+    nodes = prepared(environment, TREE)
     assert used(node) == ALL
     before = [*node.waitables, *node.clients, *node.publishers, *node.subscriptions]
-    world.retain(nodes)
+    environment.retain(nodes)
     assert [*node.waitables, *node.clients, *node.publishers, *node.subscriptions] == before
-    world.retain(spec for spec in nodes if spec.kind != "say")
+    environment.retain(spec for spec in nodes if spec.kind != "say")
     assert used(node) == {"switch", "sound", "door"}
-    world.retain([])
+    environment.retain([])
     assert used(node) == set()
-    prepared(world, TREE)
+    prepared(environment, TREE)
     assert used(node) == ALL
 
 
 def test_a_goal_that_is_not_confirmed_keeps_its_client_until_it_is(
-    ros: Any, node: Node, world: RosEnvironment
+    ros: Any, node: Node, environment: RosEnvironment
 ) -> None:
     server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None))
-    prepared(world, "say: Hello.")
-    run = world.send(SAY)
+    prepared(environment, "say: Hello.")
+    run = environment.send(SAY)
     ros.until(lambda: run.state.ended)
     assert not run.confirmed
-    world.retain([])
+    environment.retain([])
     assert used(node) == {"say"}
     server.goals[0].accept()
     ros.until(lambda: run.confirmed)
-    world.retain([])
+    environment.retain([])
     assert used(node) == set()
     ros.turns(5)

@@ -49,11 +49,11 @@ class Host(BaseNode):
 
     def __init__(self, *specs: AgentSpec, tunings: str = "", **node_kwargs: Any) -> None:
         super().__init__("agents", **node_kwargs)
-        self.roster = AgentRegistry(SPACE, specs or (spec("a"), spec("b")))
+        self.registry = AgentRegistry(SPACE, specs or (spec("a"), spec("b")))
         self.rates: list[float] = []
         self.cards = 0
         self.tunables = TunableParameters(
-            self, self.roster, self._card, set_rate=self.rates.append, tunings=tunings
+            self, self.registry, self._card, set_rate=self.rates.append, tunings=tunings
         )
 
     def _card(self) -> None:
@@ -67,7 +67,7 @@ class Host(BaseNode):
         return self.get_parameter(name).value
 
     def member(self, name: str = "a") -> HostedAgent:
-        return self.roster.members[name]
+        return self.registry.members[name]
 
 
 @pytest.fixture
@@ -165,7 +165,7 @@ def test_what_can_be_tuned_is_latched_in_typed_fields_and_sent_again_with_a_chan
     [patience] = [one for one in seen[-1].tunables if one.name == "a.patience"]
     assert patience.default_value.double_value == 10.0
     host.tunables.remove("a")
-    host.roster.remove("a")
+    host.registry.remove("a")
     ros.until(lambda: len(seen) == 3)
     assert {one.agent for one in seen[-1].tunables} == {"", "b"}
 
@@ -392,7 +392,7 @@ def test_a_tuning_that_goes_wrong_in_another_way_is_answered(
     def fail(*_: Any) -> None:
         raise RuntimeError("something else")
 
-    monkeypatch.setattr(host.tunables._board, "read", fail)
+    monkeypatch.setattr(host.tunables._store, "read", fail)
     answer = tuner.set(a__patience="12")
     assert (answer.accepted, answer.code) == (False, "FAILED")
     assert answer.message == "RuntimeError: something else; the log says more"
@@ -512,10 +512,10 @@ def test_tunables_come_go_and_change_their_type(host: Host, tuner: Tuner) -> Non
 def test_an_agent_goes_and_comes_back_with_what_was_tuned(host: Host, tuner: Tuner) -> None:
     tuner.set(a__patience="12")
     host.tunables.remove("a")
-    host.roster.remove("a")
+    host.registry.remove("a")
     assert tuner.set(a__patience="3").code == "UNKNOWN_PARAMETER"
     assert tuner.undo().code == "NOTHING_TO_UNDO"
-    host.tunables.add(host.roster.add(spec("a")))
+    host.tunables.add(host.registry.add(spec("a")))
     assert host.member().tunables["patience"] == host.value("a.patience") == 12.0
     assert tuner.undo().accepted
 
@@ -536,7 +536,7 @@ def test_the_profile_follows_the_file_until_something_was_learned(host: Host) ->
     other = replace(spec(), profile=(1.0, 2.0, 3.0))
     host.tunables.replace(host.member(), other)
     assert host.member().profile == (1.0, 2.0, 3.0)
-    host.roster.set_profile("a", [5.0, 5.0, 5.0], 1)
+    host.registry.set_profile("a", [5.0, 5.0, 5.0], 1)
     host.tunables.replace(host.member(), spec())
     assert host.member().profile == (5.0, 5.0, 5.0)
 

@@ -120,7 +120,7 @@ class System:
 
     def is_as_before(self) -> None:
         self.ros.turns()
-        member = self.host.roster.members["waiter"]
+        member = self.host.registry.members["waiter"]
         assert (member.profile, member.revision) == ((3.0, 3.0, 3.0), 0)
         assert (self.profiles[-1].revisions[0], self.feedback) == (0, [])
         assert self.auctions == []
@@ -212,7 +212,7 @@ def test_bad_scenes_in_goals_are_refused_by_name(system: System) -> None:
                 round=number,
                 host_instance=system.host.instance,
                 agent="waiter",
-                agent_id=system.host.roster.members["waiter"].agent_id,
+                agent_id=system.host.registry.members["waiter"].agent_id,
                 scene=scene_of(BAD[key], "s"),
             )
             future = client.send_goal_async(goal)

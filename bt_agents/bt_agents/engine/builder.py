@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a checked spec to a py_trees tree whose nodes know their path in the file."""
+"""Builder of py_trees trees from checked specs; each node knows its path in the file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bt_agents.engine.context import NodeMaker, RunContext
 from bt_agents.engine.nodes.plugin import PluginLeaf
 from bt_agents.engine.nodes.skill import SkillLeaf
 from bt_agents.engine.scope import Scope
-from bt_agents_language.gc_pause import gc_paused
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.model.specs import NodeSpec
 
 

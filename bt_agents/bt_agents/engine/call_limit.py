@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ends calls into third-party code that block, where the platform can interrupt them."""
+"""Time limit of calls into third-party code, where the platform can interrupt them."""
 
 from __future__ import annotations
 

@@ -22,25 +22,24 @@ class _OpenGoal:
 
 
 class RunContext:
-    """Gives leaves access to the environment; tracks each goal until its end is confirmed.
+    """Access of leaves to the environment; tracks each goal until its end is confirmed.
 
     Args:
-        world: The environment of the tree.
+        environment: All that the tree reaches outside.
         scope: The names of the run.
         random: Random source of the nodes.
 
     Attributes:
-        environment: Of the tree; goals and feedback are sent by the methods here, which track
-            them.
+        environment: See above; goals and feedback are sent by the methods here, which track them.
         deadlines: Path of a node → when time alone changes what it does, on the trees' clock [s];
             those of the last tick.
     """
 
-    def __init__(self, world: Environment, scope: RunScope, random: Random) -> None:
+    def __init__(self, environment: Environment, scope: RunScope, random: Random) -> None:
         self.scope = scope
         self.random = random
         self.deadlines: dict[str, float] = {}
-        self.environment = world
+        self.environment = environment
         self._goals: list[_OpenGoal] = []
 
     @property

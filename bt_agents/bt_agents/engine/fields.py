@@ -11,8 +11,8 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.node_type import FOREVER
 from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.nodes.node_type import FOREVER
 
 
 @dataclass(frozen=True, kw_only=True)

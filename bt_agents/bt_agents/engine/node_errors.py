@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import NodeSpec
 
 
@@ -21,6 +22,18 @@ def reason_of(error: Exception) -> str:
             return f"{type(error).__name__}: {error}"
 
 
-def with_location(reason: str, spec: NodeSpec) -> str:
+class LocatedReason(str):
+    """A reason with the node's path and its place in the file.
+
+    Attributes:
+        path: Path of the node that gives the reason.
+    """
+
+    path: str
+
+
+def with_location(reason: str, spec: NodeSpec) -> LocatedReason:
     """Return a reason with the node's path and its place in the file."""
-    return f"{reason} ({spec.path}, {spec.position})"
+    text = LocatedReason(f"{reason} ({spec.path}, {spec.position})")
+    text.path = spec.path
+    return text

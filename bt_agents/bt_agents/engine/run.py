@@ -111,7 +111,7 @@ class Run:
         profile: The agent's current profile.
         live: Returns the scene as it is now.
         tunables: Current values by name; may change between ticks.
-        world: The environment of the tree.
+        environment: All that the tree reaches outside.
         steady: Clock of the bounded waits, which never stands still [s].
         limits: How long those waits are.
         random: Random source of the nodes; None takes a fresh one.
@@ -139,7 +139,7 @@ class Run:
         profile: Vector,
         live: Callable[[], Scene],
         tunables: Mapping[str, Plain],
-        world: Environment,
+        environment: Environment,
         steady: Clock,
         limits: RunLimits | None = None,
         random: Random | None = None,
@@ -156,7 +156,7 @@ class Run:
         self.overrun: Overrun | None = None
         self.changes: list[StatusChange] = []
         self.result: RunResult | None = None
-        self._context = context(world, scope, random or Random())
+        self._context = context(environment, scope, random or Random())
         self._steady = steady
         self._stopwatch = stopwatch or steady
         self._limits = limits or RunLimits()
@@ -169,7 +169,7 @@ class Run:
         self._slowest = self._root
         self._slowest_s = 0.0
         self._phase = _Phase.TICKING
-        self._start = world.clock()
+        self._start = environment.clock()
         self._deadline = 0.0
         self._end = (TreeOutcome.CANCELLED, "", "")
 

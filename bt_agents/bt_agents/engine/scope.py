@@ -13,15 +13,10 @@ from bt_agents_core.field_path import NoSuchField, item_of, value_at
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
 from bt_agents_core.text import quote
-from bt_agents_language.expression.expression_values import described
-from bt_agents_language.expression.expressions import (
-    EvaluationError,
-    Expression,
-    MissingValue,
-    StaleValue,
-)
+from bt_agents_language.expression import quantities
+from bt_agents_language.expression.expression_values import EvaluationError, described
+from bt_agents_language.expression.expressions import Expression, MissingValue, StaleValue
 from bt_agents_language.expression.name_resolution import resolve
-from bt_agents_language.model import quantities
 from bt_agents_language.model.specs import (
     Computed,
     ListValue,
@@ -67,7 +62,7 @@ class RunScope:
         scene: As awarded.
         live: Returns the scene as it is now, or as it was last, marked as stale.
         profile: The agent's own vector.
-        tunables: Current values by name, shared with whoever tunes them.
+        tunables: Current values by name, shared with the host, which tunes them.
         blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
             write is not there.
     """
@@ -297,7 +292,7 @@ def format_value(value: Plain, field_type: FieldType) -> str:
         case bool():
             return "yes" if value else "no"
         case int() | float() if field_type in _QUANTITIES:
-            return quantities.spoken(value, field_type)
+            return quantities.format_quantity(value, field_type)
         case float():
             return f"{value:g}"
         case None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schedules ticks: at a fixed rate, and at once when something has arrived."""
+"""Scheduler of ticks: at a fixed rate, and at once when something has arrived."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ REST_S = 0.002
 
 
 class TickScheduler:
-    """Sets the time of the next tick; there is never more than one to come.
+    """Schedule of the next tick; there is never more than one to come.
 
     Regular ticks stay on a grid of periods; those that were missed are left out. An extra tick
     comes after a rest as long as the last tick took, so that a flood of messages takes at most

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ticks trees by plain calls, and reports each node whose status or message has changed."""
+"""Ticker of trees by plain calls, which reports nodes whose status or message has changed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Tick = Callable[[], Status]
 """Ticks one node and those below it; returns the node's status."""
 
 OnChange = Callable[[Behaviour], None]
-"""Receives a node whose status or message has changed, or that has acted again."""
+"""Receives a node whose status or message has changed, or whose side effect was repeated."""
 
 OnVisit = Callable[[Behaviour, Status], None]
 """Receives each node that was ticked, with its status."""

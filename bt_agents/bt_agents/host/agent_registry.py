@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The agents of one host as the market sees them: who bids what for a scene, and who declines."""
+"""Registry of the agents of one host: their profiles, their bids for a scene, and declines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import AgentSpec
 
 
@@ -35,7 +36,7 @@ class HostedAgent:
         tunables: Current values by name; a running tree reads the same mapping.
         agent_id: Id from the market; 0 while it is not registered.
         refusal: Why the market does not take it; empty when it does.
-        removal_reason: Why it does not bid any more and goes; empty when it stays.
+        removal_reason: Why it is removed and bids no more; empty when it stays.
     """
 
     on_change: Callable[[], None] = field(default=_nothing, repr=False, compare=False)
@@ -85,10 +86,10 @@ class BidderColumns:
 
 
 class Decline(NamedTuple):
-    """Why an agent does not want a scene.
+    """Reason of an agent for not bidding.
 
     Attributes:
-        reason: In words.
+        reason: For people.
         unmet: What the scene lacks of what the agent requires; empty for any other reason.
     """
 
@@ -98,14 +99,14 @@ class Decline(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class HostBids:
-    """Answer of a host to a call for bids: who bids, and who does not by name."""
+    """Answer of a host to a call for bids: bidders, and declines by name."""
 
     bidders: BidderColumns
     declined: Mapping[str, Decline]
 
     @property
     def bids(self) -> tuple[HostedAgent, ...]:
-        """Who bids."""
+        """The agents that bid."""
         return self.bidders.members
 
     def fields(self) -> dict[str, Any]:
@@ -123,16 +124,16 @@ class HostBids:
 
 @dataclass(frozen=True, kw_only=True)
 class _Registered:
-    """The agents that the market has taken, made ready for scenes that name no layer.
+    """Registered agents, prepared for scenes that name no layer.
 
     Attributes:
         bidders: All of them.
-        choosy: Those that may not want a scene.
+        conditional: Those that may decline a scene.
         layered: Whether any has a profile for a person or a place.
     """
 
     bidders: BidderColumns
-    choosy: tuple[HostedAgent, ...]
+    conditional: tuple[HostedAgent, ...]
     layered: bool
 
 
@@ -143,13 +144,13 @@ class AgentRegistry:
         self.space = space
         self.members: dict[str, HostedAgent] = {}
         self._registered: _Registered | None = None
-        self._some: tuple[frozenset[str], BidderColumns] | None = None
-        self._on_change = self._forget
+        self._last_subset: tuple[frozenset[str], BidderColumns] | None = None
+        self._on_change = self._invalidate
         for spec in agents:
             self.add(spec)
 
     def add(self, spec: AgentSpec) -> HostedAgent:
-        """Take an agent in, as its file says; return it."""
+        """Add an agent, as its file says; return it."""
         member = self.members[spec.name] = HostedAgent(
             on_change=self._on_change,
             spec=spec,
@@ -160,9 +161,9 @@ class AgentRegistry:
         return member
 
     def remove(self, name: str) -> None:
-        """Let an agent go."""
+        """Remove an agent."""
         del self.members[name]
-        self._forget()
+        self._invalidate()
 
     def member(self, name: str) -> HostedAgent:
         """Return an agent.
@@ -175,39 +176,41 @@ class AgentRegistry:
             raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
         return self.members[name]
 
-    def enrol(self, names: Iterable[str], ids: Iterable[int], reasons: Iterable[str]) -> None:
-        """Take over the market's answer to a registration."""
+    def apply_registration(
+        self, names: Iterable[str], ids: Iterable[int], reasons: Iterable[str]
+    ) -> None:
+        """Apply the market's answer to a registration."""
         for name, agent_id, reason in zip(names, ids, reasons, strict=True):
             if name in self.members:
                 self.members[name].agent_id = agent_id
                 self.members[name].refusal = "" if agent_id else reason
 
-    def answer(
+    def bids_for(
         self, scene: Scene, excluded: Collection[str] = (), *, obstacle: str = ""
     ) -> HostBids:
-        """Return who bids for a scene; members that the market did not take stay silent.
+        """Return the bids for a scene, of registered agents only.
 
         Args:
             scene: What is to be bid for.
             excluded: Names of agents that are not asked.
-            obstacle: Why nobody here can run now, in words; empty when they can.
+            obstacle: Reason why no agent of this host can run; empty if they can.
         """
         registered = self._registered or self._register()
         everybody = registered.bidders
         if obstacle:
-            hindered = Decline(obstacle)
-            declined = {name: hindered for name in everybody.names if name not in excluded}
+            decline = Decline(obstacle)
+            declined = {name: decline for name in everybody.names if name not in excluded}
         else:
-            declined = self._obstacles(registered.choosy, scene, excluded)
+            declined = self._declined(registered.conditional, scene, excluded)
         named = layers_of(scene) if registered.layered else {}
         if not (declined or excluded or named):
             return HostBids(bidders=everybody, declined=declined)
         others = frozenset(declined).union(excluded)
-        some = self._some
+        some = self._last_subset
         if named or some is None or some[0] != others:
             bids = (m for m in everybody.members if m.spec.name not in others)
-            some = (others, self._columns(bids, named))
-            self._some = None if named else some
+            some = (others, self._columns_of(bids, named))
+            self._last_subset = None if named else some
         return HostBids(bidders=some[1], declined=declined)
 
     def set_profile(self, name: str, values: Iterable[float], revision: int) -> HostedAgent:
@@ -249,11 +252,11 @@ class AgentRegistry:
                 f"{name} has revision {held[1]} for {layer} already, {revision} is older",
             )
         member.layers[layer] = (profile, revision)
-        self._forget()
+        self._invalidate()
         return member
 
     def remove_layer(self, name: str, layer: str) -> None:
-        """Forget the profile of an agent for a person or a place; all of all with empty names.
+        """Remove the profile of an agent for a person or a place; all of all with empty names.
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``BAD_LAYER``.
@@ -263,16 +266,16 @@ class AgentRegistry:
                 member.layers.clear()
         else:
             self.member(name).layers.pop(checked_layer(layer), None)
-        self._forget()
+        self._invalidate()
 
-    def _forget(self) -> None:
-        self._registered = self._some = None
+    def _invalidate(self) -> None:
+        self._registered = self._last_subset = None
 
     def _register(self) -> _Registered:
         members = [member for member in self.members.values() if member.agent_id]
         self._registered = _Registered(
-            bidders=self._columns(members, {}),
-            choosy=tuple(
+            bidders=self._columns_of(members, {}),
+            conditional=tuple(
                 member
                 for member in members
                 if member.removal_reason
@@ -283,7 +286,9 @@ class AgentRegistry:
         )
         return self._registered
 
-    def _columns(self, members: Iterable[HostedAgent], named: Mapping[str, str]) -> BidderColumns:
+    def _columns_of(
+        self, members: Iterable[HostedAgent], named: Mapping[str, str]
+    ) -> BidderColumns:
         """Return agents column by column for scenes that name these layers."""
         bidders = tuple(members)
         vectors = array("d")
@@ -305,13 +310,13 @@ class AgentRegistry:
                 weights.extend(one.get(p.name, p.weight) for p in self.space.parameters)
         return weights
 
-    def _obstacles(
-        self, choosy: Iterable[HostedAgent], scene: Scene, excluded: Collection[str]
+    def _declined(
+        self, conditional: Iterable[HostedAgent], scene: Scene, excluded: Collection[str]
     ) -> dict[str, Decline]:
-        """Return who does not want a scene, with the reason."""
+        """Return the declines of a scene by name."""
         declined = {}
         unmet_ones: dict[str, Decline | None] = {}  # a condition knows nothing but the scene
-        for member in choosy:
+        for member in conditional:
             name, requires = member.spec.name, member.spec.requires
             if name in excluded:
                 continue
@@ -339,7 +344,7 @@ def unmet(
     profile: Vector,
     tunables: Mapping[str, Plain],
 ) -> Decline | None:
-    """Return why an agent does not want a scene that lacks what it requires; None if it does."""
+    """Return the decline of an agent whose requirement a scene lacks; None if it has it."""
     requires = spec.requires
     if requires is None:
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Award of a run as its host follows it in the heartbeat of the market."""
+"""Monitor of an award: what the heartbeat of the market says about the run of its host."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class RunKey:
 
 
 class AwardMonitor:
-    """Follows which run the market names: a host that has stalled waits for it before acting.
+    """Monitor of the run that the market names; a host that has stalled waits for it to act.
 
     Args:
         now: The time on the steady clock [s].
@@ -34,7 +34,7 @@ class AwardMonitor:
         self._named: RunKey | None = None
 
     def on_heartbeat(self, named: RunKey, run: RunKey | None, now: float) -> bool:
-        """Take the run that a market names; return True when the one under way was given away.
+        """Handle the run that a market names; return True when the one under way was given away.
 
         Args:
             named: By the heartbeat.
@@ -60,17 +60,17 @@ class AwardMonitor:
     def hold_off_s(self, run: RunKey, now: float) -> float:
         """Return how long to wait before a run goes on [s].
 
-        A market that has never named a run will not do so now.
+        A market that has never named a run is not waited for.
         """
         wait_s = self.stall.hold_off_s(now)
-        speaks = self._named is not None and self._named.epoch == run.epoch
-        return wait_s if self.stall.confirmed or not speaks else max(wait_s, _POLL_AGAIN_S)
+        names_runs = self._named is not None and self._named.epoch == run.epoch
+        return wait_s if self.stall.confirmed or not names_runs else max(wait_s, _POLL_AGAIN_S)
 
 
 class MarketLease:
     """Lease of the market on the run under way; all times are on the steady clock [s].
 
-    A market that has never been heard of is not missed: it may be one without heartbeats.
+    A market without a heartbeat so far is not missed: it may have none.
 
     Args:
         lease_s: The market is gone when it has been silent for this long [s].
@@ -90,7 +90,7 @@ class MarketLease:
         self._last = now
 
     def end(self) -> None:
-        """Watch over no run any more."""
+        """End with the run."""
         self._epoch = None
 
     def on_heartbeat(self, epoch: str, now: float) -> None:
@@ -101,7 +101,7 @@ class MarketLease:
             self._last = now
 
     def extend_after_stall(self, since: float, now: float) -> None:
-        """Renew the lease valid at ``since``, as nobody has listened to heartbeats after it."""
+        """Renew the lease valid at ``since``: heartbeats after it were not read."""
         self._last = extended_after_stall(self._last, self.lease_s, since, now)
 
     def silence(self, now: float) -> float:

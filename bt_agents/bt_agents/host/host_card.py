@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a host introduces itself: cards of its agents and the structure of their trees."""
+"""Card of a host, with the structure of its trees and the texts of their files."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
-from bt_agents.host.reload.report import problems_of
-from bt_agents.host.reload.source_bundle import texts
+from bt_agents.host.reload.source_bundle import source_bundle
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_core.feedback import WEIGHTS, LearningRule
 from bt_agents_core.scene import SceneSpace
@@ -29,50 +28,50 @@ from bt_agents_ros.installed import InstalledInterfaces
 
 
 class HostCardPublisher:
-    """Publishes what others need to know of a host's agents; latched.
+    """Publisher of the card, trees and files of a host; latched.
 
-    The card stands under the name of the host. Only the host that the market has taken may have
-    one: another of the same name would have everybody forget the agents of the first.
+    The card stands under the name of the host. Only the host that the market has registered may
+    have one: a card of another host of the same name would replace it.
 
     Args:
         node: The host's node.
         instance: This start of the host.
-        roster: Its agents.
+        registry: Its agents.
         versions: Their versions, and what is wrong with their files.
     """
 
     def __init__(
-        self, node: Node, instance: str, roster: AgentRegistry, versions: AgentVersions
+        self, node: Node, instance: str, registry: AgentRegistry, versions: AgentVersions
     ) -> None:
         self._host = str(node.get_fully_qualified_name())
         self._instance = instance
-        self._roster = roster
+        self._registry = registry
         self._versions = versions
         self._folder = str(versions.trees.folder.resolve())
         self._node = node
-        self._taken = False
+        self._registered = False
         self._cards = self._card_publisher()
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
         self._files = node.create_publisher(AgentFiles, "~/files", qos.FACT)
 
-    def admit(self, taken: bool) -> None:
-        """Publish the card of a host that the market has taken; take back that of one refused."""
-        if self._taken and not taken:
+    def set_registered(self, registered: bool) -> None:
+        """Publish the card of a host that the market has registered, or withdraw it."""
+        if self._registered and not registered:
             self._node.destroy_publisher(self._cards)
             self._cards = self._card_publisher()
-        self._taken = taken
+        self._registered = registered
         self.card()
 
     def card(self) -> None:
         """Publish the card: the registered agents, and every problem of the files."""
-        if not self._taken:
+        if not self._registered:
             return
         trees = self._versions.trees
-        members = self._roster.members.values()
-        problems = problems_of(trees)
+        members = self._registry.members.values()
+        problems = self._versions.folder_problems()
         for member in members:
             name = member.spec.name
-            for line in self._versions.standing(name).problems:
+            for line in self._versions.status(name).problems:
                 if line not in problems:
                     problems.append(f"{name}: {line.removeprefix(f'{name}: ')}")
         problems += [f"{m.spec.file}: {m.refusal}" for m in members if m.refusal]
@@ -81,7 +80,7 @@ class HostCardPublisher:
                 host=self._host,
                 host_instance=self._instance,
                 trees=self._folder,
-                parameters=list(self._roster.space.names),
+                parameters=list(self._registry.space.names),
                 agents=[self._agent_card(member) for member in members if member.agent_id],
                 broken_files=[str(broken.file) for broken in trees.broken],
                 problems=problems,
@@ -90,21 +89,21 @@ class HostCardPublisher:
 
     def trees(self) -> None:
         """Publish the structure of all trees, the clean-up branches included."""
-        # Made anew each time: kept, the nodes of 1,000 agents would take 2 MB.
+        # Made anew each time, as the nodes of 1,000 agents take 2 MB.
         self._trees.publish(
             Trees(
                 host=self._host,
                 host_instance=self._instance,
                 trees=[
                     Tree(agent=name, nodes=_nodes(member.spec))
-                    for name, member in self._roster.members.items()
+                    for name, member in self._registry.members.items()
                 ],
             )
         )
 
     def files(self) -> None:
         """Publish the texts that the agents in force are made from."""
-        found = texts(self._versions, InstalledInterfaces().has_package)
+        found = source_bundle(self._versions, InstalledInterfaces().has_package)
         self._files.publish(
             AgentFiles(
                 host=self._host,
@@ -121,7 +120,7 @@ class HostCardPublisher:
 
     def _agent_card(self, member: HostedAgent) -> AgentCard:
         spec = member.spec
-        standing = self._versions.standing(spec.name)
+        status = self._versions.status(spec.name)
         return AgentCard(
             name=spec.name,
             title=spec.title,
@@ -131,12 +130,12 @@ class HostCardPublisher:
             current=list(member.profile),
             revision=member.revision,
             learning_rate=member.learning_rate,
-            learning=learning_to_msg(spec.learning, self._roster.space),
+            learning=learning_to_msg(spec.learning, self._registry.space),
             rules=[rule_to_msg(rule) for rule in spec.rules],
-            version=standing.version,
-            waiting=standing.waiting,
-            degraded=bool(standing.problems),
-            problems=list(standing.problems),
+            version=status.version,
+            waiting=status.waiting,
+            degraded=bool(status.problems),
+            problems=list(status.problems),
         )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscription to the live scene, for the trees of a host."""
+"""Subscription of a host to the live scene, for its trees."""
 
 from __future__ import annotations
 

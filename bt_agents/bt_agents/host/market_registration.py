@@ -27,35 +27,35 @@ MARKET_LEASE = "market_lease"
 """Parameter of hosts: how long a run goes on without a sign of life of its market."""
 
 _LIMIT_S = 1.0
-_AGAIN_S = 1.0
+_RETRY_S = 1.0
 _POLL_S = 0.02
-_REPORTED_S = 30.0
+_LOG_PERIOD_S = 30.0
 
 
 class MarketRegistration:
     """Registration of a host's agents; its action is open only while the market has them.
 
     A run whose market falls silent is cancelled. Its end, and that of every other run which its
-    market has not announced, is told to the next market.
+    market has not announced, is reported to the next market.
 
     Args:
         node: The host's node.
-        roster: Its agents.
+        registry: Its agents.
         runs: Its action.
         instance: This start of the host.
-        matched: Returns whether calls and bids get through already; if not, the host registers
-            after a second all the same.
+        matched: Returns whether calls and bids are matched in both directions; if not, the host
+            registers after a second all the same.
         changed: Called after the market has taken or refused the host or some of its agents.
 
     Attributes:
-        epoch: The market that has answered last; empty before the first.
-        accepted: Whether it has taken the host.
+        epoch: Of the market that has answered last; empty before the first.
+        accepted: Whether it has registered the host.
     """
 
     def __init__(
         self,
         node: Node,
-        roster: AgentRegistry,
+        registry: AgentRegistry,
         runs: RunServer,
         instance: str,
         matched: Callable[[], bool],
@@ -64,17 +64,17 @@ class MarketRegistration:
         self.epoch = ""
         self.accepted = False
         self._node = node
-        self._roster = roster
+        self._registry = registry
         self._runs = runs
         self._instance = instance
         self._matched = matched
         self._changed = changed
         self._registering = False
-        self._later: Callable[[], None] | None = None
+        self._deferred: Callable[[], None] | None = None
         self._stale = False
-        self._asked = 0.0
-        self._watched = time.monotonic()
-        self._unheard = UnreportedRuns()
+        self._asked_at = 0.0
+        self._checked_at = time.monotonic()
+        self._unreported = UnreportedRuns()
         self._lease = MarketLease(self._declare_lease())
         self._calls = Calls(node)
         self._client = node.create_client(
@@ -84,29 +84,29 @@ class MarketRegistration:
         node.create_subscription(
             MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.SENSOR
         )
-        node.create_subscription(Run, "runs", self._unheard.take_event, qos.HISTORY)
-        runs.on_begin(self._run_begins)
-        runs.on_end(self._run_ended)
-        steady_timer(node, _AGAIN_S, self._retry)
-        self._waiting = ""
-        self._poll = steady_timer(node, _POLL_S, self._register_matched, running=False)
+        node.create_subscription(Run, "runs", self._unreported.on_run_event, qos.HISTORY)
+        runs.on_begin(self._on_run_begin)
+        runs.on_end(self._on_run_end)
+        steady_timer(node, _RETRY_S, self._retry)
+        self._pending_epoch = ""
+        self._match_timer = steady_timer(node, _POLL_S, self._register_matched, running=False)
 
     @property
     def complete(self) -> bool:
         """True when the market has taken every agent of this host."""
-        return bool(self.epoch) and all(m.agent_id for m in self._roster.members.values())
+        return bool(self.epoch) and all(m.agent_id for m in self._registry.members.values())
 
-    def after_answer(self, act: Callable[[], None]) -> bool:
-        """Have something done when the market has answered; return False when it is not asked.
+    def defer(self, action: Callable[[], None]) -> bool:
+        """Defer an action until the market answers; return False when it is not asked.
 
         A market may call for bids before its answer to the registration has been read.
         """
         if self._registering:
-            self._later = act
+            self._deferred = action
         return self._registering
 
     def refresh(self) -> None:
-        """Tell the market which agents there are now."""
+        """Register the present agents, where a market is known."""
         if self.epoch:
             self._stale = self._registering
             self._register(self.epoch)
@@ -119,12 +119,12 @@ class MarketRegistration:
         limits = describe(meaning, minimum=0.3, maximum=10.0)
         return float(declare_and_watch(self._node, MARKET_LEASE, 1.0, limits, take))
 
-    def _run_begins(self, goal: Any) -> None:
+    def _on_run_begin(self, goal: Any) -> None:
         self._lease.begin(goal.epoch, time.monotonic())
 
-    def _run_ended(self, goal: Any, result: RunAgent.Result) -> None:
+    def _on_run_end(self, goal: Any, result: RunAgent.Result) -> None:
         self._lease.end()
-        self._unheard.store(
+        self._unreported.store(
             Run(
                 stamp=self._node.get_clock().now().to_msg(),
                 epoch=goal.epoch,
@@ -152,20 +152,20 @@ class MarketRegistration:
         self._lease.on_heartbeat(heartbeat.epoch, now)
         self._runs.on_market_heartbeat(heartbeat)
         # Two markets of one name must not have the host register ten times a second.
-        if heartbeat.epoch != self.epoch and now - self._asked >= _AGAIN_S:
+        if heartbeat.epoch != self.epoch and now - self._asked_at >= _RETRY_S:
             self._register(heartbeat.epoch)
 
-    def watch(self) -> None:
-        """Look ten times a second whether the market is silent, or this process was held up."""
+    def check_lease(self) -> None:
+        """Cancel a run whose market is silent; called ten times a second, to detect stalls."""
         now = time.monotonic()
-        held_up_s = now - self._watched
-        if held_up_s > self._lease.lease_s / 2:
-            # This process was held up; the heartbeats of that time still wait to be read.
-            self._lease.extend_after_stall(self._watched, now)
-        if held_up_s > STALL_S:
+        gap_s = now - self._checked_at
+        if gap_s > self._lease.lease_s / 2:
+            # After a stall, the heartbeats of that time still wait to be read.
+            self._lease.extend_after_stall(self._checked_at, now)
+        if gap_s > STALL_S:
             # Another start of this host may have taken its place.
             self.refresh()
-        self._watched = now
+        self._checked_at = now
         silence = self._lease.silence(now)
         if silence:
             self._runs.cancel(
@@ -177,54 +177,54 @@ class MarketRegistration:
             self._register(status.epoch)
 
     def _retry(self) -> None:
-        if self.epoch and any(member.refusal for member in self._roster.members.values()):
+        if self.epoch and any(member.refusal for member in self._registry.members.values()):
             self._register(self.epoch)
 
     def _register(self, epoch: str) -> None:
         if self._registering:
             return
         self._registering = True
-        self._asked = time.monotonic()
-        self._waiting = epoch
+        self._asked_at = time.monotonic()
+        self._pending_epoch = epoch
         self._register_matched()
 
     def _register_matched(self) -> None:
         """Register as soon as no bid would be lost."""
-        if not self._matched() and time.monotonic() - self._asked < _LIMIT_S:
-            self._poll.reset()
+        if not self._matched() and time.monotonic() - self._asked_at < _LIMIT_S:
+            self._match_timer.reset()
             return
-        self._poll.cancel()
-        epoch = self._waiting
+        self._match_timer.cancel()
+        epoch = self._pending_epoch
         host = str(self._node.get_fully_qualified_name())
-        names = list(self._roster.members)
+        names = list(self._registry.members)
         request = RegisterHost.Request(
             host=host,
             host_instance=self._instance,
-            # Actions are not remapped by rclpy, so neither is the name that the market is told.
+            # rclpy does not remap actions, so neither is their name here.
             run_action=f"{host}/run",
             heartbeat=self._node.resolve_topic_name("~/heartbeat"),
-            parameters=list(self._roster.space.names),
+            parameters=list(self._registry.space.names),
             agents=names,
-            unreported=self._unheard.of_others(epoch),
+            unreported=self._unreported.of_others(epoch),
         )
         self._calls.call(
             self._client,
             request,
             deadline_s=_LIMIT_S,
-            on_answer=lambda answer: self._answered(request, answer),
-            on_failure=lambda reason: self._unanswered(epoch, reason),
+            on_answer=lambda answer: self._handle_answer(request, answer),
+            on_failure=lambda reason: self._handle_failure(epoch, reason),
         )
 
-    def _answered(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
+    def _handle_answer(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
         self._registering = False
-        self._take_answer(request, answer)
-        if self._stale or (answer.accepted and self._unheard.of_others(answer.epoch)):
+        self._apply_answer(request, answer)
+        if self._stale or (answer.accepted and self._unreported.of_others(answer.epoch)):
             self.refresh()
-        later, self._later = self._later, None
-        if later is not None:
-            later()
+        deferred, self._deferred = self._deferred, None
+        if deferred is not None:
+            deferred()
 
-    def _take_answer(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
+    def _apply_answer(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
         names = list(request.agents)
         before, self.accepted = self.accepted, answer.accepted
         if not answer.accepted:
@@ -233,35 +233,35 @@ class MarketRegistration:
             self.epoch = answer.epoch
             self._runs.withdraw(f"the market refuses this host: {answer.message}")
             refused = [answer.message] * len(names)
-            self._apply_registration(names, [0] * len(names), refused, news=before)
+            self._apply_registration(names, [0] * len(names), refused, changed=before)
             return
         self.epoch = answer.epoch
         self._runs.open()
         if self._runs.busy and self._runs.goal.epoch != answer.epoch:
             self._runs.cancel("its market is gone", cause=StopCause.MARKET_LOST)
-        # What a market has been told of its own runs it has not been asked to take over.
-        self._unheard.acknowledge([r for r in request.unreported if r.epoch != answer.epoch])
-        self._apply_registration(names, answer.agent_ids, answer.reasons, news=not before)
+        # A market does not take over its own runs.
+        self._unreported.acknowledge([r for r in request.unreported if r.epoch != answer.epoch])
+        self._apply_registration(names, answer.agent_ids, answer.reasons, changed=not before)
 
-    def _unanswered(self, epoch: str, reason: str) -> None:
+    def _handle_failure(self, epoch: str, reason: str) -> None:
         self._registering = False
         self._node.get_logger().warning(
             f"registration at market {epoch}: {reason}; trying again",
-            throttle_duration_sec=_REPORTED_S,
+            throttle_duration_sec=_LOG_PERIOD_S,
         )
         self._register(epoch)
 
     def _apply_registration(
-        self, names: Sequence[str], ids: Sequence[int], reasons: Sequence[str], *, news: bool
+        self, names: Sequence[str], ids: Sequence[int], reasons: Sequence[str], *, changed: bool
     ) -> None:
-        before = {n: (m.agent_id, m.refusal) for n, m in self._roster.members.items()}
+        before = {n: (m.agent_id, m.refusal) for n, m in self._registry.members.items()}
         if not len(names) == len(ids) == len(reasons):
             self._node.get_logger().error("the market's answer to the registration is malformed")
             return
-        self._roster.enrol(names, ids, reasons)
-        after = {n: (m.agent_id, m.refusal) for n, m in self._roster.members.items()}
+        self._registry.apply_registration(names, ids, reasons)
+        after = {n: (m.agent_id, m.refusal) for n, m in self._registry.members.items()}
         for name, (_, refusal) in after.items():
             if refusal and refusal != before[name][1]:
                 self._node.get_logger().error(f"agent '{name}' is not registered: {refusal}")
-        if news or after != before:
+        if changed or after != before:
             self._changed()

@@ -11,10 +11,9 @@ from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.live_scene import LiveScene
 from bt_agents.host.market_registration import MarketRegistration
-from bt_agents.host.reload.reload_actions import ReloadAction, ReloadEffect
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.version_services import ReloadServices
-from bt_agents.host.reload.versions import AgentVersions
+from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
 from bt_agents.host.run_server import RunServer
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
 from bt_agents_core.errors import Refused
@@ -43,7 +42,7 @@ _NAMES_SHOWN = 20
 
 
 class HostNode(BaseNode):
-    """Offers the agents of a trees folder: registers them, bids for them, ticks the winner's tree.
+    """Host of the agents of a trees folder: registers them, bids, and ticks the winner's tree.
 
     Args:
         folder: What the trees folder says.
@@ -54,32 +53,32 @@ class HostNode(BaseNode):
     def __init__(self, folder: TreesFolder, *, tunings: str = "", **node_kwargs: Any) -> None:
         super().__init__("agents", **node_kwargs)
         self.instance = uuid.uuid4().hex[:12]
-        self.roster = AgentRegistry(folder.scene.space, folder.agents)
+        self.registry = AgentRegistry(folder.scene.space, folder.agents)
         self._beats = 0
         for broken in folder.broken:
             self.get_logger().error(f"agent file left out, the others run:\n{broken.error.report}")
         for problem in folder.plugin_problems:
             self.get_logger().warning(f"a node of a package is left out: {problem}")
         self._bids = self.create_publisher(Bids, "bids", qos.EVENTS)
-        self._saying = BidEncoder(self.host, self.instance)
+        self._bid_encoder = BidEncoder(self.host, self.instance)
         self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         stamp = seconds(self.get_clock().now().to_msg())
         self._versions = AgentVersions(folder, stamp)
-        self._introductions = HostCardPublisher(self, self.instance, self.roster, self._versions)
-        live = LiveScene(self, self.roster.space)
+        self._host_card = HostCardPublisher(self, self.instance, self.registry, self._versions)
+        live = LiveScene(self, self.registry.space)
         self._runs = RunServer(
             self,
-            self.roster,
+            self.registry,
             self.instance,
             live.begin_run,
-            version=lambda name: self._versions.standing(name).version,
+            version=lambda name: self._versions.status(name).version,
         )
-        for member in self.roster.members.values():
+        for member in self.registry.members.values():
             self._prepare(member.spec)
         self._tunables = TunableParameters(
             self,
-            self.roster,
-            self._introductions.card,
+            self.registry,
+            self._host_card.card,
             set_rate=self._runs.set_rate,
             tunings=tunings,
         )
@@ -87,24 +86,24 @@ class HostNode(BaseNode):
             SetProfile, "~/set_profile", self._set_profile, qos_profile=qos.SERVICE
         )
         self._calls = self.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
-        self._membership = MarketRegistration(
+        self._registration = MarketRegistration(
             self,
-            self.roster,
+            self.registry,
             self._runs,
             self.instance,
             matched=lambda: is_matched(self, self._bids, self._calls, partner="market"),
-            changed=lambda: self._introductions.admit(self._membership.accepted),
+            changed=lambda: self._host_card.set_registered(self._registration.accepted),
         )
         self._reloading = ReloadService(
-            self, self._versions, self._runs, apply=self._change, applied=self._tell_changes
+            self, self._versions, self._runs, apply=self._change, applied=self._publish_changes
         )
         ReloadServices(self, self._reloading, self._runs)
         self._changed = False
         self._runs.on_end(lambda *_: self._tidy_up())
         steady_timer(self, HEARTBEAT_S, self._beat)
-        self._introductions.trees()
-        self._introductions.files()
-        names = list(self.roster.members)
+        self._host_card.trees()
+        self._host_card.files()
+        names = list(self.registry.members)
         shown = ", ".join(names[:_NAMES_SHOWN]) + (" …" if names[_NAMES_SHOWN:] else "")
         self.get_logger().info(f"{len(names)} agents: {shown}")
 
@@ -116,10 +115,10 @@ class HostNode(BaseNode):
     @property
     def registered(self) -> bool:
         """True when the market has taken every agent of this host."""
-        return self._membership.complete
+        return self._registration.complete
 
     def request_stop(self) -> None:
-        """Cancel the running tree, so that nothing goes on behind the host's back."""
+        """Cancel the running tree."""
         self._runs.stop("the host is stopping")
 
     def stopped(self) -> bool:
@@ -127,50 +126,53 @@ class HostNode(BaseNode):
         return not self._runs.busy
 
     def destroy_node(self) -> None:
-        """Leave the graph, the action first."""
+        """Destroy the node, its action first."""
         self._reloading.close()
         self._tunables.close()
         self._runs.close()
-        self._runs.world.close()
+        self._runs.environment.close()
         super().destroy_node()
 
     def _prepare(self, agent: AgentSpec) -> None:
         for spec in _nodes(agent):
-            self._runs.world.prepare(spec)
+            self._runs.environment.prepare(spec)
 
     def _tidy_up(self) -> None:
-        """Drop what only earlier versions of the agents have used, when no tree runs."""
+        """Destroy clients and topics that no agent uses any more, when no tree runs."""
         if self._changed and not self._runs.busy:
             self._changed = False
-            members = self.roster.members.values()
-            self._runs.world.retain(node for member in members for node in _nodes(member.spec))
+            members = self.registry.members.values()
+            self._runs.environment.retain(
+                node for member in members for node in _nodes(member.spec)
+            )
 
     def _change(self, effect: ReloadEffect) -> None:
-        """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""
+        """Apply a change of one agent, or none of it; a running tree keeps what it began with."""
         name, agent = effect.name, effect.agent
-        if effect.act is ReloadAction.REMOVE:
-            self.roster.remove(name)
+        if effect.action is ReloadAction.REMOVE:
+            self.registry.remove(name)
             self._tunables.remove(name)
-        elif effect.act is ReloadAction.ADD and agent is not None:
+        elif effect.action is ReloadAction.ADD and agent is not None:
             self._add(agent)
         elif agent is not None:
-            member = self.roster.members[name]
+            member = self.registry.members[name]
             if member.spec.profile != agent.profile and member.revision:
                 self.get_logger().info(
                     f"{name}: what it has learned (revision {member.revision}) counts until the "
                     "feedback node has recorded the profile of the file"
                 )
-            if effect.act is ReloadAction.REPLACE_TREE:
+            if effect.action is ReloadAction.REPLACE_TREE:
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
-        if name in self.roster.members:
-            self.roster.members[name].removal_reason = self._versions.standing(name).removal_reason
+        if name in self.registry.members:
+            reason = self._versions.status(name).removal_reason
+            self.registry.members[name].removal_reason = reason
 
     def _add(self, agent: AgentSpec) -> None:
         try:
-            self._tunables.add(self.roster.add(agent))
+            self._tunables.add(self.registry.add(agent))
         except Exception:
-            self.roster.remove(agent.name)
+            self.registry.remove(agent.name)
             self._tunables.remove(agent.name)
             raise
         self._prepare(agent)
@@ -184,34 +186,34 @@ class HostNode(BaseNode):
             raise
         self._prepare(agent)
 
-    def _tell_changes(self, effects: Sequence[ReloadEffect]) -> None:
-        """Tell everybody about changed agents, in one message each."""
-        acts = {effect.act for effect in effects}
-        if acts & {ReloadAction.ADD, ReloadAction.REMOVE}:
-            self._membership.refresh()
-        if acts - {ReloadAction.REPORT}:
-            self._introductions.trees()
-            self._introductions.files()
+    def _publish_changes(self, effects: Sequence[ReloadEffect]) -> None:
+        """Publish changed agents, each topic once."""
+        actions = {effect.action for effect in effects}
+        if actions & {ReloadAction.ADD, ReloadAction.REMOVE}:
+            self._registration.refresh()
+        if actions - {ReloadAction.REPORT}:
+            self._host_card.trees()
+            self._host_card.files()
             self._changed = True
             self._tidy_up()
-        self._introductions.card()
+        self._host_card.card()
 
     def _bid(self, call: CallForBids) -> None:
-        same_space = list(call.parameters) == list(self.roster.space.names)
-        member = self._membership
-        if call.epoch != member.epoch and member.after_answer(lambda: self._bid(call)):
+        same_space = list(call.parameters) == list(self.registry.space.names)
+        registration = self._registration
+        if call.epoch != registration.epoch and registration.defer(lambda: self._bid(call)):
             return
-        if not (member.accepted and call.epoch == member.epoch and same_space):
+        if not (registration.accepted and call.epoch == registration.epoch and same_space):
             return
         try:
-            scene = scene_from_msg(call.scene, self.roster.space)
+            scene = scene_from_msg(call.scene, self.registry.space)
         except Refused as refused:
             self.get_logger().warning(f"call of round {call.round} not answered: {refused}")
             return
-        answer = self.roster.answer(
-            scene, frozenset(call.excluded), obstacle=self._runs.world.clock.obstacle()
+        answer = self.registry.bids_for(
+            scene, frozenset(call.excluded), obstacle=self._runs.environment.clock.obstacle()
         )
-        self._bids.publish(self._saying.message(call.epoch, call.round, answer))
+        self._bids.publish(self._bid_encoder.message(call.epoch, call.round, answer))
 
     def _set_profile(
         self, request: SetProfile.Request, response: SetProfile.Response
@@ -219,13 +221,13 @@ class HostNode(BaseNode):
         agent, layer = request.agent, request.layer
         try:
             if request.remove:
-                self.roster.remove_layer(agent, layer)
+                self.registry.remove_layer(agent, layer)
                 response.message = f"{agent or 'everybody here'} has no {layer or 'layers'} now"
             elif layer:
-                self.roster.set_layer(agent, layer, request.values, request.revision)
+                self.registry.set_layer(agent, layer, request.values, request.revision)
                 response.message = f"{agent} bids with revision {request.revision} for {layer}"
             else:
-                self.roster.set_profile(agent, request.values, request.revision)
+                self.registry.set_profile(agent, request.values, request.revision)
                 response.message = f"{agent} bids with revision {request.revision}"
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
@@ -233,7 +235,7 @@ class HostNode(BaseNode):
         response.accepted = True
         if not layer and not request.remove:
             # The feedback node waits for the answer, nobody for the card.
-            self.executor.create_task(self._introductions.card)
+            self.executor.create_task(self._host_card.card)
         return response
 
     def _beat(self) -> None:
@@ -249,7 +251,7 @@ class HostNode(BaseNode):
                 sequence=self._beats % 2**32,
             )
         )
-        self._membership.watch()
+        self._registration.check_lease()
         self._runs.check_stall()
 
 

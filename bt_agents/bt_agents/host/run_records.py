@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes recordings of runs while somebody subscribes to them."""
+"""Publisher of the recordings of runs, for as long as there are subscribers."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from bt_agents_ros import qos
 from bt_agents_ros.timers import steady_timer
 
 _MOST_CHARACTERS = 8_000
-"""Lines of so many characters are published at once, fewer of them after a while."""
+"""Characters of lines that are published at once; fewer of them after :data:`_WAIT_S`."""
 
 _WAIT_S = 0.5
-"""How long lines are collected at most [s]; those of a killed host are lost."""
+"""Longest time for which lines are collected [s]; those of a killed host are lost."""
 
 _SEED_BITS = 53
 
 
 class RunRecords:
-    """Publishes recordings on ``~/records``, several steps in one message.
+    """Publisher of recordings on ``~/records``, several steps in one message.
 
     A run is recorded when there are subscribers of both the records and the status of trees at
     its begin: a recording alone can be replayed, but not be compared with what happened.

@@ -31,15 +31,15 @@ from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.workarounds.quiet_action_server import QuietActionServer
 
-RESULT_KEPT_S = 2
-"""How long rclpy keeps a finished goal [s]; its default of 900 s slows acceptance 25-fold."""
+RESULT_TIMEOUT_S = 2
+"""Time for which rclpy stores a result [s]; its default of 900 s slows acceptance 25-fold."""
 
 _STOP_SETTLE_S = 0.7
-"""How long a host that is stopped waits for goals to end [s]; it has a second for everything."""
+"""Longest wait of a host that is stopped for goals to end [s], of a second for everything."""
 
 _OVERRUNS_REPORTED_S = 5.0
 _FAREWELL_S = 0.2
-"""How long the last result has to go out before the action leaves the graph [s]."""
+"""Time for the last result to go out before the action leaves the graph [s]."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -47,11 +47,11 @@ class _Stop:
     """Order to stop the running tree.
 
     Attributes:
-        reason: Why, in words.
-        cause: Why, as the market needs to know it.
+        reason: For people.
+        cause: For the market.
         clean_up: False leaves the agent's ``on_cancel`` out.
         host_reason: True when the reason says more than that the market stopped it.
-        begun: True once the tree has been told.
+        begun: True once the run was cancelled with it.
     """
 
     reason: str
@@ -66,9 +66,9 @@ class RunServer:
 
     Args:
         node: The host's node.
-        roster: Its agents.
+        registry: Its agents.
         instance: This start of the host; goals meant for another one are refused.
-        live: Begins with the scene of a run; returns what tells its live scene.
+        live: Begins with the scene of a run; returns a function for its live scene.
         version: Returns the version of an agent's file that is in force.
 
     Attributes:
@@ -78,14 +78,14 @@ class RunServer:
     def __init__(
         self,
         node: Node,
-        roster: AgentRegistry,
+        registry: AgentRegistry,
         instance: str,
         live: Callable[[Scene], Callable[[], Scene]],
         version: Callable[[str], int],
     ) -> None:
         self.goal: Any = None
         self._node = node
-        self._roster = roster
+        self._registry = registry
         self._instance = instance
         self._live = live
         self._run: Run | None = None
@@ -94,19 +94,19 @@ class RunServer:
         self._handle: Any = None
         self._scene: Any = None
         self._stop: _Stop | None = None
-        self._stopping = False
-        self._leaving = False
+        self._shutting_down = False
+        self._withdrawing = False
         self._free_since = 0.0
-        self._market = AwardMonitor(time.monotonic())
-        self._soon = False
+        self._award_monitor = AwardMonitor(time.monotonic())
+        self._tick_queued = False
         self._period_s = 0.05
-        self._pace = TickScheduler(self._period_s, time.monotonic())
-        self._at_begin: list[Callable[[Any], None]] = []
-        self._at_end: list[Callable[[Any, RunAgent.Result], None]] = []
-        self.world = RosEnvironment(
+        self._scheduler = TickScheduler(self._period_s, time.monotonic())
+        self._begin_listeners: list[Callable[[Any], None]] = []
+        self._end_listeners: list[Callable[[Any, RunAgent.Result], None]] = []
+        self.environment = RosEnvironment(
             node,
-            self._on_news,
-            space=roster.space,
+            self._on_arrival,
+            space=registry.space,
             agent=lambda: self.goal.agent if self.goal is not None else "",
             scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
         )
@@ -117,8 +117,8 @@ class RunServer:
         self._server: QuietActionServer | None = None
 
     def open(self) -> None:
-        """Take goals; two servers of one name would each take every goal."""
-        self._leaving = False
+        """Open the action; two servers of one name would each take every goal."""
+        self._withdrawing = False
         if self._server is None:
             self._server = QuietActionServer(
                 self._node,
@@ -132,12 +132,12 @@ class RunServer:
                 result_service_qos_profile=qos.SERVICE,
                 cancel_service_qos_profile=qos.SERVICE,
                 feedback_pub_qos_profile=qos.EVENTS,
-                result_timeout=RESULT_KEPT_S,
+                result_timeout=RESULT_TIMEOUT_S,
             )
 
     def withdraw(self, reason: str) -> None:
         """Take the action off the graph, but first stop the running tree, without its clean-up."""
-        self._leaving = True
+        self._withdrawing = True
         self.cancel(reason, clean_up=False)
         if not self.busy and time.monotonic() - self._free_since >= _FAREWELL_S:
             self.close()
@@ -163,19 +163,19 @@ class RunServer:
         self._period_s = 1.0 / hertz
         if self._run is not None:
             self._run.period_s = self._period_s
-            self._pace.change(self._period_s, time.monotonic())
+            self._scheduler.change(self._period_s, time.monotonic())
             self._set_timer()
 
     def on_begin(self, listener: Callable[[Any], None]) -> None:
-        """Have a callable told each goal that was accepted."""
-        self._at_begin.append(listener)
+        """Register a listener for each goal that was accepted."""
+        self._begin_listeners.append(listener)
 
     def on_end(self, listener: Callable[[Any, RunAgent.Result], None]) -> None:
         """Register a listener for each goal that is over and its result, before that goes out.
 
         The host is not busy any more then.
         """
-        self._at_end.append(listener)
+        self._end_listeners.append(listener)
 
     def cancel(
         self, reason: str, *, cause: StopCause = StopCause.BY_HOST, clean_up: bool = True
@@ -183,8 +183,8 @@ class RunServer:
         """Stop the running tree; the first reason and its cause count.
 
         Args:
-            reason: Why, in words.
-            cause: Why, as the market needs to know it.
+            reason: For people.
+            cause: For the market.
             clean_up: False leaves the agent's ``on_cancel`` out, also of an earlier order.
         """
         if not self.busy:
@@ -200,29 +200,29 @@ class RunServer:
             self._stop.clean_up = False
         else:
             return
-        self._pace.now(time.monotonic())
+        self._scheduler.now(time.monotonic())
         self._set_timer()
 
     def stop(self, reason: str) -> None:
-        """Stop the running tree soon, without its clean-up, and take no goals any more."""
-        self._stopping = True
+        """Stop the running tree soon, without its clean-up, and reject later goals."""
+        self._shutting_down = True
         self.cancel(reason, clean_up=False)
         if self._run is not None:
             self._run.shorten_settling(_STOP_SETTLE_S)
-            self._pace.now(time.monotonic())
+            self._scheduler.now(time.monotonic())
             self._set_timer()
 
     def check_stall(self) -> None:
-        """Look ten times a second whether this process was held up, and whether it may leave."""
+        """Detect a stall, and close after the farewell; called ten times a second."""
         now = time.monotonic()
-        self._market.stall.hold_off_s(now)
-        if self._leaving and not self.busy and now - self._free_since >= _FAREWELL_S:
+        self._award_monitor.stall.hold_off_s(now)
+        if self._withdrawing and not self.busy and now - self._free_since >= _FAREWELL_S:
             self.close()
 
     def on_market_heartbeat(self, heartbeat: MarketHeartbeat) -> None:
-        """Take a sign of life of a market, which names the run that it knows of."""
+        """Handle a heartbeat of a market, which names the run that it knows of."""
         run = _run_key(self.goal) if self.busy else None
-        if self._market.on_heartbeat(_run_key(heartbeat), run, time.monotonic()):
+        if self._award_monitor.on_heartbeat(_run_key(heartbeat), run, time.monotonic()):
             self.cancel("the market has given its run away", clean_up=False)
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
@@ -236,17 +236,17 @@ class RunServer:
         return GoalResponse.ACCEPT
 
     def _begin(self, handle: Any) -> None:
-        """Take a goal whose acceptance is on its way; a cancel that came with it is seen first."""
+        """Begin a goal whose acceptance is on its way; a cancel with it is handled first."""
         self._handle = handle
         self.goal = handle.request
         handle.execute()
-        for listener in self._at_begin:
+        for listener in self._begin_listeners:
             self._notify(listener, self.goal)
 
     def _check(self, goal: Any) -> Scene:
-        if self._stopping:
+        if self._shutting_down:
             raise Refused("STOPPING", "this host is being stopped")
-        if self._leaving:
+        if self._withdrawing:
             raise Refused("REFUSED", "the market has refused this host, so it takes no goals")
         if self.busy:
             raise Refused("BUSY", f"{self.goal.agent} is running; one tree at a time")
@@ -255,14 +255,14 @@ class RunServer:
                 "WRONG_INSTANCE",
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
             )
-        if self._market.is_over(_run_key(goal)):
+        if self._award_monitor.is_over(_run_key(goal)):
             raise Refused("OVER", f"the market has gone on from round {goal.round} already")
-        member = self._roster.member(goal.agent)
+        member = self._registry.member(goal.agent)
         if not member.agent_id or member.agent_id != goal.agent_id:
             raise Refused(
                 "UNREGISTERED", f"{goal.agent} has the id {member.agent_id}, not {goal.agent_id}"
             )
-        return scene_from_msg(goal.scene, self._roster.space)
+        return scene_from_msg(goal.scene, self._registry.space)
 
     def _answer_cancel(self, handle: Any) -> CancelResponse:
         if self._handle is None or handle != self._handle:
@@ -290,68 +290,68 @@ class RunServer:
         answer = run_result_to_msg(result)
         if stop is not None and result.outcome is TreeOutcome.CANCELLED:
             answer.stop_cause, answer.host_reason = int(stop.cause), stop.host_reason
-        for listener in self._at_end:
+        for listener in self._end_listeners:
             self._notify(listener, goal, answer)
         _close(handle, result)
         if self._stopped is not None:
-            # The result has a turn of its own, which comes before that of what is begun in it.
+            # The result goes out in a callback of its own, before what that begins.
             begin = self._node.executor.create_task
             begin(begin, self._publish_stopped, goal, *self._stopped)
             self._stopped = None
         return answer
 
     def _start(self, goal: Any) -> None:
-        member = self._roster.member(goal.agent)
+        member = self._registry.member(goal.agent)
         self._run = self._records.run(
             goal,
             member.spec,
-            space=self._roster.space,
+            space=self._registry.space,
             scene=self._scene,
             profile=member.profile_for(self._scene),
             live=self._live(self._scene),
             tunables=member.tunables,
-            world=self.world,
+            environment=self.environment,
             steady=time.monotonic,
         )
         self._run.period_s = self._period_s
-        self._pace = TickScheduler(self._period_s, time.monotonic())
+        self._scheduler = TickScheduler(self._period_s, time.monotonic())
         self._tick()
         self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
 
     def _notify(self, listener: Callable[..., None], *what: Any) -> None:
-        """Tell a listener, which must not stand between the market and the result."""
+        """Call a listener, whose errors must not stand between the market and the result."""
         try:
             listener(*what)
         except Exception:
             self._node.get_logger().error(traceback.format_exc())
 
-    def _on_news(self) -> None:
+    def _on_arrival(self) -> None:
         if self._run is not None:
-            self._pace.request(time.monotonic())
+            self._scheduler.request(time.monotonic())
             self._set_timer()
 
     def _set_timer(self) -> None:
         now = time.monotonic()
-        wait_s = self._pace.due - now
+        wait_s = self._scheduler.due - now
         if self._stop is None:
             wait_s = max(wait_s, self._hold_off_s(now))
-        if wait_s <= 0.0 and not self._soon:
-            self._soon = True
+        if wait_s <= 0.0 and not self._tick_queued:
+            self._tick_queued = True
             self._timer.cancel()
-            self._node.executor.create_task(self._tick_soon)
-        if self._soon:
+            self._node.executor.create_task(self._tick_if_queued)
+        if self._tick_queued:
             return
-        # It rings early rather than never: a period of zero is none.
+        # A period of zero would disable the timer.
         self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
         self._timer.reset()
 
-    def _tick_soon(self) -> None:
+    def _tick_if_queued(self) -> None:
         """Tick, unless a cancel has done so since this was asked for."""
-        if self._soon:
+        if self._tick_queued:
             self._tick()
 
     def _tick(self) -> None:
-        self._soon = False
+        self._tick_queued = False
         self._timer.cancel()
         run = self._run
         if run is None or run.result is not None:
@@ -361,7 +361,7 @@ class RunServer:
             # The market may have given the run to another agent meanwhile, and will say so.
             self._set_timer()
             return
-        self._pace.started()
+        self._scheduler.started()
         try:
             self._advance(run)
         except Exception as error:
@@ -371,7 +371,7 @@ class RunServer:
         if run.result is not None:
             self._end(run.result)
             return
-        self._pace.finished(began, time.monotonic(), run.deadline)
+        self._scheduler.finished(began, time.monotonic(), run.deadline)
         self._set_timer()
 
     def _end(self, result: RunResult) -> None:
@@ -392,7 +392,7 @@ class RunServer:
         is_over = run.result is not None
         ticked = run.tick()
         if is_over:
-            # Whoever cancels waits for the result, not for the words about a thousand nodes.
+            # The canceller waits for the result, not for the changes of a thousand nodes.
             self._stopped = (run, stopped)
         elif stopped or ticked:
             self._publish(run, [*stopped, *ticked])
@@ -402,19 +402,18 @@ class RunServer:
     def _cancel_now(self, run: Run, stop: _Stop) -> Sequence[StatusChange]:
         reason, clean_up = stop.reason, stop.clean_up
         if self._hold_off_s(time.monotonic()):
-            # Another agent may have the robot by now, and must not be talked into.
-            reason += (
-                f", after this host had been held up for {self._market.stall.last_stall_s:.1f} s"
-            )
+            # Another agent may have the robot by now.
+            stall_s = self._award_monitor.stall.last_stall_s
+            reason += f", after this host had been held up for {stall_s:.1f} s"
             clean_up = False
-            # What is said after the tree was told to stop, is not said.
+            # A tree that was stopped before does not take the longer reason.
             stop.host_reason = stop.host_reason or not stop.begun
         stop.begun = True
         return run.cancel(reason, clean_up=clean_up)
 
     def _hold_off_s(self, now: float) -> float:
-        """Return how long not to tick, as the market may have given the run away meanwhile [s]."""
-        return self._market.hold_off_s(_run_key(self.goal), now)
+        """Return how long not to tick, as the run may have been given away meanwhile [s]."""
+        return self._award_monitor.hold_off_s(_run_key(self.goal), now)
 
     def _report_overrun(self, run: Run, overrun: Overrun) -> None:
         self._node.get_logger().warning(
@@ -431,7 +430,7 @@ class RunServer:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
 
     def _publish_stopped(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> None:
-        """Tell what a cancel has changed, when its result is on its way."""
+        """Publish what a cancel has changed, when its result is on its way."""
         if changes:
             self._status.publish(self._status_of(goal, run, changes))
 

@@ -8,7 +8,7 @@ from collections import deque
 from bt_agents_interfaces.msg import Run
 
 MOST = 10
-"""Runs that are kept; more push the oldest ones out."""
+"""Most runs; more push the oldest ones out."""
 
 _REMEMBERED = 50
 
@@ -24,7 +24,7 @@ class UnreportedRuns:
         self._closed: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED)
 
     def store(self, run: Run) -> None:
-        """Keep a run that has ended, unless its market has closed it before."""
+        """Store a run that has ended, unless its market has closed it before."""
         key = _key(run)
         if key in self._closed:
             return
@@ -32,8 +32,8 @@ class UnreportedRuns:
         if len(self._runs) > MOST:
             del self._runs[next(iter(self._runs))]
 
-    def take_event(self, run: Run) -> None:
-        """Forget a run that its market has closed; other events mean nothing."""
+    def on_run_event(self, run: Run) -> None:
+        """Remove a run that its market has closed; other events mean nothing."""
         if run.event in (Run.ENDED, Run.REFUSED):
             self._close(run)
 
@@ -42,7 +42,7 @@ class UnreportedRuns:
         return [run for run in self._runs.values() if run.epoch != epoch]
 
     def acknowledge(self, runs: list[Run]) -> None:
-        """Forget runs that a market has taken note of."""
+        """Remove runs that a market has recorded."""
         for run in runs:
             self._close(run)
 
@@ -53,5 +53,5 @@ class UnreportedRuns:
 
 
 def _key(run: Run) -> tuple[str, int, str]:
-    """Return what names a run: when one agent of a round refuses it, the next one is asked."""
+    """Return the identity of a run: one round has several when agents refuse it."""
     return run.epoch, run.round, run.agent

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Format of recordings: lines of JSON, one for the begin and one for each step with news.
+"""Format of recordings: lines of JSON, one for the begin and one for each step with changes.
 
 A step is a tick with the cancel before it. During one the outside stands still: clock, live scene
 and goals answer each time as they did first, a goal that is cancelled excepted. So one entry a

@@ -14,8 +14,8 @@ from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.environment import Clock, Environment, GoalRun, Inbox, SkillGoal
 from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.scope import RunScope, Scope
-from bt_agents.recording.clock import RecordingClock, ReplayClock
 from bt_agents.recording.format import Entry
+from bt_agents.recording.recorded_clock import RecordingClock, ReplayClock
 from bt_agents.recording.recorded_goal import RecordingGoal, ReplayGoal
 from bt_agents.recording.recorded_inbox import RecordingInbox, ReplayInbox
 from bt_agents.recording.recorded_plugin import RecordingPlugin, ReplayPlugin
@@ -31,7 +31,7 @@ class RecordingEnvironment:
     """The environment of a recorded run, with clocks, live scene and tunables.
 
     Args:
-        world: The environment itself.
+        environment: The one that is recorded.
         live: See :class:`bt_agents.engine.run.Run`, as for the next two.
         tunables: Current values; may change between steps.
         steady: Clock of the bounded waits.
@@ -46,15 +46,15 @@ class RecordingEnvironment:
 
     def __init__(
         self,
-        world: Environment,
+        environment: Environment,
         live: Callable[[], Scene],
         tunables: Mapping[str, Plain],
         steady: Clock,
     ) -> None:
         self.steps = StepLog()
-        self.clock = RecordingClock(world.clock, self.steps, "t")
+        self.clock = RecordingClock(environment.clock, self.steps, "t")
         self.steady = RecordingClock(steady, self.steps, "s")
-        self._world = world
+        self._environment = environment
         self._live = live
         self._scene: Scene | None = None
         self._scene_step = -1
@@ -82,31 +82,33 @@ class RecordingEnvironment:
     def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal; see :class:`Environment`."""
         request = self._request(goal.kind.value, goal.name, goal.fields)
-        run = _attempt(lambda: self._world.send(goal), request)
+        run = _attempt(lambda: self._environment.send(goal), request)
         return self._track(run)
 
     def publish(self, goal: SkillGoal) -> None:
         """Publish a message; see :class:`Environment`."""
         request = self._request(goal.kind.value, goal.name, goal.fields)
-        _attempt(lambda: self._world.publish(goal), request)
+        _attempt(lambda: self._environment.publish(goal), request)
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
         """Subscribe; see :class:`Environment`."""
         request = self._request("watch", topic, {})
-        inbox = _attempt(lambda: self._world.watch(topic, type_name, latched=latched), request)
+        inbox = _attempt(
+            lambda: self._environment.watch(topic, type_name, latched=latched), request
+        )
         self._inboxes += 1
         return RecordingInbox(inbox, self._inboxes - 1, self.steps)
 
     def log(self, level: str, text: str) -> None:
         """Write a line into the log, which is not recorded."""
-        self._world.log(level, text)
+        self._environment.log(level, text)
 
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> GoalRun:
         """Ask for a change of the profile; see :class:`Environment`."""
         request = self._request("feedback", kind.name, _feedback_fields(values, reason))
-        run = _attempt(lambda: self._world.give_feedback(kind, values, reason), request)
+        run = _attempt(lambda: self._environment.give_feedback(kind, values, reason), request)
         return self._track(run)
 
     def live(self) -> Scene:
@@ -142,12 +144,12 @@ class RecordingEnvironment:
 
 
 class RecordingContext(RunContext):
-    """Shared state of the nodes of a recorded run: deadlines that have not come are no news."""
+    """Shared state of the nodes of a recorded run; a deadline not reached leaves no entry."""
 
-    def __init__(self, world: Environment, scope: RunScope, random: Random) -> None:
-        super().__init__(world, scope, random)
-        assert isinstance(world, RecordingEnvironment)
-        self._is_due = world.clock.is_due
+    def __init__(self, environment: Environment, scope: RunScope, random: Random) -> None:
+        super().__init__(environment, scope, random)
+        assert isinstance(environment, RecordingEnvironment)
+        self._is_due = environment.clock.is_due
 
     def is_due(self, path: str, at: float) -> bool:
         """See :meth:`RunContext.is_due`."""

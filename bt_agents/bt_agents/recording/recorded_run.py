@@ -50,7 +50,7 @@ class RecordingRun(Run):
         profile: Vector,
         live: Callable[[], Scene],
         tunables: Mapping[str, Plain],
-        world: Environment,
+        environment: Environment,
         steady: Clock,
         seed: int,
         sink: Sink,
@@ -59,7 +59,7 @@ class RecordingRun(Run):
         most: int = MOST_CHARACTERS,
     ) -> None:
         limits = limits or RunLimits()
-        environment = self._environment = RecordingEnvironment(world, live, tunables, steady)
+        recorded = self._recorded = RecordingEnvironment(environment, live, tunables, steady)
         self._sink = sink
         self._left = most
         self._last = 0
@@ -69,14 +69,14 @@ class RecordingRun(Run):
             space=space,
             scene=scene,
             profile=profile,
-            live=environment.live,
+            live=recorded.live,
             tunables=tunables,
-            world=environment,
-            steady=environment.steady,
+            environment=recorded,
+            steady=recorded.steady,
             limits=limits,
             random=Random(seed),
             stopwatch=steady,
-            plugins=environment.plugin,
+            plugins=recorded.plugin,
             context=RecordingContext,
         )
         self._write(
@@ -90,16 +90,16 @@ class RecordingRun(Run):
                 "parameters": list(space.names),
                 "scene": asdict(scene),
                 "profile": list(profile),
-                **environment.first(),
+                **recorded.first(),
             }
         )
 
     def tick(self) -> list[StatusChange]:
         """Tick; see :meth:`Run.tick`."""
-        environment = self._environment
-        steps = environment.steps
-        if not steps.began and environment.recorded_tunables != environment.tunables:
-            environment.record_tunables()
+        recorded = self._recorded
+        steps = recorded.steps
+        if not steps.began and recorded.recorded_tunables != recorded.tunables:
+            recorded.record_tunables()
         changes = Run.tick(self)
         if changes or steps.entry or self.result is not None:
             self._changed += len(changes)
@@ -128,16 +128,16 @@ class RecordingRun(Run):
 
     def _record_call(self, call: Entry) -> None:
         """Record a call of the host, which begins the step of the next tick."""
-        environment = self._environment
-        steps = environment.steps
-        if not steps.began and environment.recorded_tunables != environment.tunables:
-            environment.record_tunables()
+        recorded = self._recorded
+        steps = recorded.steps
+        if not steps.began and recorded.recorded_tunables != recorded.tunables:
+            recorded.record_tunables()
         steps.began = True
         steps.add("calls", call)
 
     def _end_step(self) -> None:
-        entry = self._environment.steps.end()
-        step = self._environment.steps.step
+        entry = self._recorded.steps.end()
+        step = self._recorded.steps.step
         head: Entry = {"step": step}
         if step > self._last + 1:
             head["quiet"] = step - self._last - 1
@@ -150,7 +150,7 @@ class RecordingRun(Run):
         self._write({**head, **entry})
 
     def _write(self, entry: Entry) -> None:
-        if self._environment.steps.closed:
+        if self._recorded.steps.closed:
             return
         try:
             line = to_line(entry)
@@ -164,8 +164,8 @@ class RecordingRun(Run):
         self._sink(self.ticks, line)
 
     def _stop(self, reason: str) -> None:
-        if not self._environment.steps.closed:
-            self._environment.steps.closed = True
+        if not self._recorded.steps.closed:
+            self._recorded.steps.closed = True
             self._sink(self.ticks, json.dumps({"stopped": reason}))
 
 
@@ -226,7 +226,7 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
         profile=tuple(head["profile"]),
         live=lambda: environment.live,
         tunables=environment.tunables,
-        world=environment,
+        environment=environment,
         steady=environment.steady,
         limits=RunLimits(**head["limits"]),
         random=Random(head["seed"]),

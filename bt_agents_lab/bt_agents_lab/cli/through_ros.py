@@ -21,7 +21,7 @@ from bt_agents_language.model.experiment import ExperimentSpec, FeedbackRecord
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
-from bt_agents_tools.launcher.supervisor import Component, Supervisor, keep_local
+from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_local_discovery
 from marketplace_node.settings import Settings
 
 _STALL_S = 30.0
@@ -66,7 +66,7 @@ def through_ros(
     """
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
-    keep_local(os.environ)
+    set_local_discovery(os.environ)
     path, space = folder.folder, folder.scene.space
     with tempfile.TemporaryDirectory(prefix="bt-agents-experiment-") as scratch:
         script = Path(scratch) / "script.yaml"
@@ -94,19 +94,19 @@ def _record(
     spec: ExperimentSpec,
     interrupt: Interrupt,
 ) -> list[FeedbackRecord]:
-    from bt_agents_tools.client import system as client
     from bt_agents_tools.client.observer import Observer
+    from bt_agents_tools.client.system import watch_decisions
 
     observer = Observer()
     recorder = _Recorder()
-    client.record(observer, recorder.auction, recorder.feedback)
+    watch_decisions(observer, recorder.auction, recorder.feedback)
     try:
-        observer.turn_until(
-            lambda: bool(interrupt or supervisor.dead()) or observer.ready(agents), _STALL_S
+        observer.spin_until(
+            lambda: bool(interrupt or supervisor.failure()) or observer.ready(agents), _STALL_S
         )
         if not interrupt and not observer.ready(agents):
             raise BtAgentsError(
-                supervisor.dead()
+                supervisor.failure()
                 or f"not ready after {_STALL_S:g} s; the logs are in "
                 f"{supervisor.log('agents').parent}"
             )
@@ -116,12 +116,12 @@ def _record(
             last_change = time.monotonic()
             while len(recorder.records) < spec.rounds and not interrupt:
                 before = len(recorder.records)
-                observer.turn_until(lambda: len(recorder.records) >= spec.rounds, _POLL_S)
+                observer.spin_until(lambda: len(recorder.records) >= spec.rounds, _POLL_S)
                 progress.update(task, completed=len(recorder.records))
                 if len(recorder.records) > before:
                     last_change = time.monotonic()
-                if supervisor.dead():
-                    raise BtAgentsError(supervisor.dead())
+                if supervisor.failure():
+                    raise BtAgentsError(supervisor.failure())
                 if time.monotonic() - last_change > _STALL_S:
                     raise BtAgentsError(
                         f"no round for {_STALL_S:g} s after {before} of {spec.rounds}; the logs "

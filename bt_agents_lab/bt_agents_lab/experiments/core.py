@@ -99,7 +99,7 @@ class Core:
             ),
             _NOW,
         )
-        self._agents.enrol(names, answer.agent_ids, answer.reasons)
+        self._agents.apply_registration(names, answer.agent_ids, answer.reasons)
         self._execute(effects)
         self._send_heartbeat(0)
         self._controller.register_card(
@@ -137,7 +137,7 @@ class Core:
                 waiting += self._collect(effect)
 
     def _bids(self, call: OpenCall) -> Bids:
-        answer = self._agents.answer(call.scene, call.excluded)
+        answer = self._agents.bids_for(call.scene, call.excluded)
         return Bids(
             epoch=self._market.epoch,
             round=call.round,

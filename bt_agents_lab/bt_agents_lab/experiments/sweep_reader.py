@@ -13,24 +13,24 @@ from bt_agents_lab.experiments.random_streams import WrongFeedback
 from bt_agents_lab.experiments.replicas import world_of
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Person, SimulatedWorld
 from bt_agents_lab.experiments.sweep import Learning, Selection, SweepSpec
+from bt_agents_language.fields.scene_values import read_vector
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.yaml.field_tables import (
     DURATION,
     NUMBER,
     SHARE,
     TEXT,
-    Choice,
     Either,
     FieldDecl,
     FileKind,
     Items,
     KeyTable,
     SceneValues,
+    WordChoice,
     integer,
     number,
 )
-from bt_agents_language.model.scene_values import read_vector
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
@@ -45,8 +45,8 @@ _UPDATES = tuple(str(update) for update in Update)
 _STRATEGY = KeyTable(
     what="a strategy",
     fields=(
-        FieldDecl("name", Choice(_SIMULATED), "The strategy.", required=True),
-        FieldDecl("tie_break", Choice(TIES), "Who wins of the best ones.", default=TIES[0]),
+        FieldDecl("name", WordChoice(_SIMULATED), "The strategy.", required=True),
+        FieldDecl("tie_break", WordChoice(TIES), "Who wins of the best ones.", default=TIES[0]),
         *(
             FieldDecl(name, NUMBER, "An option of the strategy.")
             for name in sorted({o.name for one in _SIMULATED for o in STRATEGIES[one].options})
@@ -56,7 +56,7 @@ _STRATEGY = KeyTable(
 _UPDATE = KeyTable(
     what="an update",
     fields=(
-        FieldDecl("name", Choice(_UPDATES), "The learning rule.", required=True),
+        FieldDecl("name", WordChoice(_UPDATES), "The learning rule.", required=True),
         FieldDecl("width", number(0), "Of huber: its width for every parameter."),
         FieldDecl("window", integer(1, 1000), "Of median: so many of the last feedbacks count."),
         FieldDecl("anneal", number(0), "After n feedbacks the rate is rate / (1 + anneal × n)."),
@@ -68,7 +68,7 @@ _WRONG = KeyTable(
         FieldDecl("shares", Items(SHARE), "Shares of feedback that is wrong.", required=True),
         FieldDecl(
             "says",
-            Either((Choice(("any", "another")), SceneValues(every=True))),
+            Either((WordChoice(("any", "another")), SceneValues(every=True))),
             "What wrong feedback says.",
         ),
     ),
@@ -102,13 +102,13 @@ SWEEP = FileKind(
         FieldDecl("seed", integer(0), "Makes the random numbers the same.", required=True),
         FieldDecl(
             "strategies",
-            Items(Either((Choice(_SIMULATED), _STRATEGY))),
+            Items(Either((WordChoice(_SIMULATED), _STRATEGY))),
             "Each by its name, or with its options.",
             required=True,
         ),
         FieldDecl(
             "updates",
-            Items(Either((Choice(_UPDATES), _UPDATE))),
+            Items(Either((WordChoice(_UPDATES), _UPDATE))),
             "Each by its name, or with its options.",
             required=True,
         ),

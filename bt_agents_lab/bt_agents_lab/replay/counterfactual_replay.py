@@ -17,8 +17,8 @@ from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_lab.replay.recording_index import NO_TEXTS, RecordedFeedback, RecordingIndex, Round
 from bt_agents_lab.replay.replay_learning import rule_of
 from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from feedback_node.learning.learning_step import Evidence, requested, step
 from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Terms
 from marketplace_node.round.ranking import decide

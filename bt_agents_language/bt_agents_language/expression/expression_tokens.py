@@ -10,7 +10,7 @@ from enum import Enum
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import ellipsize
-from bt_agents_language.model.units import dimension_of
+from bt_agents_language.expression.units import dimension_of
 
 MAX_TOKENS = 400
 """Words of an expression; evaluation nests at most half as deep."""
@@ -27,7 +27,7 @@ _NUMBER_LIKE = re.compile(r"[\w.]+")
 _UNIT = re.compile(r"([0-9.]+)([^\W\d_]+)")
 _STRAIGHT_DOUBLE = 'use straight quotation marks: "…"'
 _STRAIGHT_SINGLE = "use straight quotation marks: '…'"
-_SLIPS = {
+_CHARACTER_HINTS = {
     "=": "compare with ==",
     "&": "write and",
     "|": "write or",
@@ -57,7 +57,7 @@ _SLIPS = {
     ".": "a point stands only inside of names and numbers",
     "?": "a choice between two values is not possible; use two nodes with 'when'",
 }
-_OPERATOR_SLIPS = {
+_OPERATOR_HINTS = {
     "===": "write ==", "!==": "write !=", "=<": "write <=", "=>": "write >=", "<>": "write !=",
     "**": "powers are not possible, write a * a", "//": "write round(a / b)",
     "+=": "write x + 1; the node 'set' gives the result a name",
@@ -70,7 +70,7 @@ _TOKEN = re.compile(
     (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
     | (?P<not_in>not\s+in\b)
     | (?P<name>{NAME})
-    | (?P<slip>{"|".join(map(re.escape, _OPERATOR_SLIPS))})
+    | (?P<foreign>{"|".join(map(re.escape, _OPERATOR_HINTS))})
     | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\)|\[|\]|,)
     | (?P<text>"[^"]*"|'[^']*')
     )
@@ -85,7 +85,7 @@ class ExpressionError(BtAgentsError):
     Attributes:
         message: What was found and what is expected.
         column: Where, counted from 1 in the text that was parsed.
-        hint: How to mend it; may be empty.
+        hint: How to fix it; may be empty.
         width: How many characters are wrong.
     """
 
@@ -157,12 +157,12 @@ def _token(match: re.Match[str]) -> Token:
     if kind == "number":
         rest = _NUMBER_LIKE.match(match.string, match.end())
         if rest is not None:
-            raise _number_slip(word + rest[0], column)
+            raise _bad_number(word + rest[0], column)
         return Token(TokenKind.NUMBER, word, column, _number(word, column))
     if kind == "not_in":
         return Token(TokenKind.OPERATOR, "not in", column)
-    if kind == "slip":
-        hint = _OPERATOR_SLIPS[word]
+    if kind == "foreign":
+        hint = _OPERATOR_HINTS[word]
         raise ExpressionError(f"there is no operator '{word}'", column, hint, len(word))
     _refuse_protected_quote(word, match)
     return Token(TokenKind.TEXT, word, column, word[1:-1])
@@ -190,7 +190,7 @@ def unit_hint(amount: str, unit: str) -> str:
     return f"numbers have no unit here: write {value:g} ({dimension.si})"
 
 
-def _number_slip(word: str, column: int) -> ExpressionError:
+def _bad_number(word: str, column: int) -> ExpressionError:
     hint = ""
     unit = _UNIT.fullmatch(word)
     if re.fullmatch("[0-9][0-9_]*", word):
@@ -240,7 +240,7 @@ def _unreadable(text: str, at: int) -> ExpressionError:
         return ExpressionError(
             "this quotation mark is not closed", at + 1, f"close the text with {character}"
         )
-    hint = _SLIPS.get(character, "")
+    hint = _CHARACTER_HINTS.get(character, "")
     if character == ":" and text[at - 1 : at].isdecimal():
         hint = "times are numbers of seconds here: 1:30 is 90"
     return ExpressionError(f"'{character}' means nothing in an expression", at + 1, hint)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of values in expressions, compiled parts, and the type checks on both."""
+"""Kinds of values in expressions, compiled parts, and the checks of their types and dimensions."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import ExpressionError
-from bt_agents_language.model.units import Dimension
+from bt_agents_language.expression.units import Dimension
 
 Lookup = Callable[[str], object]
 """Returns the value of a name."""
@@ -86,7 +86,7 @@ class Part:
         Args:
             kind: The kind it must have.
             needs: Who needs what, for the message: ``'<' needs numbers``.
-            hint: How to mend it.
+            hint: How to fix it.
 
         Raises:
             ExpressionError: It has another kind.
@@ -148,3 +148,57 @@ def described(value: object) -> str:
     if value is None:
         return "nothing"
     return "a list" if isinstance(value, (list, tuple)) else "a mapping"
+
+
+_ADDING = ("+", "-", "%")
+_COMPARING = ("==", "!=", "<", "<=", ">", ">=")
+_SAME_UNIT = ("min", "max", "abs", "round")
+
+
+def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
+    """Return the dimension of what an operator gives; None for a plain number, or no number.
+
+    A plain number fits every dimension: it is in SI units.
+
+    Raises:
+        ExpressionError: The operands have dimensions that do not go together.
+    """
+    if word in _ADDING:
+        return _same(word, (left, right))
+    if word in _COMPARING:
+        _same(word, (left, right))
+        return None
+    units = [part.unit for part in (left, right) if part.unit is not None]
+    if word == "*" and len(units) == 2:
+        raise right.error(f"'*' cannot multiply {units[0].a} by {units[1].a}")
+    if word in ("*", "/") and len(units) == 1:
+        # A number by a time is no quantity that a field could take.
+        return left.unit if word == "/" else units[0]
+    return None
+
+
+def unit_of_call(name: str, arguments: Sequence[Part]) -> Dimension | None:
+    """Return the dimension of what a function gives; as :func:`unit_of_pair`."""
+    if name not in _SAME_UNIT:
+        return None
+    return _same(name, arguments[:1] if name == "round" else arguments)
+
+
+def check_range_units(value: Part, low: Part, high: Part) -> None:
+    """Refuse a range of another dimension than the value that may lie in it.
+
+    Raises:
+        ExpressionError: The dimensions differ.
+    """
+    _same("between", (value, low, high))
+
+
+def _same(word: str, parts: Sequence[Part]) -> Dimension | None:
+    first: Dimension | None = None
+    for part in parts:
+        if part.unit is None:
+            continue
+        if first is not None and part.unit is not first:
+            raise part.error(f"'{word}' cannot take {first.a} and {part.unit.a} together")
+        first = part.unit
+    return first

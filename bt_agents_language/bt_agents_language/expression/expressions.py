@@ -7,24 +7,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.expression import expression_hints as slips
+from bt_agents_language.expression import expression_hints
 from bt_agents_language.expression.expression_tokens import (
     ExpressionError,
     Token,
     TokenKind,
     tokenize,
 )
-from bt_agents_language.expression.expression_units import (
-    check_range_units,
-    unit_of_call,
-    unit_of_pair,
-)
 from bt_agents_language.expression.expression_values import (
-    EvaluationError,
     Evaluator,
     Lookup,
     Part,
     ValueKind,
+    check_range_units,
+    unit_of_call,
+    unit_of_pair,
 )
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import (
@@ -35,18 +32,7 @@ from bt_agents_language.expression.operators import (
     check_between,
     compile_between,
 )
-from bt_agents_language.model.units import Dimension
-
-__all__ = [
-    "EvaluationError",
-    "Expression",
-    "ExpressionError",
-    "Mention",
-    "MissingValue",
-    "StaleValue",
-    "ValueKind",
-    "parse_expression",
-]
+from bt_agents_language.expression.units import Dimension
 
 MAX_LENGTH = 1000
 """Characters of an expression."""
@@ -201,7 +187,7 @@ class _Parser:
 
     def _unexpected(self) -> ExpressionError:
         before = self._tokens[self._next - 1] if self._next else None
-        return slips.unexpected(self._token, before)
+        return expression_hints.unexpected(self._token, before)
 
     def _expression(self, weakest: int) -> Part:
         self._depth += 1
@@ -247,7 +233,7 @@ class _Parser:
         low = self._expression(COMPARISON)
         joint = self._token
         if joint.text != "and":
-            raise slips.bad_between(joint)
+            raise expression_hints.bad_between(joint)
         self._take()
         high = self._expression(COMPARISON)
         check_between(value, low, high)
@@ -263,7 +249,7 @@ class _Parser:
         """Refuse ``between [2, 4]`` and ``between (2, 4)`` by what they mean."""
         second = self._tokens[min(self._next + 2, len(self._tokens) - 1)]
         if opening.text == "[" or second.text == ",":
-            raise slips.bad_between(opening)
+            raise expression_hints.bad_between(opening)
 
     def _refuse_chain(self) -> None:
         token = self._token
@@ -297,7 +283,7 @@ class _Parser:
                 width=len(token.text),
                 constant=value,
             )
-        raise slips.no_operand(token)
+        raise expression_hints.no_operand(token)
 
     def _prefixed(self, token: Token) -> Part:
         prefix = PREFIXES[token.text]
@@ -316,7 +302,7 @@ class _Parser:
 
     def _name(self, token: Token) -> Part:
         name = token.text
-        nothing = slips.no_value(token)
+        nothing = expression_hints.no_value(token)
         if nothing is not None:
             raise nothing
         if self._known is not None and not self._known(name):
@@ -369,7 +355,7 @@ class _Parser:
     def _call(self, token: Token) -> Part:
         function = FUNCTIONS.get(token.text)
         if function is None:
-            raise slips.unknown_function(token, FUNCTIONS)
+            raise expression_hints.unknown_function(token, FUNCTIONS)
         opening = self._token
         if opening.text != "(":
             raise token.error(

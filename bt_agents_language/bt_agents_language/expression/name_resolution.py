@@ -8,13 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from bt_agents_language.expression.expression_values import Lookup
-from bt_agents_language.expression.expressions import (
-    EvaluationError,
-    Expression,
-    MissingValue,
-    StaleValue,
-)
+from bt_agents_language.expression.expression_values import EvaluationError, Lookup
+from bt_agents_language.expression.expressions import Expression, MissingValue, StaleValue
 
 
 class SceneLike(Protocol):

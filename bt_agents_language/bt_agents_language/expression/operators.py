@@ -184,7 +184,7 @@ def _equality(word: str, equal: bool) -> Operator:
 
 
 def _quotes_hint(left: Part, right: Part) -> str:
-    """Return how to mend a comparison with a text: mostly by its quotes."""
+    """Return how to fix a comparison with a text: mostly by its quotes."""
     for part, other in ((left, right), (right, left)):
         value = part.constant
         if isinstance(value, str):

@@ -11,7 +11,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.symbols import Library
+from bt_agents_language.nodes.symbols import Library
 from bt_agents_language.tree.tree_fingerprint import TreeFingerprint, tree_fingerprint
 from bt_agents_language.yaml.source import read_source
 
@@ -22,7 +22,7 @@ class AgentFile:
 
     Attributes:
         file: Where it is.
-        text: What it said; None when it could not be opened.
+        text: Its text; None when it could not be opened.
         agent: The agent; None when there are errors.
         error: The errors; None when there are none.
         imports: Paths of the libraries that were read for it, one through the other.
@@ -38,7 +38,7 @@ class AgentFile:
 
     @cached_property
     def prints(self) -> tuple[TreeFingerprint, TreeFingerprint]:
-        """By which changes of the tree and of its clean-up can be told."""
+        """Fingerprints of the tree and of its clean-up, by which changes are found."""
         assert self.agent is not None
         return tree_fingerprint(self.agent.tree), tree_fingerprint(self.agent.on_cancel)
 

@@ -7,14 +7,20 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.fields.inputs import read_new_name
+from bt_agents_language.fields.scene_values import read_vector
+from bt_agents_language.fields.scope import NameScope, scene_names
+from bt_agents_language.fields.values import read_condition
 from bt_agents_language.files.imports import IMPORTS, read_imports
-from bt_agents_language.files.inputs import read_new_name
 from bt_agents_language.files.learning_reader import LEARNING_FIELDS, read_learning, read_weights
 from bt_agents_language.files.mood_rule_reader import MOOD_RULE, read_mood_rules
 from bt_agents_language.files.tunable_reader import TUNABLE, read_tunable
-from bt_agents_language.gc_pause import gc_paused
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, Tunable, UnusedInput, iter_nodes
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.tree.trees_reader import SUBTREES, TreesReader
+from bt_agents_language.yaml.field_tables import (
     CONDITION,
     NAME,
     NODE,
@@ -25,12 +31,6 @@ from bt_agents_language.model.file_kinds import (
     Items,
     SceneValues,
 )
-from bt_agents_language.model.scene_values import read_vector
-from bt_agents_language.model.scope import NameScope, scene_names
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Tunable, UnusedInput, iter_nodes
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.model.values import read_condition
-from bt_agents_language.tree.trees_reader import SUBTREES, TreesReader
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import entries_of

@@ -7,8 +7,9 @@ import math
 from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_language.fields.scene_values import read_values, read_vector
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors, PreparedFeedback
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.yaml.field_tables import (
     BOOLEAN,
     SHARE,
     TEXT,
@@ -21,7 +22,6 @@ from bt_agents_language.model.file_kinds import (
     integer,
     one_of,
 )
-from bt_agents_language.model.scene_values import read_values, read_vector
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node

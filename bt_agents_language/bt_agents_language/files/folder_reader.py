@@ -10,16 +10,16 @@ from pathlib import Path
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.diagnostics.collection import Diagnostics
+from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.agent_file import AgentFile, read_agent_file
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.plugins import installed_plugins
 from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.symbols import ImportProblem, SymbolTable
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
+from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.yaml.source import Source, read_source
 
 SUFFIXES = (".yaml", ".yml")

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents_core.text import quote
-from bt_agents_language.model.file_kinds import TEXT, FieldDecl, Items
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
-from bt_agents_language.model.symbols import ImportProblem, Library, SymbolTable
+from bt_agents_language.nodes.symbols import ImportProblem, Library, SymbolTable
+from bt_agents_language.yaml.field_tables import TEXT, FieldDecl, Items
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
 

@@ -6,20 +6,20 @@ from __future__ import annotations
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.profile_layers import PERSON, PLACE
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.fields.scene_values import read_parameter
+from bt_agents_language.yaml.field_tables import (
     SHARE,
-    Choice,
     Entries,
     FieldDecl,
     Items,
     Key,
     KeyTable,
-    SceneNames,
+    SceneNameList,
     SceneValues,
+    WordChoice,
     integer,
     number,
 )
-from bt_agents_language.model.scene_values import read_parameter
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
@@ -49,10 +49,10 @@ LEARNING = KeyTable(
         FieldDecl(
             "rates", SceneValues(limits=lambda _: (0, 1)), "The same for single parameters."
         ),
-        FieldDecl("freeze", SceneNames(_ALL), f"Parameters that do not learn, or '{_ALL}'."),
+        FieldDecl("freeze", SceneNameList(_ALL), f"Parameters that do not learn, or '{_ALL}'."),
         FieldDecl(
             "update",
-            Choice(tuple(one.value for one in Update)),
+            WordChoice(tuple(one.value for one in Update)),
             "plain: every feedback counts fully; huber: one that is far away counts as if it were "
             "nearer; median: what most of the last ones want.",
         ),
@@ -83,7 +83,7 @@ LEARNING = KeyTable(
         ),
         FieldDecl(
             "layers",
-            Items(Choice(LAYERS)),
+            Items(WordChoice(LAYERS)),
             "What it learns apart for each person or place.",
         ),
         FieldDecl(

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.imports import IMPORTS, SUFFIXES, read_imports
 from bt_agents_language.files.skills_reader import SKILLS, SkillsReader
-from bt_agents_language.model.file_kinds import FileKind
-from bt_agents_language.model.symbols import ImportProblem, Library, SymbolTable
+from bt_agents_language.nodes.symbols import ImportProblem, Library, SymbolTable
 from bt_agents_language.tree.trees_reader import SUBTREES, TreesReader
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.field_tables import FileKind
 from bt_agents_language.yaml.typed_reader import TypedReader
 
 LIBRARY = FileKind(

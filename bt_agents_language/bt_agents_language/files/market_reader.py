@@ -9,8 +9,11 @@ from pathlib import Path
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.scene import SceneSpace
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.fields.scope import NameScope, scene_names
+from bt_agents_language.fields.values import read_condition
+from bt_agents_language.yaml.field_tables import (
     CONDITION,
     NAME,
     FieldDecl,
@@ -18,9 +21,6 @@ from bt_agents_language.model.file_kinds import (
     Items,
     KeyTable,
 )
-from bt_agents_language.model.scope import NameScope, scene_names
-from bt_agents_language.model.values import read_condition
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node

@@ -8,19 +8,21 @@ import math
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.expression.expressions import Expression, ExpressionError, ValueKind
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.fields.scope import NameScope, mood_names, scene_names
+from bt_agents_language.fields.values import read_condition
+from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
+from bt_agents_language.yaml.field_tables import (
     DURATION,
     SHARE,
-    Choice,
     FieldDecl,
     Form,
     KeyTable,
     Single,
+    WordChoice,
 )
-from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
-from bt_agents_language.model.scope import NameScope, mood_names, scene_names
-from bt_agents_language.model.values import read_condition
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
@@ -38,13 +40,13 @@ MOOD_RULE = KeyTable(
         FieldDecl("for", DURATION, "How long it must hold without a break."),
         FieldDecl(
             "give",
-            Choice(tuple(_GIVES)),
+            WordChoice(tuple(_GIVES)),
             "positive: the profile moves towards the scene; negative: away.",
             required=True,
         ),
         FieldDecl(
             "then",
-            Choice(tuple(ACTIONS)),
+            WordChoice(tuple(ACTIONS)),
             "; ".join(f"{word}: {text}" for word, (_, text) in ACTIONS.items()) + ".",
         ),
         FieldDecl(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
+from bt_agents_language.fields.interfaces import Interfaces, MessageFields, Nesting
 from bt_agents_language.files.source_reader import (
     MAP_KEYS,
     TOPIC,
@@ -11,18 +12,6 @@ from bt_agents_language.files.source_reader import (
     SourceContext,
     SourceReader,
 )
-from bt_agents_language.model.file_kinds import (
-    DURATION,
-    LENGTH,
-    TEXT,
-    Choice,
-    Either,
-    Entries,
-    FieldDecl,
-    KeyTable,
-    Shared,
-)
-from bt_agents_language.model.interfaces import Interfaces, MessageFields, Nesting
 from bt_agents_language.model.scene_specs import (
     HOLD_S,
     LOST_AFTER_S,
@@ -32,6 +21,17 @@ from bt_agents_language.model.scene_specs import (
     PersonsSpec,
     SourceSpec,
     TrackedSpec,
+)
+from bt_agents_language.yaml.field_tables import (
+    DURATION,
+    LENGTH,
+    TEXT,
+    Either,
+    Entries,
+    FieldDecl,
+    KeyTable,
+    Shared,
+    WordChoice,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
@@ -54,7 +54,7 @@ _ADDRESSEE = KeyTable(
     fields=(
         FieldDecl(
             "rule",
-            Choice(tuple(rule.value for rule in AddresseeRule)),
+            WordChoice(tuple(rule.value for rule in AddresseeRule)),
             "The most engaged, the nearest or the first.",
             required=True,
         ),
@@ -85,7 +85,7 @@ PERSONS = KeyTable(
         FieldDecl("known", Shared("source"), "Whether the id of a person is a name: 0.5 or more."),
         FieldDecl(
             "addressee",
-            Either((Choice((AddresseeRule.FIRST.value,)), _ADDRESSEE)),
+            Either((WordChoice((AddresseeRule.FIRST.value,)), _ADDRESSEE)),
             "Whom of several persons a scene is about.",
         ),
     ),
@@ -198,16 +198,7 @@ def _check_ids(
     path: str,
     of_message: str = _NAME_THE_ID,
 ) -> None:
-    """Report ids that are neither texts nor whole numbers, as far as their type is known.
-
-    Args:
-        reading: The file.
-        node: What is written.
-        what: The ids, for messages.
-        message: The message that has them.
-        path: Where they stand in it.
-        of_message: Hint where they are messages themselves.
-    """
+    """Report ids that are neither texts nor whole numbers, as far as their type is known."""
     nested = message.nested(path)
     found = _NO_IDS.get(message.type_of(path), "") if nested is None else nested.value
     if not found:

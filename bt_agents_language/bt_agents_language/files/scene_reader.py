@@ -7,6 +7,9 @@ from pathlib import Path
 
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.interfaces import Interfaces
+from bt_agents_language.fields.scene_values import read_values
 from bt_agents_language.files.persons_reader import PERSONS, read_persons
 from bt_agents_language.files.source_reader import (
     SOURCE,
@@ -15,21 +18,6 @@ from bt_agents_language.files.source_reader import (
     SourceContext,
     SourceReader,
 )
-from bt_agents_language.model.file_kinds import (
-    NUMBER,
-    TEXT,
-    Choice,
-    Either,
-    Entries,
-    FieldDecl,
-    FileKind,
-    Items,
-    Key,
-    KeyTable,
-    Shared,
-    number,
-)
-from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.scene_specs import (
     PERSON,
     MissingRule,
@@ -38,8 +26,20 @@ from bt_agents_language.model.scene_specs import (
     SourceSpec,
     TrackedSpec,
 )
-from bt_agents_language.model.scene_values import read_values
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.field_tables import (
+    NUMBER,
+    TEXT,
+    Either,
+    Entries,
+    FieldDecl,
+    FileKind,
+    Items,
+    Key,
+    KeyTable,
+    Shared,
+    WordChoice,
+    number,
+)
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry
@@ -68,7 +68,7 @@ _PARAMETER = KeyTable(
         ),
         FieldDecl(
             "missing",
-            Choice(tuple(rule.value for rule in MissingRule)),
+            WordChoice(tuple(rule.value for rule in MissingRule)),
             "What stands for it while no source measures it: nothing (leave_out), what is known "
             "of the person or the place (estimate), or else the default (default).",
             default=MissingRule.LEAVE_OUT.value,

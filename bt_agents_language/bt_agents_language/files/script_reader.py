@@ -6,7 +6,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.fields.interfaces import read_ros_name
+from bt_agents_language.fields.scene_values import read_values
+from bt_agents_language.model.specs import SceneChange, Script, Visit
+from bt_agents_language.yaml.field_tables import (
     BOOLEAN,
     DURATION,
     TEXT,
@@ -18,9 +21,6 @@ from bt_agents_language.model.file_kinds import (
     KeyTable,
     SceneValues,
 )
-from bt_agents_language.model.interfaces import read_ros_name
-from bt_agents_language.model.scene_values import read_values
-from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node

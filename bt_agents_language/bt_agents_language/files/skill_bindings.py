@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.text import join_quoted, quote
-from bt_agents_language.files.bindings import (
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.bindings import (
     INTERFACES,
     RECEIVED,
-    Back,
     Outputs,
+    ReceivedMessages,
     read_binding,
-    what_comes_back,
+    received_messages,
 )
-from bt_agents_language.model.interfaces import Interfaces, package_of
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.fields.interfaces import Interfaces, package_of
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import Binding, SkillSpec
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
@@ -122,24 +122,30 @@ def _outputs(
             "remove 'outputs'",
         )
         return Outputs()
-    back = what_comes_back(kind, type_name, interfaces)
+    received = received_messages(kind, type_name, interfaces)
     if inline:
-        return _declared_outputs(reading, fields, back)
-    return _bound_outputs(reading, fields, back, skill, what)
+        return _declared_outputs(reading, fields, received)
+    return _bound_outputs(reading, fields, received, skill, what)
 
 
-def _declared_outputs(reading: TypedReader, fields: MappingReader, back: Back) -> Outputs:
+def _declared_outputs(
+    reading: TypedReader, fields: MappingReader, received: ReceivedMessages
+) -> Outputs:
     outputs = Outputs()
     for entry in fields.entries("outputs"):
         source: Node = entry.key
         if isinstance(entry.value, MappingNode):
             source = entry.value.get("from") or entry.key
-        outputs.read(reading, entry.key.text, source, "'from'", back)
+        outputs.read(reading, entry.key.text, source, "'from'", received)
     return outputs
 
 
 def _bound_outputs(
-    reading: TypedReader, fields: MappingReader, back: Back, skill: SkillSpec, what: str
+    reading: TypedReader,
+    fields: MappingReader,
+    received: ReceivedMessages,
+    skill: SkillSpec,
+    what: str,
 ) -> Outputs:
     declared = [one.name for one in skill.outputs]
     outputs = Outputs()
@@ -153,7 +159,7 @@ def _bound_outputs(
             )
             continue
         name = entry.key.text
-        outputs.read(reading, name, entry.value, f"output '{name}'", back)
+        outputs.read(reading, name, entry.value, f"output '{name}'", received)
     written = {entry.key.text for entry in entries_of(fields.get("outputs"))}
     missing = [name for name in declared if name not in written]
     if missing and written <= {*declared}:

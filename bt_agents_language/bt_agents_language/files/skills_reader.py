@@ -10,23 +10,23 @@ from pathlib import Path, PurePosixPath
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_core.text import quote
-from bt_agents_language.files.bindings import INTERFACES
-from bt_agents_language.files.inputs import INPUT, TYPES, read_inputs, read_new_name, read_type
+from bt_agents_language.diagnostics.collection import did_you_mean, joined
+from bt_agents_language.fields.bindings import INTERFACES
+from bt_agents_language.fields.inputs import INPUT, TYPES, read_inputs, read_new_name, read_type
+from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.skill_bindings import BindingCandidate, read_candidate
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.model.specs import FieldSpec, SkillSpec
+from bt_agents_language.nodes.catalogue import WORDS
+from bt_agents_language.yaml.field_tables import (
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
     Form,
     KeyTable,
     Single,
+    WordChoice,
 )
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.specs import FieldSpec, SkillSpec
-from bt_agents_language.nodes.catalogue import WORDS
-from bt_agents_language.yaml.diagnostics import did_you_mean, joined
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Scalar
@@ -35,7 +35,7 @@ BINDINGS = tuple(kind.value for kind in BindingKind)
 
 _OUTPUT = KeyTable(
     fields=(
-        FieldDecl("type", Choice(TYPES), "Its type."),
+        FieldDecl("type", WordChoice(TYPES), "Its type."),
         FieldDecl("from", TEXT, "Field of the result, or feedback.x; its own name if left out."),
         FieldDecl("description", TEXT, "What it means."),
     ),
@@ -51,7 +51,9 @@ _SKILL = KeyTable(
         FieldDecl("inputs", Entries(INPUT), "Its inputs and their types."),
         FieldDecl(
             "outputs",
-            Entries(Either((Choice(TYPES), _OUTPUT, Single(Form.NOTHING))), "names and fields"),
+            Entries(
+                Either((WordChoice(TYPES), _OUTPUT, Single(Form.NOTHING))), "names and fields"
+            ),
             "Names that later nodes may use.",
         ),
         *_INTERFACES,

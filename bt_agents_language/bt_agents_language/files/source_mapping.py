@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from bt_agents_core.scene import SceneParameter
-from bt_agents_language.expression.expressions import ValueKind
-from bt_agents_language.model import quantities
+from bt_agents_language.expression import quantities
+from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.model.scene_specs import word_of
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar

@@ -11,30 +11,19 @@ from dataclasses import dataclass, replace
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import quote
-from bt_agents_language.expression.expressions import EvaluationError, Expression, ValueKind
-from bt_agents_language.files.source_mapping import read_points, read_table
-from bt_agents_language.model.file_kinds import (
-    BOOLEAN,
-    DURATION,
-    NUMBER,
-    ROS_TYPE,
-    TEXT,
-    Choice,
-    Entries,
-    FieldDecl,
-    Form,
-    Key,
-    KeyTable,
-    Needs,
-    Single,
-)
-from bt_agents_language.model.interfaces import (
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.expression.expression_values import EvaluationError, ValueKind
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.fields.interfaces import (
     Interfaces,
     MessageFields,
     Nesting,
     read_ros_name,
     read_ros_type,
 )
+from bt_agents_language.fields.references import read_expression
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.files.source_mapping import read_points, read_table
 from bt_agents_language.model.scene_specs import (
     LARGEST_STD,
     MESSAGE,
@@ -43,9 +32,21 @@ from bt_agents_language.model.scene_specs import (
     TrackedSpec,
     path_of,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.tree.references import read_expression
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.field_tables import (
+    BOOLEAN,
+    DURATION,
+    NUMBER,
+    ROS_TYPE,
+    TEXT,
+    Entries,
+    FieldDecl,
+    Form,
+    Key,
+    KeyTable,
+    Needs,
+    Single,
+    WordChoice,
+)
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
@@ -79,7 +80,9 @@ TOPIC = KeyTable(
 SOURCE = KeyTable(
     fields=(
         FieldDecl(
-            "from", Choice((TRACKED,)), "Read the item of each person in the list of 'tracked'."
+            "from",
+            WordChoice((TRACKED,)),
+            "Read the item of each person in the list of 'tracked'.",
         ),
         *(replace(one, required=False) for one in TOPIC.fields),
         FieldDecl(
@@ -167,7 +170,7 @@ class SourceReader:
     Args:
         reading: The file.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
-        tracked: Who is tracked; None where persons are not told apart.
+        tracked: Who is tracked; None where persons are not distinguished.
         placeholders: What may stand in angle brackets in a topic.
     """
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import join_quoted
-from bt_agents_language.model import quantities
-from bt_agents_language.model.file_kinds import AMOUNT, TEXT, FieldDecl, KeyTable
-from bt_agents_language.model.quantities import spoken
+from bt_agents_language.expression import quantities
+from bt_agents_language.expression.quantities import format_quantity
 from bt_agents_language.model.specs import Tunable
+from bt_agents_language.yaml.field_tables import AMOUNT, TEXT, FieldDecl, KeyTable
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, adding, found
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
@@ -96,7 +96,7 @@ def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
         return FieldType.BOOLEAN
     meant = [one for one in map(quantities.meant_type, (text, *written)) if one is not None]
     if meant[:1] == [FieldType.LENGTH] and {*meant[1:]} == {FieldType.DURATION}:
-        # Metres beside limits in seconds are minutes with a slip.
+        # Metres beside limits in seconds are minutes, misspelt.
         return FieldType.DURATION
     if meant:
         return meant[0]
@@ -227,7 +227,7 @@ def _check_default(
         reading.error(
             "off-step",
             node,
-            f"{label} is {spoken(value, field_type, _DIGITS)}, which is not 'min' plus a number "
-            f"of steps of {spoken(step, field_type, _DIGITS)}",
-            f"write {spoken(near, field_type, _DIGITS)}",
+            f"{label} is {format_quantity(value, field_type, _DIGITS)}, which is not 'min' plus a "
+            f"number of steps of {format_quantity(step, field_type, _DIGITS)}",
+            f"write {format_quantity(near, field_type, _DIGITS)}",
         )

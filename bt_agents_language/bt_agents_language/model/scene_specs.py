@@ -217,7 +217,7 @@ class SceneSpec:
         space: The parameters.
         sources: Those of parameters; several of one parameter are fused.
         person: Says whether somebody is there; None where ``persons`` says so, or nothing does.
-        persons: Who is there; None where persons are not told apart.
+        persons: Who is there; None where persons are not distinguished.
         place: Where the robot is, or the source that says so.
         missing: What a scene holds for parameters that nobody measures; what is not named is left
             out.

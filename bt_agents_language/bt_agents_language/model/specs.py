@@ -28,7 +28,7 @@ class Literal:
     """A value as written, in SI units.
 
     Attributes:
-        type: Type of its place as far as it has one; says with which unit it is shown.
+        type: Type of its place as far as it has one; decides its unit in texts.
     """
 
     value: Plain
@@ -40,7 +40,7 @@ class Reference:
     """``${name}``: the value of a name, at the moment it is needed.
 
     Attributes:
-        type: Type of the name as far as it is known; says how the value is spoken in a text.
+        type: Type of the name as far as it is known; says how the value is formatted in a text.
     """
 
     name: str

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.model.node_type import Content, MessageSource, NodeField, NodeType
-from bt_agents_language.model.server_timeouts import timeout_keys
+from bt_agents_language.fields.server_timeouts import timeout_keys
+from bt_agents_language.nodes.node_type import Content, MessageSource, NodeField, NodeType
 from bt_agents_language.nodes.ros_leaf import HEARTBEAT, ROS_TYPE, SUCCEED_WHEN, read_ros_leaf
 
 ACTION = NodeType(
     key="action",
+    order=100,
     fields=(
         NodeField(name="name", content=Content.ROS_NAME, description="name of the action"),
         ROS_TYPE,

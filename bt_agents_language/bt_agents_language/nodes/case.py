@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.node_type import NodeType, Role
+from bt_agents_language.nodes.node_type import NodeType, Role
 
 CASE = NodeType(
     key="case",
+    order=10,
     role=Role.BRANCH,
     main="condition",
     # The last child of 'choose' is the only one without a condition.

@@ -4,83 +4,42 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
+from pkgutil import iter_modules
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.node_type import Content, NodeField, NodeType, SiblingKey
+from bt_agents_language import nodes
 from bt_agents_language.model.specs import NodeSpec
-from bt_agents_language.nodes.action import ACTION
-from bt_agents_language.nodes.case import CASE
-from bt_agents_language.nodes.check import CHECK
-from bt_agents_language.nodes.choose import CHOOSE
-from bt_agents_language.nodes.cooldown import COOLDOWN
-from bt_agents_language.nodes.fail import FAIL
-from bt_agents_language.nodes.give_feedback import GIVE_FEEDBACK
-from bt_agents_language.nodes.invert import INVERT
-from bt_agents_language.nodes.log import LOG
-from bt_agents_language.nodes.on_failure import ON_FAILURE
-from bt_agents_language.nodes.once import ONCE
-from bt_agents_language.nodes.parallel import PARALLEL
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, Role, SiblingKey
 from bt_agents_language.nodes.plugin import PLUGIN
-from bt_agents_language.nodes.publish import PUBLISH
-from bt_agents_language.nodes.random import RANDOM
-from bt_agents_language.nodes.repeat import REPEAT
-from bt_agents_language.nodes.retry import RETRY
-from bt_agents_language.nodes.selector import SELECTOR
-from bt_agents_language.nodes.sequence import SEQUENCE
-from bt_agents_language.nodes.service import SERVICE
-from bt_agents_language.nodes.set import SET
 from bt_agents_language.nodes.skill import SKILL
-from bt_agents_language.nodes.subtree import OUTPUTS, SUBTREE, WITH
-from bt_agents_language.nodes.succeed import SUCCEED
-from bt_agents_language.nodes.timeout import TIMEOUT
-from bt_agents_language.nodes.wait import WAIT
-from bt_agents_language.nodes.wait_for import WAIT_FOR
-from bt_agents_language.nodes.weight import WEIGHT, WEIGHT_KEY
-from bt_agents_language.nodes.when import WHEN
-from bt_agents_language.nodes.while_ import WHILE
+from bt_agents_language.nodes.subtree import OUTPUTS, WITH
+from bt_agents_language.nodes.weight import WEIGHT_KEY
 
-NODE_TYPES: Mapping[str, NodeType] = {
-    one.key: one
-    for one in (
-        SEQUENCE,
-        SELECTOR,
-        PARALLEL,
-        CHOOSE,
-        RANDOM,
-        CHECK,
-        SET,
-        WAIT,
-        WAIT_FOR,
-        ACTION,
-        SERVICE,
-        PUBLISH,
-        LOG,
-        GIVE_FEEDBACK,
-        SUBTREE,
-    )
-}
+_BUILD_ON_IT = ("catalogue", "plugin_discovery", "symbols")
+"""Files of this folder that need the catalogue themselves."""
+
+
+def find_node_types(*roles: Role) -> Mapping[str, NodeType]:
+    """Return the types with these roles by key, in their order, from all files of this folder."""
+    found: dict[str, NodeType] = {}
+    for module in iter_modules(nodes.__path__):
+        if module.name not in _BUILD_ON_IT:
+            values = vars(import_module(f"{nodes.__name__}.{module.name}")).values()
+            found |= {one.key: one for one in values if isinstance(one, NodeType)}
+    del found[SKILL.key], found[PLUGIN.key]
+    types = sorted(found.values(), key=lambda one: (one.order, one.key))
+    return {one.key: one for one in types if one.role in roles}
+
+
+NODE_TYPES = find_node_types(Role.COMPOSITE, Role.LEAF)
 """Composites and leaves by key, in the order of the documentation; skills and plug-ins come on
 top of these."""
 
-DECORATORS: Mapping[str, NodeType] = {
-    one.key: one
-    for one in (
-        WHEN,
-        ONCE,
-        COOLDOWN,
-        SUCCEED,
-        FAIL,
-        ON_FAILURE,
-        WHILE,
-        RETRY,
-        REPEAT,
-        TIMEOUT,
-        INVERT,
-    )
-}
+DECORATORS = find_node_types(Role.DECORATOR)
 """Decorators by key, in the order in which they wrap a node: the first one is the outermost."""
 
-BRANCHES: Mapping[str, NodeType] = {one.key: one for one in (CASE, WEIGHT)}
+BRANCHES = find_node_types(Role.BRANCH)
 """What wraps the children of some composites, by the kind of its nodes."""
 
 NAME = SiblingKey(

@@ -5,18 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bt_agents_language.model.endings import EITHER, FAILURE, SUCCESS, Outcomes, constant
-from bt_agents_language.model.node_type import Content, Mark, NodeField, NodeType
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.endings import EITHER, FAILURE, SUCCESS, Outcomes, constant
+from bt_agents_language.nodes.node_type import Content, Mark, NodeField, NodeType
 
 
 def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
-    said = constant(spec.fields.get("condition"))
-    return EITHER if said is None else SUCCESS if said else FAILURE
+    is_true = constant(spec.fields.get("condition"))
+    return EITHER if is_true is None else SUCCESS if is_true else FAILURE
 
 
 CHECK = NodeType(
     key="check",
+    order=60,
     main="condition",
     fields=(
         NodeField(name="condition", content=Content.CONDITION, description="what must be true"),
@@ -24,8 +25,8 @@ CHECK = NodeType(
     description="Succeeds when a condition is true, else fails.",
     outcomes=_outcomes,
     idle=True,
-    looks_only=True,
-    ways=((Mark.SUCCEEDED, "never true"), (Mark.FAILED, "never false")),
+    read_only=True,
+    to_cover=((Mark.SUCCEEDED, "never true"), (Mark.FAILED, "never false")),
     example="""\
 tree:
   selector:

@@ -5,8 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from bt_agents_language.model.endings import FAILURE, Outcomes, Unreached, any_of, constant
-from bt_agents_language.model.node_type import (
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.case import CASE
+from bt_agents_language.nodes.endings import FAILURE, Outcomes, Unreached, any_of, constant
+from bt_agents_language.nodes.node_type import (
     Children,
     Content,
     NodeField,
@@ -16,9 +19,6 @@ from bt_agents_language.model.node_type import (
     Role,
     wrapped,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import NodeSpec
-from bt_agents_language.nodes.case import CASE
 from bt_agents_language.nodes.when import WHEN
 
 
@@ -59,6 +59,7 @@ def _unreached(spec: NodeSpec, outcomes: Mapping[int, Outcomes]) -> Iterator[Unr
 
 CHOOSE = NodeType(
     key="choose",
+    order=40,
     role=Role.COMPOSITE,
     fields=(
         NodeField(

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.endings import skippable
-from bt_agents_language.model.node_type import Mark, NodeField, NodeType, Role
+from bt_agents_language.nodes.endings import skippable
+from bt_agents_language.nodes.node_type import Mark, NodeField, NodeType, Role
 
 COOLDOWN = NodeType(
     key="cooldown",
+    order=30,
     role=Role.DECORATOR,
     main="duration",
     fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),
@@ -16,7 +17,7 @@ COOLDOWN = NodeType(
     derived=("otherwise",),
     outcomes=skippable,
     skips=True,
-    ways=((Mark.LEFT_OUT, "never left out"),),
+    to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:
   repeat: {until: not live.person, pause: 1 s}

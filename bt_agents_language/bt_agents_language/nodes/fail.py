@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.endings import Outcome, counted_as
-from bt_agents_language.model.node_type import NodeType, Role
+from bt_agents_language.nodes.endings import Outcome, counted_as
+from bt_agents_language.nodes.node_type import NodeType, Role
 
 FAIL = NodeType(
     key="fail",
+    order=50,
     role=Role.DECORATOR,
     description="However the node ends, it counts as failure.",
     contrary="succeed",

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.node_type import (
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.nodes.node_type import (
     Content,
     NodeField,
     NodeReader,
@@ -12,8 +14,6 @@ from bt_agents_language.model.node_type import (
     RawNode,
     Resources,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import Literal, NodeSpec
 from bt_agents_language.yaml.yaml_reader import Mapping, key_or_node
 
 
@@ -43,6 +43,7 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
 
 GIVE_FEEDBACK = NodeType(
     key="give_feedback",
+    order=140,
     main="kind",
     fields=(
         NodeField(

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bt_agents_language.model.endings import Outcome, Outcomes
-from bt_agents_language.model.node_type import NodeType, Role
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.endings import Outcome, Outcomes
+from bt_agents_language.nodes.node_type import NodeType, Role
 
 _SWAPPED = {Outcome.SUCCESS: Outcome.FAILURE, Outcome.FAILURE: Outcome.SUCCESS}
 
@@ -18,6 +18,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 INVERT = NodeType(
     key="invert",
+    order=110,
     role=Role.DECORATOR,
     description="Success counts as failure and failure as success.",
     outcomes=_outcomes,

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.endings import always_success
-from bt_agents_language.model.node_type import Content, NodeField, NodeType
+from bt_agents_language.nodes.endings import always_success
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
 
 LOG = NodeType(
     key="log",
+    order=130,
     main="message",
     fields=(
         NodeField(name="message", type=FieldType.TEXT, description="what to write"),

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bt_agents_language.model.endings import FAILURE, Outcome, Outcomes
-from bt_agents_language.model.node_type import NodeType, Role
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.endings import FAILURE, Outcome, Outcomes
+from bt_agents_language.nodes.node_type import NodeType, Role
 
 
 def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
@@ -17,6 +17,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 ON_FAILURE = NodeType(
     key="on_failure",
+    order=60,
     role=Role.DECORATOR,
     handler=True,
     description="A node that is done instead when the node has failed.",

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.endings import skippable
-from bt_agents_language.model.node_type import Mark, NodeType, Role
+from bt_agents_language.nodes.endings import skippable
+from bt_agents_language.nodes.node_type import Mark, NodeType, Role
 
 ONCE = NodeType(
     key="once",
+    order=20,
     role=Role.DECORATOR,
     description="Leaves the node out after it has ended once in this run.",
     derived=("otherwise",),
@@ -15,7 +16,7 @@ ONCE = NodeType(
     skips=True,
     unaffected=True,
     single_round=True,
-    ways=((Mark.LEFT_OUT, "never left out"),),
+    to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:
   repeat: 3

@@ -8,8 +8,11 @@ from dataclasses import replace
 
 from bt_agents_core.field_types import Plain
 from bt_agents_core.text import quote
-from bt_agents_language.model.endings import EITHER, SUCCESS, Outcome, Outcomes, any_of
-from bt_agents_language.model.node_type import (
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.nodes.endings import EITHER, SUCCESS, Outcome, Outcomes, any_of
+from bt_agents_language.nodes.node_type import (
     Children,
     Content,
     NodeField,
@@ -18,9 +21,6 @@ from bt_agents_language.model.node_type import (
     RawNode,
     Role,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import Literal, NodeSpec
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
@@ -90,6 +90,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 PARALLEL = NodeType(
     key="parallel",
+    order=30,
     role=Role.COMPOSITE,
     fields=(
         NodeField(

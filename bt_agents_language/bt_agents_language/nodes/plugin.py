@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.node_type import NodeType
+from bt_agents_language.nodes.node_type import NodeType
 
 PLUGIN = NodeType(key="plugin", takes_time=True)
 """Type of every checked node of a plug-in; its fields are those of its class."""

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.model.node_type import Content, NodeField, NodeType
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
 from bt_agents_language.nodes.ros_leaf import ROS_TYPE, read_ros_leaf
 
 PUBLISH = NodeType(
     key="publish",
+    order=120,
     fields=(
         NodeField(name="topic", content=Content.ROS_NAME, description="name of the topic"),
         ROS_TYPE,

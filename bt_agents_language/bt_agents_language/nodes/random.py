@@ -6,8 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.endings import Outcomes, Unreached, any_of
-from bt_agents_language.model.node_type import (
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.values import read_value
+from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.nodes.endings import Outcomes, Unreached, any_of
+from bt_agents_language.nodes.node_type import (
     Children,
     Content,
     FieldValues,
@@ -19,9 +22,6 @@ from bt_agents_language.model.node_type import (
     short,
     wrapped,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import Literal, NodeSpec
-from bt_agents_language.model.values import read_value
 from bt_agents_language.nodes.weight import WEIGHT, WEIGHT_KEY
 
 
@@ -59,6 +59,7 @@ def _unreached(spec: NodeSpec, outcomes: Mapping[int, Outcomes]) -> Iterator[Unr
 
 RANDOM = NodeType(
     key="random",
+    order=50,
     role=Role.COMPOSITE,
     fields=(
         NodeField(

@@ -6,8 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.endings import ENDLESS, SUCCESS, Outcomes
-from bt_agents_language.model.node_type import (
+from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.nodes.endings import ENDLESS, SUCCESS, Outcomes
+from bt_agents_language.nodes.node_type import (
     FOREVER,
     Content,
     FieldValues,
@@ -15,7 +16,6 @@ from bt_agents_language.model.node_type import (
     NodeType,
     Role,
 )
-from bt_agents_language.model.specs import Literal, NodeSpec
 from bt_agents_language.nodes.shared_fields import PAUSE
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
@@ -45,6 +45,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 REPEAT = NodeType(
     key="repeat",
+    order=90,
     role=Role.DECORATOR,
     main="times",
     fields=(

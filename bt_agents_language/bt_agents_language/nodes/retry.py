@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.endings import ENDLESS, FAILURE, Outcomes
-from bt_agents_language.model.node_type import FOREVER, NodeField, NodeType, Role
 from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.nodes.endings import ENDLESS, FAILURE, Outcomes
+from bt_agents_language.nodes.node_type import FOREVER, NodeField, NodeType, Role
 from bt_agents_language.nodes.shared_fields import PAUSE
 
 
@@ -19,6 +19,7 @@ def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 RETRY = NodeType(
     key="retry",
+    order=80,
     role=Role.DECORATOR,
     main="attempts",
     fields=(

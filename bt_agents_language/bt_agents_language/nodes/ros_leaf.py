@@ -4,17 +4,17 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_language.files.bindings import (
+from bt_agents_language.fields.bindings import (
     RECEIVED,
     SENT,
     Outputs,
     binding_keys,
     read_binding,
-    what_comes_back,
+    received_messages,
 )
-from bt_agents_language.model.node_type import Content, NodeField, NodeReader, RawNode
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeReader, RawNode
 from bt_agents_language.yaml.typed_reader import MappingReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
@@ -94,9 +94,9 @@ def _skill(
 def _outputs(reader: NodeReader, fields: MappingReader, kind: BindingKind) -> Outputs:
     node = fields.get("type")
     type_name = node.text if isinstance(node, Scalar) else ""
-    back = what_comes_back(kind, type_name, reader.interfaces)
+    received = received_messages(kind, type_name, reader.interfaces)
     outputs = Outputs()
     for entry in fields.entries("outputs", "names and fields"):
         name = entry.key.text
-        outputs.read(reader.reading, name, entry.value, f"output '{name[:40]}'", back)
+        outputs.read(reader.reading, name, entry.value, f"output '{name[:40]}'", received)
     return outputs

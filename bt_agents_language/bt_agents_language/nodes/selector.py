@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.endings import Outcome, behind, in_turn
-from bt_agents_language.model.node_type import Children, NodeType, Role
+from bt_agents_language.nodes.endings import Outcome, behind, in_sequence
+from bt_agents_language.nodes.node_type import Children, NodeType, Role
 from bt_agents_language.nodes.shared_fields import MEMORY
 
 SELECTOR = NodeType(
     key="selector",
+    order=20,
     role=Role.COMPOSITE,
     fields=(MEMORY,),
     children=Children.LIST,
     description="Tries its children one after the other, until one succeeds.",
-    goes_on=Outcome.FAILURE,
-    outcomes=lambda spec, children: in_turn(children, Outcome.FAILURE),
+    continues_on=Outcome.FAILURE,
+    outcomes=lambda spec, children: in_sequence(children, Outcome.FAILURE),
     unreached=lambda spec, outcomes: behind(spec, Outcome.FAILURE, outcomes),
     alternatives=lambda spec: spec.children,
     example="""\

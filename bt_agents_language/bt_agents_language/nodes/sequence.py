@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.endings import Outcome, behind, in_turn
-from bt_agents_language.model.node_type import Children, NodeType, Role
+from bt_agents_language.nodes.endings import Outcome, behind, in_sequence
+from bt_agents_language.nodes.node_type import Children, NodeType, Role
 from bt_agents_language.nodes.shared_fields import MEMORY
 
 SEQUENCE = NodeType(
     key="sequence",
+    order=10,
     role=Role.COMPOSITE,
     fields=(MEMORY,),
     children=Children.LIST,
     description="Does its children one after the other, until one fails.",
-    outcomes=lambda spec, children: in_turn(children, Outcome.SUCCESS),
+    outcomes=lambda spec, children: in_sequence(children, Outcome.SUCCESS),
     unreached=lambda spec, outcomes: behind(spec, Outcome.SUCCESS, outcomes),
     example="""\
 tree:

@@ -4,17 +4,17 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.endings import always_success
-from bt_agents_language.model.node_type import (
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.values import read_value
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.endings import always_success
+from bt_agents_language.nodes.node_type import (
     LABEL_LENGTH,
     FieldValues,
     NodeReader,
     NodeType,
     RawNode,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import NodeSpec
-from bt_agents_language.model.values import read_value
 from bt_agents_language.yaml.yaml_reader import Mapping
 
 
@@ -39,6 +39,7 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
 
 SET = NodeType(
     key="set",
+    order=70,
     open=True,
     description="Gives names values that later nodes can use.",
     read=_read,

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.node_type import Content, NodeField
+from bt_agents_language.nodes.node_type import Content, NodeField
 
 MEMORY = NodeField(
     name="memory",

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.node_type import NodeType
+from bt_agents_language.nodes.node_type import NodeType
 from bt_agents_language.nodes.subtree import OUTPUTS
 
 SKILL = NodeType(key="skill", siblings=(OUTPUTS.key,), idle=True)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType, SiblingKey
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, SiblingKey
 
 WITH = SiblingKey(
     field=NodeField(
@@ -42,6 +42,7 @@ tree:
 
 SUBTREE = NodeType(
     key="subtree",
+    order=150,
     main="name",
     fields=(
         NodeField(

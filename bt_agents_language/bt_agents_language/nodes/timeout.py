@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.endings import limited
-from bt_agents_language.model.node_type import Mark, NodeField, NodeType, Role
+from bt_agents_language.nodes.endings import limited
+from bt_agents_language.nodes.node_type import Mark, NodeField, NodeType, Role
 
 TIMEOUT = NodeType(
     key="timeout",
+    order=100,
     role=Role.DECORATOR,
     main="limit",
     fields=(NodeField(name="limit", type=FieldType.DURATION, description="how long"),),
@@ -17,7 +18,7 @@ TIMEOUT = NodeType(
     unaffected=True,
     limits=True,
     gives_up=True,
-    ways=((Mark.BROKEN_OFF, "never ran out of time"),),
+    to_cover=((Mark.BROKEN_OFF, "never ran out of time"),),
     example="""\
 tree:
   drive: check-in desk

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.endings import always_success
-from bt_agents_language.model.node_type import NodeField, NodeType, Waits
+from bt_agents_language.nodes.endings import always_success
+from bt_agents_language.nodes.node_type import NodeField, NodeType, Waits
 
 WAIT = NodeType(
     key="wait",
+    order=80,
     main="duration",
     fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),
     description="Waits for a time.",

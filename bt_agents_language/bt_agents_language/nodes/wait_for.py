@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_core.text import join_quoted
-from bt_agents_language.model.endings import EITHER, ENDLESS
-from bt_agents_language.model.node_type import (
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.endings import EITHER, ENDLESS
+from bt_agents_language.nodes.node_type import (
     Content,
     MessageSource,
     NodeField,
@@ -17,8 +19,6 @@ from bt_agents_language.model.node_type import (
     Waits,
     constant_field,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.yaml_reader import key_or_node
 
 _OF_A_MESSAGE = ("topic", "type", "until", "latched", "outputs")
@@ -26,7 +26,7 @@ _NEEDED = ("topic", "type")
 
 
 def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-    nodes = reader.written(raw)
+    nodes = reader.written_fields(raw)
     if nodes is None:
         return None
     message = [key for key in _OF_A_MESSAGE if key in nodes]
@@ -61,6 +61,7 @@ def _resources(spec: NodeSpec) -> Resources:
 
 WAIT_FOR = NodeType(
     key="wait_for",
+    order=90,
     main="condition",
     fields=(
         NodeField(

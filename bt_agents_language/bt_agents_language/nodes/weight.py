@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.node_type import NodeField, NodeType, Role, SiblingKey
+from bt_agents_language.nodes.node_type import NodeField, NodeType, Role, SiblingKey
 
 WEIGHT_KEY = SiblingKey(
     field=NodeField(
@@ -25,4 +25,4 @@ tree:
 """,
 )
 
-WEIGHT = NodeType(key="weight", role=Role.BRANCH, main="weight")
+WEIGHT = NodeType(key="weight", order=20, role=Role.BRANCH, main="weight")

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.endings import never_true, skippable
-from bt_agents_language.model.node_type import Content, Mark, NodeField, NodeType, Role
+from bt_agents_language.nodes.endings import never_true, skippable
+from bt_agents_language.nodes.node_type import Content, Mark, NodeField, NodeType, Role
 
 WHEN = NodeType(
     key="when",
+    order=10,
     role=Role.DECORATOR,
     main="condition",
     fields=(
@@ -22,7 +23,7 @@ WHEN = NodeType(
     outcomes=skippable,
     unreached=never_true,
     skips=True,
-    ways=((Mark.LEFT_OUT, "never left out"),),
+    to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:
   sequence:

@@ -5,20 +5,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bt_agents_language.model.endings import FAILURE, Outcomes, constant, limited, never_true
-from bt_agents_language.model.node_type import Content, Mark, NodeField, NodeType, Role
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.endings import FAILURE, Outcomes, constant, limited, never_true
+from bt_agents_language.nodes.node_type import Content, Mark, NodeField, NodeType, Role
 
 
 def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
-    said = constant(spec.fields.get("condition"))
-    if said is not None:
-        return children[0] if said else FAILURE
+    is_true = constant(spec.fields.get("condition"))
+    if is_true is not None:
+        return children[0] if is_true else FAILURE
     return limited(children[0])
 
 
 WHILE = NodeType(
     key="while",
+    order=70,
     role=Role.DECORATOR,
     main="condition",
     fields=(
@@ -34,7 +35,7 @@ WHILE = NodeType(
     unreached=never_true,
     limits=True,
     gives_up=True,
-    ways=((Mark.BROKEN_OFF, "never broken off"),),
+    to_cover=((Mark.BROKEN_OFF, "never broken off"),),
     example="""\
 tree:
   while: live.person

@@ -9,8 +9,9 @@ from dataclasses import field as data_field
 from functools import cache
 
 from bt_agents_core.text import join_words
-from bt_agents_language.model.file_kinds import (
-    Choice,
+from bt_agents_language.files.file_kinds import FILE_KINDS
+from bt_agents_language.reference.node_pages import FieldEntry
+from bt_agents_language.yaml.field_tables import (
     Either,
     Entries,
     FieldDecl,
@@ -18,15 +19,14 @@ from bt_agents_language.model.file_kinds import (
     Form,
     Items,
     KeyTable,
-    SceneNames,
+    SceneNameList,
     SceneValues,
     Several,
     Shared,
     Single,
     Value,
+    WordChoice,
 )
-from bt_agents_language.reference.node_pages import FieldEntry
-from bt_agents_language.tools.schema.folder import FILE_KINDS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +127,7 @@ def _expected(value: Value) -> str:
             return f"{value.form.value}, {bounds}" if limits else value.form.value
         case Single():
             return value.form.value
-        case Choice():
+        case WordChoice():
             return join_words(value.words, "or")
         case Items():
             return f"list, each: {_expected(value.item)}"
@@ -137,7 +137,7 @@ def _expected(value: Value) -> str:
             return value.of or f"names, each with: {_expected(value.value)}"
         case SceneValues():
             return f"values of {'all ' if value.every else ''}scene parameters"
-        case SceneNames():
+        case SceneNameList():
             return f"list of scene parameters, or {value.every}"
         case Either():
             return ", or ".join(map(_expected, value.options))

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType, Role
 from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec
-from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
+from bt_agents_language.nodes.symbols import SymbolTable
 
 
 class Group(Enum):
@@ -35,6 +35,7 @@ class FieldEntry:
         expected: What may be written there, in words: ``time`` or ``whole number ≥ 1``.
         default: What counts when it is left out, as it would be written; empty for nothing.
         main: Whether a scalar behind the word stands for it.
+        sample: What an example has there.
     """
 
     name: str
@@ -42,6 +43,7 @@ class FieldEntry:
     required: bool
     default: str = ""
     main: bool = False
+    sample: str = ""
     description: str = ""
 
 
@@ -140,7 +142,7 @@ def subtree_page(library: str, subtree: SubtreeSpec) -> NodePage:
     given = needed or fields[:1]
     call = f"subtree: {subtree.name}\n"
     if given:
-        values = ", ".join(f"{field.name}: {_default_or_sample(field)}" for field in given)
+        values = ", ".join(f"{field.name}: {field.default or field.sample}" for field in given)
         call += f"with: {{{values}}}\n"
     forms = [f"subtree: {subtree.name}"]
     if fields:
@@ -157,7 +159,7 @@ def subtree_page(library: str, subtree: SubtreeSpec) -> NodePage:
     )
 
 
-def expected_words(field: NodeField) -> str:
+def _expected(field: NodeField) -> str:
     """Return what may be written in a field: ``whole number ≥ 1 or forever``."""
     if field.content is Content.COUNT:
         return "all, one, whole number ≥ 1 or list of names"
@@ -170,7 +172,7 @@ def expected_words(field: NodeField) -> str:
     return TYPE_WORDS[field.type] + least + (f" or {words}" if words else "")
 
 
-def written(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
+def _format_default(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
     """Return a default as an author would write it; empty for none."""
     units = {FieldType.DURATION: " s", FieldType.LENGTH: " m", FieldType.ANGLE: " rad"}
     match value:
@@ -183,8 +185,8 @@ def written(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
         case str():
             return value if value else '""'
         case tuple():
-            return f"[{', '.join(map(written, value))}]"
-    return f"{{{', '.join(f'{key}: {written(item)}' for key, item in value.items())}}}"
+            return f"[{', '.join(map(_format_default, value))}]"
+    return f"{{{', '.join(f'{key}: {_format_default(item)}' for key, item in value.items())}}}"
 
 
 def _type_page(node_type: NodeType) -> NodePage:
@@ -254,10 +256,11 @@ def _decorator_page(decorator: NodeType) -> NodePage:
 def _entry(field: NodeField, main: str | None) -> FieldEntry:
     return FieldEntry(
         name=field.name,
-        expected=expected_words(field),
+        expected=_expected(field),
         required=field.required,
-        default=written(field.default, field.type),
+        default=_format_default(field.default, field.type),
         main=field.name == main,
+        sample=_sample(field),
         description=field.description,
     )
 
@@ -267,8 +270,9 @@ def _declared(one: FieldSpec, main: str | None) -> FieldEntry:
         name=one.name,
         expected=TYPE_WORDS[one.type],
         required=one.required,
-        default=written(one.default, one.type),
+        default=_format_default(one.default, one.type),
         main=one.name == main,
+        sample=_SAMPLES[one.type],
         description=one.description,
     )
 
@@ -297,15 +301,15 @@ _TEXTS: Mapping[str, str] = {
 }
 """Text of a skill in its example, by the usual names of skills."""
 
-_SAMPLES = {
-    "number": "1.5",
-    "whole number": "2",
-    "true or false": "true",
-    "time": "5 s",
-    "length": "1 m",
-    "angle": "90 deg",
-    "anything": "[a, b]",
-    "condition": "live.person",
+_SAMPLES: Mapping[FieldType, str] = {
+    FieldType.TEXT: '"…"',
+    FieldType.NUMBER: "1.5",
+    FieldType.INTEGER: "2",
+    FieldType.BOOLEAN: "true",
+    FieldType.DURATION: "5 s",
+    FieldType.LENGTH: "1 m",
+    FieldType.ANGLE: "90 deg",
+    FieldType.ANY: "[a, b]",
 }
 
 
@@ -316,9 +320,10 @@ def _made_example(
     needed = [field for field in fields if field.required]
     main = next((field for field in fields if field.main), None)
     if main is not None and needed in ([], [main]):
-        value = f" {_sample(main, _TEXTS.get(key))}"
+        is_text = main.sample == _SAMPLES[FieldType.TEXT]
+        value = f" {_TEXTS.get(key, main.sample) if is_text else main.sample}"
     elif needed:
-        value = f" {{{', '.join(f'{field.name}: {_sample(field)}' for field in needed)}}}"
+        value = f" {{{', '.join(f'{field.name}: {field.sample}' for field in needed)}}}"
     else:
         value = ""
     return _tree(f"{key}:{value}\n", outputs)
@@ -333,12 +338,9 @@ def _tree(node: str, outputs: tuple[FieldEntry, ...]) -> str:
     return f'tree:\n  sequence:\n{item}    - log: "{name}: ${{{name}}}"\n'
 
 
-def _default_or_sample(field: FieldEntry) -> str:
-    return field.default or _sample(field)
-
-
-def _sample(field: FieldEntry, text: str | None = None) -> str:
-    if field.expected == TYPE_WORDS[FieldType.TEXT]:
-        return text or '"…"'
-    first = field.expected.split(" ≥ ")[0]
-    return _SAMPLES.get(first) or _SAMPLES.get(field.expected) or first.split(" or ")[0]
+def _sample(field: NodeField) -> str:
+    if field.content is Content.CONDITION:
+        return "live.person"
+    if field.content is Content.CONSTANT and field.words:
+        return field.words[0]
+    return _CONTENT_WORDS.get(field.content) or _SAMPLES[field.type]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.node_pages import FieldEntry, Group, NodePage, node_pages
 
 _HEADINGS = {

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, COMPARISON, PREFIXES
-from bt_agents_language.model.scope import RESERVED, mood_names, scene_names
-from bt_agents_language.model.units import DIMENSIONS
+from bt_agents_language.expression.units import DIMENSIONS
+from bt_agents_language.fields.scope import RESERVED, mood_names, scene_names
 
 Rows = tuple[tuple[str, str], ...]
 

@@ -10,16 +10,16 @@ from pathlib import Path
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
+from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents_language.files.market_reader import MARKET_FILE, read_market, unknown_agents
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
-from bt_agents_language.model.interfaces import Interfaces, OfInstalledPackages
-from bt_agents_language.model.plugins import installed_plugins
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.symbols import ImportProblem, SymbolTable
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
+from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
 from bt_agents_language.tools.linting.lint import lint, unused_inputs
 from bt_agents_language.yaml.source import Source, read_source
@@ -33,7 +33,7 @@ class Checked:
         problems: Errors and warnings, file by file in the order of reading.
         agents: Names of the checked agents without errors.
         files: How many files were checked.
-        unchecked: Files that could not be looked at, because the scene or the skills are broken.
+        unchecked: Files that could not be checked, because the scene or the skills are broken.
     """
 
     problems: tuple[Diagnostic, ...]
@@ -52,13 +52,13 @@ def check_folder(
             ``scripts`` and, in ``scenes``, scene files of other robots.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         only: Files or folders in it to which the answer is to be limited; the scene and the
-            skills, which everything needs, are told about when they are broken.
+            skills, which everything needs, are reported when they are broken.
     """
     return _FolderCheck(folder, interfaces, only).run()
 
 
 class _FolderCheck:
-    """One look at one folder."""
+    """One check of one folder."""
 
     def __init__(
         self, folder: Path, interfaces: Interfaces | None, only: Collection[Path] | None
@@ -70,7 +70,7 @@ class _FolderCheck:
         self._found: dict[Diagnostic, None] = {}
 
     def run(self) -> Checked:
-        """Look at everything."""
+        """Check everything."""
         folder = self._folder
         scene = folder / "scene.yaml"
         base = [scene, *yaml_files(folder / "skills")]

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From raw nodes to checked trees: fields, names, subtrees and calls."""
+"""Trees of a file: raw nodes, their fields, names, subtrees and calls."""

@@ -6,13 +6,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_language.files.bindings import FEEDBACK
-from bt_agents_language.files.inputs import read_new_name
-from bt_agents_language.model.interfaces import Interfaces, MessageFields
-from bt_agents_language.model.node_type import MessageSource, RawNode
-from bt_agents_language.model.scope import Assigned
+from bt_agents_language.fields.bindings import FEEDBACK
+from bt_agents_language.fields.inputs import read_new_name
+from bt_agents_language.fields.interfaces import Interfaces, MessageFields
+from bt_agents_language.fields.references import ONE_NAME
+from bt_agents_language.fields.scope import Assigned
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
-from bt_agents_language.tree.references import ONE_NAME
+from bt_agents_language.nodes.node_type import MessageSource, RawNode
 from bt_agents_language.yaml.scalars import scalar_type
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode

@@ -7,14 +7,14 @@ from collections.abc import Mapping
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import join_quoted, quote
-from bt_agents_language.model.node_type import FieldValues, RawNode, short
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.values import read_value
 from bt_agents_language.model.specs import NOTHING, FieldSpec, NodeSpec, SkillSpec, SubtreeSpec
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.model.values import read_value
 from bt_agents_language.nodes.catalogue import SIBLING_KEYS
+from bt_agents_language.nodes.node_type import FieldValues, RawNode, short
 from bt_agents_language.nodes.subtree import SUBTREE
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
@@ -22,6 +22,11 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 class CallReader:
     """Reads skill nodes and subtree nodes of one file.
+
+    Args:
+        reading: The file.
+        subtrees: What it can call, by name.
+        vocabulary: Whether there may be more, in an import that has failed or is missing.
 
     Attributes:
         calls: Place of each ``subtree`` node → name of the subtree.
@@ -33,13 +38,6 @@ class CallReader:
         subtrees: Mapping[str, SubtreeSpec],
         vocabulary: SymbolTable,
     ) -> None:
-        """Take the file.
-
-        Args:
-            reading: The file.
-            subtrees: What it can call, by name.
-            vocabulary: Tells whether there are more, in an import that has failed or is missing.
-        """
         self._vocabulary = vocabulary
         self.calls: dict[Position, str] = {}
         self._reading = reading

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 
 from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.files.bindings import read_output
-from bt_agents_language.model.interfaces import MessageFields, read_ros_name, read_ros_type
-from bt_agents_language.model.node_type import Content, FieldValues, NodeField
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.fields.bindings import read_output
+from bt_agents_language.fields.interfaces import MessageFields, read_ros_name, read_ros_type
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.values import read_condition, read_value
 from bt_agents_language.model.specs import Literal, MapValue, Value
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.model.values import read_condition, read_value
 from bt_agents_language.nodes.catalogue import SIBLING_KEYS
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.nodes.node_type import Content, FieldValues, NodeField
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar

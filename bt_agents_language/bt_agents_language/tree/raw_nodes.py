@@ -8,12 +8,12 @@ import unicodedata
 from collections.abc import Collection, Mapping
 
 from bt_agents_core.text import join_quoted, quote
-from bt_agents_language.model.node_type import Children, Content, NodeType, RawNode
+from bt_agents_language.diagnostics.collection import did_you_mean, nearest
 from bt_agents_language.model.specs import NOTHING
-from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLING_KEYS, SIBLINGS
+from bt_agents_language.nodes.node_type import Children, Content, NodeType, RawNode
 from bt_agents_language.nodes.skill import SKILL
-from bt_agents_language.yaml.diagnostics import did_you_mean, nearest
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.typed_reader import Shape, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
@@ -102,15 +102,7 @@ class RawNodeReader:
         parent: NodeType | None,
         loose_children: bool = False,
     ) -> RawNode:
-        """Return a raw node.
-
-        Args:
-            entry: The node key and its value.
-            word: The node key that is meant.
-            known: The decorators and sibling keys beside it.
-            parent: Type of the composite that it is a child of.
-            loose_children: Whether the children stand beside the node by mistake.
-        """
+        """Return a raw node."""
         node_type = self._types.get(word)
         skill = None if node_type is not None else self._skills[word]
         label = known.pop("name", None)

@@ -7,9 +7,11 @@ import re
 from collections.abc import Mapping
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_language.model.endings import Outcome
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.node_type import (
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.model.specs import NOTHING, Literal, NodeSpec, SubtreeSpec
+from bt_agents_language.nodes.catalogue import DECORATORS
+from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.nodes.node_type import (
     Children,
     FieldValues,
     NodeType,
@@ -18,10 +20,7 @@ from bt_agents_language.model.node_type import (
     short,
     wrapped,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import NOTHING, Literal, NodeSpec, SubtreeSpec
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.nodes.catalogue import DECORATORS
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.assigned_names import AssignedNames, may_write
 from bt_agents_language.tree.calls import CallReader
 from bt_agents_language.tree.node_fields import FieldReader, written_fields
@@ -38,6 +37,9 @@ class TreeReader:
         reading: The file.
         vocabulary: What it may speak of.
         subtrees: What its trees can call, by name.
+
+    Attributes:
+        interfaces: The installed ROS types; None leaves types unchecked.
     """
 
     def __init__(
@@ -46,8 +48,8 @@ class TreeReader:
         vocabulary: SymbolTable,
         subtrees: Mapping[str, SubtreeSpec],
     ) -> None:
-        self._reading = reading
-        self._interfaces = vocabulary.interfaces
+        self.reading = reading
+        self.interfaces = vocabulary.interfaces
         self._fields = FieldReader(reading, vocabulary)
         self._calls = CallReader(reading, subtrees, vocabulary)
         self._written = AssignedNames(reading, subtrees, vocabulary.interfaces)
@@ -56,16 +58,6 @@ class TreeReader:
     def calls(self) -> Mapping[Position, str]:
         """Place of each ``subtree`` node read so far → name of the subtree."""
         return self._calls.calls
-
-    @property
-    def reading(self) -> TypedReader:
-        """The file."""
-        return self._reading
-
-    @property
-    def interfaces(self) -> Interfaces | None:
-        """The installed ROS types; None leaves types unchecked."""
-        return self._interfaces
 
     def read(
         self, raw: RawNode, path: str, names: NameScope, *, parent: NodeType | None = None
@@ -115,17 +107,17 @@ class TreeReader:
         what = f"'{decorator.key}'"
         fields: FieldValues = {}
         if not decorator.fields:
-            if not self._reading.boolean(node, what):
+            if not self.reading.boolean(node, what):
                 return None
         else:
             main = decorator.main
-            nodes = written_fields(self._reading, node, what, decorator.fields, main) or {}
+            nodes = written_fields(self.reading, node, what, decorator.fields, main) or {}
             fields = self.values(decorator, nodes, names, what)
             if decorator.complete is not None:
-                decorator.complete(self._reading, node, nodes, fields)
+                decorator.complete(self.reading, node, nodes, fields)
         if decorator.skips:
-            goes_on = parent.goes_on if parent is not None else Outcome.SUCCESS
-            fields["otherwise"] = Literal(value=goes_on.name.lower())
+            continues_on = parent.continues_on if parent is not None else Outcome.SUCCESS
+            fields["otherwise"] = Literal(value=continues_on.name.lower())
         return fields
 
     def _handled(
@@ -204,11 +196,11 @@ class TreeReader:
             children=tuple([child for child in children if child is not None]),
         )
 
-    def written(self, raw: RawNode) -> Mapping[str, Node] | None:
+    def written_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
         """Return the written fields of a leaf by name; None when there are none to be read."""
         assert raw.type is not None
         what = f"'{raw.type.key}'"
-        return written_fields(self._reading, raw.value, what, raw.type.fields, raw.type.main)
+        return written_fields(self.reading, raw.value, what, raw.type.fields, raw.type.main)
 
     def values(
         self, node_type: NodeType, nodes: Mapping[str, Node], names: NameScope, what: str = ""
@@ -228,7 +220,7 @@ class TreeReader:
         node_type = raw.type
         assert node_type is not None
         if nodes is None:
-            nodes = self.written(raw)
+            nodes = self.written_fields(raw)
         if nodes is None:
             return None
         first = node_type.main or (node_type.fields[0].name if node_type.fields else "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the trees and subtrees of an agent or library, and puts the subtrees in place."""
+"""Reader of the trees and subtrees of an agent or library; subtrees are put in place."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.files.inputs import INPUT, OUTPUT, read_inputs
-from bt_agents_language.model.file_kinds import NODE, TEXT, Entries, FieldDecl, Key, KeyTable
-from bt_agents_language.model.node_type import RawNode
-from bt_agents_language.model.scope import Assigned, NameScope, mood_names, scene_names
+from bt_agents_language.fields.inputs import INPUT, OUTPUT, read_inputs
+from bt_agents_language.fields.scope import Assigned, NameScope, mood_names, scene_names
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SubtreeSpec, UnusedInput
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.node_type import RawNode
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.assigned_names import AssignedNames
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES, Expansion
 from bt_agents_language.tree.tree_reader import TreeReader
+from bt_agents_language.yaml.field_tables import NODE, TEXT, Entries, FieldDecl, Key, KeyTable
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, entries_of
 

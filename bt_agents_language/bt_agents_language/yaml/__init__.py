@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML with positions: located nodes, typed readers, diagnostics and their renderers."""
+"""YAML with positions: located nodes, syntax hints, field tables and typed readers."""

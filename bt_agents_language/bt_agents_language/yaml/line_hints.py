@@ -23,15 +23,16 @@ _COLON_LATER = re.compile(r":(\s|$)")
 
 @dataclass(frozen=True, kw_only=True)
 class SyntaxHint:
-    """What is wrong in a text.
+    """A syntax error and how to fix it.
 
     Attributes:
         index: Where it begins.
         width: Number of characters.
         message: What was found and what is expected.
-        hint: How to mend it.
-        fix: The edit that mends it, where there is no doubt; reading then goes on.
+        hint: How to fix it.
+        fix: The edit that fixes it, where there is no doubt; reading then goes on.
         code: Of the problem.
+        is_item: Whether the line may be meant as a '-' item.
     """
 
     index: int
@@ -40,28 +41,29 @@ class SyntaxHint:
     hint: str
     fix: Edit | None = None
     code: str = "syntax"
+    is_item: bool = False
 
 
 def line_hint(line: str, start: int) -> SyntaxHint | None:
-    """Return the slip in a line; None when nothing in it looks like one.
+    """Return a hint for a line; None when nothing in it looks like one.
 
     Args:
         line: The line without its end.
         start: Index of its first character in the text.
     """
     for find in _FINDERS:
-        slip = find(line, start)
-        if slip is not None:
-            return slip
+        hint = find(line, start)
+        if hint is not None:
+            return hint
     return None
 
 
 def key_hint(line: str, start: int) -> SyntaxHint | None:
-    """Return the slip that keeps a line from being ``key: value``; as :func:`line_hint`."""
+    """Return a hint for what keeps a line from being ``key: value``; as :func:`line_hint`."""
     for find in (_wide_colon, _no_space, _one_word, _equals):
-        slip = find(line, start)
-        if slip is not None:
-            return slip
+        hint = find(line, start)
+        if hint is not None:
+            return hint
     return None
 
 
@@ -130,6 +132,7 @@ def _dash(line: str, start: int) -> SyntaxHint | None:
             message="a space is missing behind '-'",
             hint=f"write '- {line.strip()[1:31]}'",
             fix=Edit(start=at + 1, stop=at + 1, text=" "),
+            is_item=True,
         )
     return SyntaxHint(
         index=at,
@@ -139,7 +142,7 @@ def _dash(line: str, start: int) -> SyntaxHint | None:
     )
 
 
-def _words(line: str, start: int) -> SyntaxHint | None:
+def _without_colon(line: str, start: int) -> SyntaxHint | None:
     match = _NO_COLON.match(line)
     if match is None or _COLON_LATER.search(line):
         return None
@@ -149,6 +152,7 @@ def _words(line: str, start: int) -> SyntaxHint | None:
         width=len(line.rstrip()) - match.start("key"),
         message="this line is neither 'key: value' nor a '-' item",
         hint=f"write '{key}: {rest}', or indent the line if it belongs to the text above",
+        is_item=True,
     )
 
 
@@ -158,5 +162,5 @@ _FINDERS: tuple[Callable[[str, int], SyntaxHint | None], ...] = (
     _no_space,
     _one_word,
     _equals,
-    _words,
+    _without_colon,
 )

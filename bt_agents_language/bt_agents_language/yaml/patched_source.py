@@ -32,7 +32,7 @@ class PatchedSource(Source):
 
     Args:
         source: The text before.
-        edit: What is mended.
+        edit: The edit.
     """
 
     def __init__(self, source: Source, edit: Edit) -> None:
@@ -64,5 +64,5 @@ def without_section(source: Source, index: int) -> PatchedSource | None:
     starts = [match.start() for match in _TOP_LEVEL.finditer(source.text)]
     start = max((one for one in starts if one <= index), default=0)
     stop = min((one for one in starts if one > index), default=len(source.text))
-    mended = PatchedSource(source, Edit(start=start, stop=stop, text=""))
-    return mended if start < stop and mended.text.strip() else None
+    patched = PatchedSource(source, Edit(start=start, stop=stop, text=""))
+    return patched if start < stop and patched.text.strip() else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.source import MAX_BYTES, TOO_LARGE, Source
 
 # Also what breaks lines in some programs only (U+0085, U+2028, U+2029), hides (U+FEFF, tags from
@@ -29,7 +29,7 @@ _SIGNS = {
 }
 """Start of a file → what it is, and what to do."""
 
-_LOOKED_AT = 400
+_FORMAT_PREFIX = 400
 
 
 def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
@@ -65,7 +65,7 @@ def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
 
 def _foreign_format(text: str) -> tuple[str, str] | None:
     """Return what a file is that is no YAML, and a hint; None when it may be YAML."""
-    start = text[:_LOOKED_AT].lstrip().lower()
+    start = text[:_FORMAT_PREFIX].lstrip().lower()
     tree = start.find("<root btcpp_format")
     if start.startswith("<?xml") and tree > 0:
         start = start[tree:]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_language.model import quantities
+from bt_agents_language.expression import quantities
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 _BOOLEANS = {
@@ -80,3 +80,11 @@ def scalar_type(node: Node) -> FieldType:
         case str():
             return FieldType.TEXT
     return FieldType.ANY
+
+
+def value_type(scalar: Scalar) -> type:
+    """Return the type of a value where any type may stand; an error's for an impossible number."""
+    try:
+        return type(plain_value(scalar))
+    except quantities.QuantityError:
+        return quantities.QuantityError

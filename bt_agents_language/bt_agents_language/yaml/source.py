@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from bt_agents_core.diagnostic import Diagnostic, Position
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 
 MAX_BYTES = 1024 * 1024
 """A larger file is no script that a person wrote."""

@@ -13,22 +13,28 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import join_quoted, join_words, quote
-from bt_agents_language.model import quantities
-from bt_agents_language.model.file_kinds import (
-    Choice,
+from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean, nearest
+from bt_agents_language.expression import quantities
+from bt_agents_language.yaml.field_tables import (
     Entries,
     Items,
     KeyTable,
     SceneValues,
     Single,
     Value,
+    WordChoice,
 )
-from bt_agents_language.yaml.diagnostics import Diagnostics, did_you_mean, nearest
-from bt_agents_language.yaml.document import read_document
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.source import Source, aligned, read_source
 from bt_agents_language.yaml.suggestions import left_empty, name_meant, other_file, without_value
-from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar, Sequence
+from bt_agents_language.yaml.yaml_reader import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    Sequence,
+    read_document,
+)
 
 FORMAT = 1
 """The version of the language that this package reads."""
@@ -216,7 +222,7 @@ class TypedReader:
             return None
         for entry in unknown:
             word = entry.key.text
-            # A key that is there with a slip in it is not missing, and is read as the one meant.
+            # A key that is there but misspelt is not missing, and is read as the one meant.
             meant = nearest(word, [key for key in known if key not in nodes])
             above = left_empty(node, entry, nodes)
             hint = did_you_mean(word, known)
@@ -277,7 +283,7 @@ class TypedReader:
             )
             return None
         if not node.text.strip() and not empty:
-            # The usual slip is a colour: light: #ff0000
+            # The usual mistake is a colour: light: #ff0000
             comment = node.plain and self.source.text[node.span[1] :].lstrip(" ")[:1] == "#"
             hint = "a # starts a comment; put the text in quotes" if comment else "write a text"
             self.error("missing-value", node, f"{what} is empty", hint)
@@ -357,14 +363,16 @@ class TypedReader:
         if (minimum is None or value >= minimum) and (maximum is None or value <= maximum):
             return True
         low, high = (
-            None if limit is None else quantities.spoken(limit, field_type, MESSAGE_DIGITS)
+            None
+            if limit is None
+            else quantities.format_quantity(limit, field_type, MESSAGE_DIGITS)
             for limit in (minimum, maximum)
         )
         expected = f"{low} to {high}" if low and high else low and f"{low} or more"
         self.error(
             "out-of-range",
             node,
-            f"{what} is {quantities.spoken(value, field_type, MESSAGE_DIGITS)}, "
+            f"{what} is {quantities.format_quantity(value, field_type, MESSAGE_DIGITS)}, "
             f"expected {expected or f'{high} or less'}",
         )
         return False
@@ -453,7 +461,8 @@ class MappingReader:
         if minimum is None or maximum is None or minimum < maximum:
             return True
         low, high = (
-            quantities.spoken(limit, field_type, MESSAGE_DIGITS) for limit in (minimum, maximum)
+            quantities.format_quantity(limit, field_type, MESSAGE_DIGITS)
+            for limit in (minimum, maximum)
         )
         self._reading.error(
             "out-of-range",
@@ -496,7 +505,7 @@ class MappingReader:
     def choice(self, key: str, words: Collection[str] = ()) -> str | None:
         """Return one of some words, without any of those of the table."""
         declared = self._declared(key)
-        if not words and isinstance(declared, Choice):
+        if not words and isinstance(declared, WordChoice):
             words = declared.words
         return self._read(key, lambda n, w: self._reading.choice(n, w, words))
 

@@ -22,8 +22,9 @@ from yaml.events import (
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import quote
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.line_hints import SyntaxHint
+from bt_agents_language.yaml.patched_source import PatchedSource, without_section
 from bt_agents_language.yaml.precheck import BAD_CHARACTER, looks_like_yaml
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_syntax import report_syntax
@@ -36,6 +37,12 @@ MAX_NODES = 50_000
 
 MAX_TEXT = 20_000
 """Characters of one scalar."""
+
+MAX_READ_AGAIN = 50_000
+"""Characters that are read again after syntax errors; of a large file only the first count."""
+
+MAX_SYNTAX_ERRORS = 20
+"""After so many syntax errors reading ends: the file is something else than YAML."""
 
 _STRANGE_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
 _LOST_SPACE = re.compile("-(?=[^\\W\\d_])|[\u2010-\u2015\u2212] ?")
@@ -148,12 +155,44 @@ def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
     """
     if not looks_like_yaml(source, problems):
         return None
-    root, slip = read_once(source, problems)
-    return root if slip is None else None
+    root, hint = _read_once(source, problems)
+    return root if hint is None else None
 
 
-def read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, SyntaxHint | None]:
-    """Return the document, and the slip that has kept it from being read."""
+def read_document(source: Source, problems: Diagnostics) -> tuple[Source, Node | None]:
+    """Return the one document of a file as far as it can be read; every problem is reported.
+
+    Where only one fix of a syntax error is possible, reading goes on as if it was made; where
+    not, the other keys of the file are still searched for syntax errors.
+
+    Returns:
+        The text that the document's spans are about, and the document without what was refused
+        in it; None when nothing can be made of it.
+    """
+    if not looks_like_yaml(source, problems):
+        return source, None
+    whole = True
+    left = MAX_READ_AGAIN
+    for _ in range(MAX_SYNTAX_ERRORS):
+        root, hint = _read_once(source, problems)
+        if hint is None:
+            return source, root if whole else None
+        left -= len(source.text)
+        if left < 0:
+            break
+        if hint.fix is not None:
+            source = PatchedSource(source, hint.fix)
+            continue
+        whole = False
+        rest = without_section(source, hint.index)
+        if rest is None:
+            break
+        source = rest
+    return source, None
+
+
+def _read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, SyntaxHint | None]:
+    """Return the document, or a hint for the syntax error in it."""
     builder = _Builder(source, problems)
     try:
         builder.take(_events(source.text))

@@ -10,13 +10,13 @@ from dataclasses import replace
 import yaml
 
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.bracket_hints import (
     QUOTE_INSIDE,
     behind_value,
     in_brackets,
     open_quote,
 )
-from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.line_hints import SyntaxHint, key_hint, line_hint
 from bt_agents_language.yaml.patched_source import Edit
 from bt_agents_language.yaml.source import Source, indentation, line_above, line_at, line_start
@@ -35,13 +35,13 @@ def report_syntax(
     source: Source, problems: Diagnostics, error: yaml.MarkedYAMLError
 ) -> SyntaxHint:
     """Add what a parser error means, and return it."""
-    slip = _slip(source, error)
-    end = source.position(slip.index + slip.width)
-    problems.add(slip.code, source.position(slip.index), slip.message, slip.hint, end)
-    return slip
+    found = _hint_for(source, error)
+    end = source.position(found.index + found.width)
+    problems.add(found.code, source.position(found.index), found.message, found.hint, end)
+    return found
 
 
-def _slip(source: Source, error: yaml.MarkedYAMLError) -> SyntaxHint:
+def _hint_for(source: Source, error: yaml.MarkedYAMLError) -> SyntaxHint:
     stopped = error.problem_mark or error.context_mark
     index = stopped.index if stopped is not None else 0
     begun = error.context_mark.index if error.context_mark is not None else index
@@ -85,9 +85,9 @@ def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
     above = line_above(source, start)
     if above is not None:
         # What looks like a text over two lines is a key above whose colon does not count as one.
-        slip = _of_key(source, above)
-        if slip is not None:
-            return slip
+        found = _of_key(source, above)
+        if found is not None:
+            return found
     own = key_hint(before, start)
     if own is not None and ":" in before:
         return own
@@ -125,8 +125,8 @@ def _no_colon(source: Source, index: int, begun: int) -> SyntaxHint:
             message="two versions of the file were merged, and this place is not decided yet",
             hint="keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
         )
-    slip = _of_line(source, line_start(source, begun))
-    return slip or SyntaxHint(
+    found = _of_line(source, line_start(source, begun))
+    return found or SyntaxHint(
         index=begun,
         message="this line is neither 'key: value' nor a '-' item",
         hint="put a ': ' behind the key, or indent the line if it belongs to the text above",
@@ -151,9 +151,9 @@ def _misfit(source: Source, index: int, begun: int) -> SyntaxHint:
 def _no_item(source: Source, index: int, begun: int) -> SyntaxHint:
     start = line_start(source, index)
     line = line_at(source, start)
-    slip = line_hint(line, start)
-    if slip is not None and "'-'" in slip.message:
-        return slip
+    found = line_hint(line, start)
+    if found is not None and found.is_item:
+        return found
     if source.position(index).column == source.position(
         begun
     ).column and not line.lstrip().startswith("-"):
@@ -286,15 +286,15 @@ def _of_line(source: Source, start: int) -> SyntaxHint | None:
     return _sure(source, start, line_hint(line, start))
 
 
-def _sure(source: Source, start: int, slip: SyntaxHint | None) -> SyntaxHint | None:
-    """Return a slip without its edit where a lonely word may be part of a text."""
-    if slip is None or slip.fix is None:
-        return slip
-    added = slip.fix.text == ":" and slip.fix.start == slip.fix.stop
+def _sure(source: Source, start: int, found: SyntaxHint | None) -> SyntaxHint | None:
+    """Return a hint without its edit where a lonely word may be part of a text."""
+    if found is None or found.fix is None:
+        return found
+    added = found.fix.text == ":" and found.fix.start == found.fix.stop
     if not added:
-        return slip
+        return found
     line = line_at(source, start)
     below = _NEXT_LINE.search(source.text, start + len(line))
     next_line = below[0] if below is not None else ""
     is_key = indentation(next_line) > indentation(line) or next_line.lstrip().startswith("- ")
-    return slip if is_key else replace(slip, fix=None)
+    return found if is_key else replace(found, fix=None)

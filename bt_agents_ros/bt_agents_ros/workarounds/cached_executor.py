@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executor of every node: as rclpy's single-threaded one, with a wait set that is kept."""
+"""Single-threaded executor of every node, with a wait set that is reused between waits.
+
+It stands in for two executors of rclpy 7.1.6. ``SingleThreadedExecutor`` collects anew for each
+wait what there is to wait for, and wraps each callback in a task. ``EventsExecutor`` is as quick
+or quicker than ours, but there a task that raises is a segmentation fault (ros2/rclpy#1641,
+fixed by ros2/rclpy#1718), services of coroutines never answer before rclpy 7.1.11, messages that
+wait behind a callback that raises stay in the queue, and its ``spin`` keeps the GIL. This module
+can go when ``EventsExecutor`` of the oldest supported rclpy passes ``tests/ros/test_executor.py``.
+"""
 
 from __future__ import annotations
 
@@ -19,27 +27,22 @@ from rclpy.task import Future
 from bt_agents_ros.workarounds.cached_wait_set import CachedWaitSet
 
 _MESSAGES = 32
-"""So many messages of a queue are heard before it is looked what else there is to do."""
+"""Messages of one subscription that are handled at most between two waits."""
 
 _QUEUES_S = 0.002
-"""For so long queues are heard before it is looked what else there is to do [s]."""
+"""Time for handling queued messages between two waits [s]."""
 
 _Call: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 
 
 class CachedExecutor(Executor):
-    """Calls one callback after the other, in the thread that turns it.
+    """Executor that runs one callback after the other, in the thread that spins it.
 
-    What is called, when, and what becomes of an error is as with ``SingleThreadedExecutor``. That
-    one collects anew for each wait what there is to wait for, and wraps each callback in a task;
-    this one collects when a node, an entity or a callback group has changed.
-
-    rclpy's ``EventsExecutor`` is as quick or quicker. But a task that raises is a segmentation
-    fault there, services of coroutines never answer before rclpy 7.1.11, and messages that wait
-    behind a callback that raises stay in the queue.
+    What is called, when, and what becomes of an error is as with ``SingleThreadedExecutor``; the
+    wait set is made anew only when a node, an entity or a callback group has changed.
 
     Args:
-        context: Of its nodes; None takes the default one.
+        context: Context of its nodes; None takes the default one.
     """
 
     def __init__(self, *, context: Any = None) -> None:
@@ -48,11 +51,11 @@ class CachedExecutor(Executor):
         self._wait_set: CachedWaitSet | None = None
         self._changed = False
         self._batch: deque[Callable[[], object]] = deque()
-        self._begun: deque[_Task] = deque()
+        self._new_tasks: deque[_Task] = deque()
         self._suspended: list[_Task] = []
-        self._heard: set[Any] = set()
+        self._had_message: set[Any] = set()
         self._has_waited = False
-        self._has_moved = False
+        self._task_ended = False
         self._takes: dict[str, Callable[[Any], _Call | None]] = {
             "waitable": self._take_waitable,
             "timer": self._take_due_timer,
@@ -63,43 +66,43 @@ class CachedExecutor(Executor):
         }
 
     def add_node(self, node: Any) -> bool:
-        """Turn a node from now on; return False when it is turned already."""
+        """Spin a node from now on; return False when it is spun already."""
         added = super().add_node(node)
         self.wake()
         return bool(added)
 
     def remove_node(self, node: Any) -> None:
-        """Turn a node no more."""
+        """Spin a node no more."""
         super().remove_node(node)
         self.wake()
         if get_ident() == self._thread:
-            self._let_go()
+            self._release_wait_set()
 
     def wake(self) -> None:
-        """Collect anew what there is to wait for; any thread may ask for it."""
+        """Have the wait set made anew; from any thread."""
         self._changed = True
         if get_ident() != self._thread:
             super().wake()
 
     def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Future:
-        """Have a function called or a coroutine run to its end; any thread may ask for it."""
+        """Schedule a function or a coroutine; from any thread."""
         task = _Task(callback, args, kwargs, executor=self)
-        self._begun.append(task)
+        self._new_tasks.append(task)
         if get_ident() != self._thread:
             super().wake()
         return task
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """Turn nothing any more."""
+        """Drop pending work and release all nodes."""
         self._batch.clear()
-        self._let_go()
+        self._release_wait_set()
         return bool(super().shutdown(timeout_sec))
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Do one piece of work; wait for it if there is none.
 
         Args:
-            timeout_sec: How long to wait at most [s]; None for no limit.
+            timeout_sec: Longest time to wait [s]; None for no limit.
 
         Raises:
             ExternalShutdownException: The context was shut down.
@@ -107,8 +110,8 @@ class CachedExecutor(Executor):
         """
         self._thread = get_ident()
         if not self._batch and not self._is_shutdown:
-            # Tasks have their turn between two waits, so that neither keeps the other from it.
-            if self._has_waited and (self._begun or self._suspended):
+            # Tasks alternate with waits, so that neither starves the other.
+            if self._has_waited and (self._new_tasks or self._suspended):
                 self._has_waited = False
                 self._collect_tasks()
             else:
@@ -117,50 +120,50 @@ class CachedExecutor(Executor):
         if self._batch:
             self._batch.popleft()()
         if self._changed:
-            self._let_go()
+            self._release_wait_set()
 
-    def _let_go(self) -> None:
-        """Let what has been destroyed be gone."""
+    def _release_wait_set(self) -> None:
         self._changed = False
         if self._wait_set is not None:
-            self._wait_set.let_go()
+            self._wait_set.release()
             self._wait_set = None
 
     def _collect_tasks(self) -> None:
         waiting, self._suspended = self._suspended, []
-        self._has_moved = False
-        for task in [*(self._begun.popleft() for _ in range(len(self._begun))), *waiting]:
-            self._batch.append(partial(self._go_on, task))
+        self._task_ended = False
+        for task in [*(self._new_tasks.popleft() for _ in range(len(self._new_tasks))), *waiting]:
+            self._batch.append(partial(self._resume, task))
 
     def _wait(self, timeout_s: float | None) -> None:
         if self._changed:
-            self._let_go()
+            self._release_wait_set()
         if self._wait_set is None:
             self._wait_set = CachedWaitSet(
                 self.get_nodes(), (self._guard.handle, self._sigint_gc.handle), self._context
             )
-        if self._begun or (self._has_moved and self._suspended):
+        if self._new_tasks or (self._task_ended and self._suspended):
             # With this it returns at once; with a timeout of zero it takes a tenth of a ms.
             self._guard.trigger()
         ready = self._wait_set.wait(timeout_s)
         if not self._context.ok():
             raise ExternalShutdownException()
-        heard, self._heard = self._heard, {one for kind, one in ready if kind == "subscription"}
+        had_message = self._had_message
+        self._had_message = {entity for kind, entity in ready if kind == "subscription"}
         until = time.monotonic() + _QUEUES_S
         for kind, entity in ready:
-            if entity in heard:
-                self._batch.append(partial(self._hear, entity, _MESSAGES, until))
+            if entity in had_message:
+                self._batch.append(partial(self._drain, entity, _MESSAGES, until))
             else:
-                self._batch.append(partial(self._call, self._takes[kind], entity))
+                self._batch.append(partial(self._run_callback, self._takes[kind], entity))
 
-    def _hear(self, subscription: Any, left: int, until: float) -> None:
-        """Hear a message of a topic that had one at the wait before, and so may have a queue."""
-        heard = self._call(self._take_subscription, subscription)
-        if heard and left > 1 and time.monotonic() < until:
-            self._batch.append(partial(self._hear, subscription, left - 1, until))
+    def _drain(self, subscription: Any, left: int, until: float) -> None:
+        """Handle queued messages of a topic that had one at the wait before, one at a time."""
+        took_one = self._run_callback(self._take_subscription, subscription)
+        if took_one and left > 1 and time.monotonic() < until:
+            self._batch.append(partial(self._drain, subscription, left - 1, until))
 
-    def _call(self, take: Callable[[Any], _Call | None], entity: Any) -> bool:
-        """Call something; return False if there was nothing any more."""
+    def _run_callback(self, take: Callable[[Any], _Call | None], entity: Any) -> bool:
+        """Run the callback of an entity; return False if there was nothing to take any more."""
         group = entity.callback_group
         if not group.beginning_execution(entity):
             if isinstance(entity, GuardCondition):
@@ -174,7 +177,7 @@ class CachedExecutor(Executor):
                     with entity.handle:
                         return False
             except InvalidHandle:
-                # It has been destroyed, and it may be that nobody has said so.
+                # It has been destroyed, perhaps without a call of wake().
                 self._changed = True
                 return False
             coroutine = call()
@@ -194,29 +197,29 @@ class CachedExecutor(Executor):
             self._changed = True
         return True
 
-    def _go_on(self, task: _Task) -> None:
+    def _resume(self, task: _Task) -> None:
         try:
-            task.go_on()
+            task.resume()
         finally:
             if not task.is_over:
                 self._suspended.append(task)
             else:
-                self._has_moved = True
+                self._task_ended = True
                 if task.entity is not None:
-                    self._end(task.entity)
+                    self._end_callback(task.entity)
 
-    def _end(self, entity: Any) -> None:
-        """Note that a callback that was suspended has ended, for which its group may wait."""
+    def _end_callback(self, entity: Any) -> None:
+        """Free the callback group of a suspended callback that has ended."""
         group = entity.callback_group
         if not group.can_execute(entity):
             self._changed = True
         group.ending_execution(entity)
 
     def _take_waitable(self, waitable: Any) -> _Call:
-        """Return what to do for a waitable, after its data has been taken.
+        """Return the callback of a waitable, after its data has been taken.
 
-        rclpy gives it the executor for every future that it keeps, an action server for each goal
-        that has ended some time ago.
+        rclpy sets the executor of every future of a waitable each time; an action server has one
+        for each goal of the last minutes, which is why finished ones are skipped here.
         """
         data = waitable.take_data()
 
@@ -229,7 +232,7 @@ class CachedExecutor(Executor):
         return execute
 
     def _take_due_timer(self, timer: Any) -> _Call | None:
-        """Return what a timer calls, if none of the callbacks before has stopped it."""
+        """Return the callback of a timer, unless a callback before has stopped the timer."""
         try:
             with timer.handle:
                 is_due = timer.handle.is_timer_ready()
@@ -239,42 +242,42 @@ class CachedExecutor(Executor):
 
 
 async def _nothing() -> None:
-    """Stands for the callback of a timer that has been stopped."""
+    """Callback of a timer that has been stopped meanwhile."""
 
 
 class _Task(Future):
-    """A function to be called, or a coroutine that is resumed until its end.
+    """Function to be called, or coroutine that is resumed until its end.
 
     Attributes:
-        awaited: What the coroutine waits for, where rclpy says so; else None.
-        entity: Whose callback it is; None for a task.
+        awaited: Future that the coroutine awaits; None before its start, or for a bare yield.
+        entity: Owner of the callback; None for a task of :meth:`CachedExecutor.create_task`.
     """
 
     def __init__(self, call: Any, args: Any, kwargs: Any, *, executor: Executor) -> None:
         super().__init__(executor=executor)
         self.awaited: Any = None
         self.entity: Any = None
-        self._call: Callable[[], Any] = lambda: call(*args, **kwargs)
+        self._function: Callable[[], Any] = lambda: call(*args, **kwargs)
         self._coroutine: Any = call if inspect.iscoroutine(call) else None
         if inspect.iscoroutinefunction(call):
-            self._coroutine = self._call()
+            self._coroutine = self._function()
 
     @property
     def is_over(self) -> bool:
-        """True when there is nothing to resume any more."""
+        """True when it has ended or was cancelled."""
         return bool(self.done() or self.cancelled())
 
     def cancel(self) -> None:
-        """Resume it no more."""
+        """Close the coroutine; it is resumed no more."""
         if not self.is_over and self._coroutine is not None:
             self._coroutine.close()
         super().cancel()
 
-    def go_on(self) -> None:
-        """Call it, or resume it if what it waits for has come.
+    def resume(self) -> None:
+        """Call the function, or resume the coroutine if what it awaits is done.
 
         Raises:
-            BaseException: What it raises, which is also its result.
+            BaseException: Whatever it raises, which is also stored as its exception.
         """
         if self.is_over:
             return
@@ -282,7 +285,7 @@ class _Task(Future):
             return
         try:
             if self._coroutine is None:
-                result = self._call()
+                result = self._function()
             else:
                 try:
                     self.awaited = self._coroutine.send(None)
@@ -291,6 +294,6 @@ class _Task(Future):
                     result = end.value
         except BaseException as error:
             self.set_exception(error)
-            self.exception()  # rclpy would complain that nobody has asked for it
+            self.exception()  # else rclpy warns that it was never retrieved
             raise
         self.set_result(result)

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes of an executor wait for, kept from one wait to the next."""
+"""Wait set that is reused between waits, for :mod:`~bt_agents_ros.workarounds.cached_executor`.
+
+rclpy 7.1.6 collects the entities of all nodes, and makes and fills a wait set, for every single
+wait (``Executor._wait_for_ready_callbacks``); that is most of what a hop of a message costs. There
+is no issue to wait for upstream: rclpy's answer is ``EventsExecutor``, and this module can go
+together with our executor.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +20,19 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.waitable import NumberOfEntities
 
 _EVENTS_S = 0.5
-"""How often it looks at events of the middleware, such as mismatches of quality of service [s].
+"""Period for polling events of the middleware, such as QoS mismatches [s].
 
-There are two for each publisher and subscription, which hardly ever come.
+There are two for each publisher and subscription, and they are rare.
 """
 
 
 class CachedWaitSet:
-    """What some nodes wait for, which is not destroyed before it is let go.
+    """Wait set over the entities of some nodes, whose handles it holds until :meth:`release`.
 
     Args:
-        nodes: The nodes; entities of a callback group that is busy are left out.
+        nodes: The nodes; entities of a busy callback group are left out.
         wakers: Handles of guard conditions that end a wait.
-        context: Of all of them.
+        context: Context of the nodes.
     """
 
     def __init__(self, nodes: list[Any], wakers: tuple[Any, ...], context: Any) -> None:
@@ -83,18 +89,20 @@ class CachedWaitSet:
         )
 
     def wait(self, timeout_s: float | None) -> list[tuple[str, Any]]:
-        """Wait until something is ready, or a bit; return the kind of each that is, and it.
+        """Wait until an entity is ready; return all that are, each with its kind.
+
+        It may return early with none.
 
         Args:
-            timeout_s: How long at most [s]; None for no limit.
+            timeout_s: Longest time to wait [s]; None for no limit.
         """
         now = time.monotonic()
-        looks_at_events = now >= self._events_due
-        if looks_at_events:
+        polls_events = now >= self._events_due
+        if polls_events:
             self._events_due = now + _EVENTS_S
         wait_set = self._wait_set
         wait_set.clear_entities()
-        if looks_at_events:
+        if polls_events:
             for event in self._events:
                 wait_set.add_event(event)
         for add, handle in self._additions:
@@ -108,17 +116,17 @@ class CachedWaitSet:
             if table:
                 pointers = wait_set.get_ready_entities(kind)
                 ready += [(kind, table[pointer]) for pointer in pointers if pointer in table]
-        if looks_at_events:
+        if polls_events:
             ready += [("waitable", one) for one in self._handlers if one.is_ready(wait_set)]
         return ready
 
-    def let_go(self) -> None:
-        """Let all of them be destroyed."""
+    def release(self) -> None:
+        """Release the handles, so that entities that were destroyed really go."""
         self._held.close()
 
 
 def _hold(held: ExitStack, entities: Iterable[Any]) -> dict[int, Any]:
-    """Return those that can be waited for, by what a wait set calls them."""
+    """Return the entities that can be waited for, by the pointer that a wait set returns."""
     found = {}
     for entity in entities:
         if entity.callback_group.can_execute(entity):
@@ -139,16 +147,16 @@ def _hold_waitables(held: ExitStack, waitables: Iterable[Any]) -> list[Any]:
 
 
 class _Events:
-    """Stands for a wait set to learn what the handlers of events wait for.
+    """Stand-in for a wait set that collects the handles of event handlers.
 
     Attributes:
-        handles: The events.
+        handles: Those added so far.
     """
 
     def __init__(self) -> None:
         self.handles: list[Any] = []
 
     def add_event(self, handle: Any) -> int:
-        """Take an event; return its place in the wait set."""
+        """Store the handle; return its index, as a wait set does."""
         self.handles.append(handle)
         return len(self.handles) - 1

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes lines of the log without reading the source of whoever writes them."""
+"""Logger that finds its caller by the frame alone, without reading source files.
+
+``RcutilsLogger.log`` of rclpy 7.1.6 calls ``inspect.getframeinfo`` and resolves symbolic links for
+every line that is logged (ros2/rclpy#775 fixed it only for lines below the level). No issue is
+open for the rest; this module can go when a line of rclpy's own logger takes well below 100 µs.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +15,15 @@ from typing import Any
 from rclpy.impl import rcutils_logger
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-# rclpy tells apart who limits how often a line is written by the first frame outside of these
-# files, without symbolic links.
+# rclpy's filters, such as ``once``, identify a caller by the first frame outside of these files.
 rcutils_logger._internal_callers.append(str(Path(__file__).resolve()))
 
 
 class QuickLogger(rcutils_logger.RcutilsLogger):
-    """Writes a line in a thirtieth of the time that rclpy takes to find out where it is from.
-
-    rclpy looks at the file system for each line, and at the source of each frame above it.
-    """
+    """Logger of rclpy whose ``log`` takes a thirtieth of the time."""
 
     def log(self, message: str, severity: Any, **filters: Any) -> bool:
-        """Write a line; as in rclpy, which still takes those that are written only sometimes."""
+        """Log a line; one with filters, such as ``once``, goes through rclpy's own method."""
         if filters:
             return bool(super().log(message, severity, **filters))
         if not self.is_enabled_for(severity):

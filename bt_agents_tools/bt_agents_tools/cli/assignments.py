@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments of the form ``name=number``."""
+"""Assignment arguments of commands: ``name=number``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Assignments = tuple[tuple[str, float], ...]
 
 
 def assignments(
-    _context: click.Context, _parameter: click.Parameter, words: tuple[str, ...]
+    _context: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
 ) -> Assignments:
     """Return ``name=number`` arguments as names and numbers; a callback of click.
 
@@ -17,7 +17,7 @@ def assignments(
         click.BadParameter: One is not of that form.
     """
     found = []
-    for text in words:
+    for text in texts:
         name, equals, number = text.partition("=")
         try:
             found.append((name, float(number if equals and name else "")))
@@ -26,3 +26,8 @@ def assignments(
                 f"'{text}' is not of the form name=number, for example age=4.5"
             ) from None
     return tuple(found)
+
+
+def columns(values: Assignments) -> tuple[list[str], list[float]]:
+    """Return the names and the numbers of assignments as two lists."""
+    return [name for name, _ in values], [value for _, value in values]

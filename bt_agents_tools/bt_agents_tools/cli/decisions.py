@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decisions of the market formatted for people, and as JSON."""
+"""Decisions of the market and ends of scenes, formatted for people and as JSON."""
 
 from __future__ import annotations
 
@@ -12,33 +12,35 @@ from rich.console import Console
 
 from bt_agents_core.scene import finite_or_none
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
-from bt_agents_tools.cli.scene_labels import SceneLabels
-from bt_agents_tools.cli.wrap import print_line
+from bt_agents_tools.cli.formatting import SceneLabels, code_text, print_line
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
+SOON_S = 0.3
+"""Time for a message that follows at once [s]."""
+
 _INDENT = 4
-_MOST = 30
-"""Bids that are shown, and refusals; the JSON has all."""
+_MAX_SHOWN = 30
+"""Bids and refusals that are printed; the JSON has all."""
 
 
-def heard_decisions(observer: Observer) -> list[Any]:
+def last_decisions(observer: Observer) -> list[Any]:
     """Return the last decisions of a running market."""
     from bt_agents_tools.client import system
 
     auctions = system.decisions(observer)
-    observer.turn_until(
+    observer.spin_until(
         lambda: (auctions[-1].round if auctions else 0) >= observer.market.round, FIND_LIMIT_S
     )
     return auctions
 
 
 def names_of_scenes(auctions: Iterable[Any]) -> SceneLabels:
-    """Return what people call the scenes of some decisions."""
+    """Return the names of the scenes of some decisions."""
     names = SceneLabels()
     for auction in auctions:
-        names.take(auction.scene)
+        names.add(auction.scene)
     return names
 
 
@@ -49,24 +51,24 @@ def show_decision(auction: Any, names: SceneLabels | None = None) -> None:
     title = f"preview{label}" if auction.preview else f"round {auction.round}{label}"
     click.echo(f"{title}: {headline(auction)}")
     console = Console()
-    for place, bid in enumerate(auction.ranking[:_MOST], start=1):
+    for place, bid in enumerate(auction.ranking[:_MAX_SHOWN], start=1):
         print_line(console, f"  {place}. {bid.agent:<22} ", bid.calculation, _INDENT)
-    _tell_more(len(auction.ranking), "bids")
-    for bid in auction.refused[:_MOST]:
+    _print_more(len(auction.ranking), "bids")
+    for bid in auction.refused[:_MAX_SHOWN]:
         who = bid.agent or bid.host
         print_line(console, f"  –  {who:<22} ", bid.reason, _INDENT)
-    _tell_more(len(auction.refused), "that do not bid")
+    _print_more(len(auction.refused), "that do not bid")
     for line in (auction.explanation or auction.reason).splitlines():
-        print_line(console, "", names.in_words(line), _INDENT)
+        print_line(console, "", names.with_names(line), _INDENT)
 
 
-def _tell_more(count: int, what: str) -> None:
-    if count > _MOST:
-        click.echo(f"  … and {count - _MOST} more {what}")
+def _print_more(count: int, what: str) -> None:
+    if count > _MAX_SHOWN:
+        click.echo(f"  … and {count - _MAX_SHOWN} more {what}")
 
 
 def headline(auction: Any) -> str:
-    """Return what a decision comes to, in a few words."""
+    """Return the result of a decision as a short text."""
     if auction.outcome == auction.PREEMPTS:
         return "the run under way is stopped for it"
     if auction.outcome == auction.WAITS:
@@ -76,8 +78,31 @@ def headline(auction: Any) -> str:
     return auction.winner or "nobody"
 
 
+def last_end_received(observer: Observer, ends: list[Any]) -> bool:
+    """Return whether the end of the market's last scene is among these, if there was one."""
+    finished = observer.market.finished_scene_id
+    return not finished or any(end.scene_id == finished for end in ends)
+
+
+def end_text(end: Any, names: SceneLabels) -> str:
+    """Return how a scene ended, as text."""
+    return f"{code_text(end.code)}: {names.with_names(end.message)}"
+
+
+def admission_text(observer: Observer) -> tuple[str, str]:
+    """Return the market's ``on_new_scene``, empty without an answer, and how many scenes wait."""
+    from bt_agents_tools.client import system
+
+    waiting = observer.market.queued
+    settings = system.admission_settings(observer)
+    if settings is None:
+        return "", f"{waiting} wait"
+    mode, limit = settings
+    return mode, f"{waiting} of {limit} wait"
+
+
 def disagreements(auction: Any) -> str:
-    """Return in how many rounds so far the shadow strategy had another winner, in words."""
+    """Return as text in how many rounds so far the shadow strategy had another winner."""
     return f"another winner in {auction.shadow_disagreements} of {auction.shadow_rounds} rounds"
 
 

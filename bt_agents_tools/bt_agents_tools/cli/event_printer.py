@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happens on the robot, told line by line for a terminal."""
+"""Printer of a system's events, line by line for a terminal."""
 
 from __future__ import annotations
 
@@ -12,22 +12,27 @@ from rich.markup import escape
 from rich.text import Text
 
 from bt_agents_core.scene import SceneSpace
-from bt_agents_tools.cli.constants import KINDS, OUTCOMES, code_words, word
-from bt_agents_tools.cli.scene_labels import SceneLabels
-from bt_agents_tools.cli.wrap import print_line
+from bt_agents_tools.cli.formatting import (
+    KINDS,
+    OUTCOMES,
+    SceneLabels,
+    code_text,
+    constant_text,
+    print_line,
+)
 
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
 _OUTCOME_STYLE = {"succeeded": "green", "cancelled": "yellow"}
 _MOOD_STEP = 0.25
-_TOLD_BY_THE_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
+_SHOWN_BY_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 
 class EventPrinter:
-    """Prints events as they come and counts them for the summary.
+    """Listener of an observer that prints events and counts them for the summary.
 
     Args:
-        console: Where to print.
-        space: The scene parameters, for their labels.
+        console: Output.
+        space: Scene parameters, for the labels of their values.
     """
 
     def __init__(self, console: Console, space: SceneSpace) -> None:
@@ -51,26 +56,26 @@ class EventPrinter:
         self.preemptions = 0
 
     def profiles(self, profiles: Mapping[str, Sequence[float]]) -> None:
-        """Note the profiles as they were before anything happened."""
+        """Store the profiles before the first event, for the summary."""
         for agent, profile in profiles.items():
             self._start.setdefault(agent, profile)
             self._now.setdefault(agent, profile)
 
     def visitor(self, label: str) -> None:
-        """Open a chapter; nobody there is none."""
+        """Print a heading for a new visitor."""
         if not label:
             return
         self._console.print()
         self._console.rule(f"[bold]{escape(label)}", align="left", style="cyan")
 
     def scene(self, message: Any) -> None:
-        """Say what the scene is."""
+        """Print a scene."""
         self._scene_id = message.scene_id
-        self._names.take(message)
+        self._names.add(message)
         self._line("scene", self._describe(message))
 
     def market(self, message: Any) -> None:
-        """Say when a scene has to wait."""
+        """Print that a scene has to wait."""
         if message.queued > self._queued:
             busy = f"{message.agent} has the robot" if message.agent else "another is under way"
             count = f" as the last of {message.queued}" if message.queued > 1 else ""
@@ -78,19 +83,19 @@ class EventPrinter:
         self._queued = message.queued
 
     def live(self, message: Any) -> None:
-        """Say when the mood has changed."""
+        """Print a change of the mood during a run."""
         if self._space.mood is None:
             return
         mood = next((v.value for v in message.values if v.name == self._space.mood), math.nan)
         if math.isnan(mood) or self._mood is None or abs(mood - self._mood) < _MOOD_STEP:
             return
         style = "red" if mood < self._mood else "green"
-        word = "falls" if mood < self._mood else "rises"
-        self._line("mood", f"[{style}]{word} from {self._mood:g} to {mood:g}[/]")
+        verb = "falls" if mood < self._mood else "rises"
+        self._line("mood", f"[{style}]{verb} from {self._mood:g} to {mood:g}[/]")
         self._mood = mood
 
     def auction(self, message: Any) -> None:
-        """Show every bid and the reason of the decision."""
+        """Print every bid, and the decision with its reason."""
         self.rounds += 1
         if message.follows or message.scene.scene_id != self._scene_id:
             self.scene(message.scene)
@@ -108,31 +113,31 @@ class EventPrinter:
         if message.outcome in (message.PREEMPTS, message.WAITS):
             stops = message.outcome == message.PREEMPTS
             title = "[bold yellow]the run is stopped[/]" if stops else "[dim]the run goes on[/]"
-            self._line("challenge", f"{title}  {self._words(message.reason)}")
+            self._line("challenge", f"{title}  {self._named(message.reason)}")
             self.preemptions += stops
             return
         self.takeovers += bool(message.follows and message.winner)
         style = "bold green" if message.winner else "bold yellow"
         title = f"{message.winner} wins" if message.winner else "nobody"
-        self._line("award", f"[{style}]{title}[/]  {self._words(message.reason)}")
+        self._line("award", f"[{style}]{title}[/]  {self._named(message.reason)}")
         self.unanswered += not message.winner
 
     def run(self, message: Any) -> None:
-        """Show start, cancel and end of a run."""
+        """Print start, cancelling and end of a run."""
         if message.event == message.STARTED:
             moods = (v.value for v in message.scene.values if v.name == self._space.mood)
             self._mood = next((mood for mood in moods if not math.isnan(mood)), None)
             self._starts(message)
         elif message.event == message.CANCELLING:
             self._stopping = True
-            words = self._words(message.message)
-            self._line("run", f"[yellow]stopping {message.agent}:[/] {words}")
+            reason = self._named(message.message)
+            self._line("run", f"[yellow]stopping {message.agent}:[/] {reason}")
         elif message.event == message.REFUSED:
-            self._line("run", f"[yellow]{message.agent}: {self._words(message.message)}[/]")
+            self._line("run", f"[yellow]{message.agent}: {self._named(message.message)}[/]")
         else:
             self._mood = None
             self._under_way = ""
-            outcome = word(message, message.outcome, OUTCOMES)
+            outcome = constant_text(message, message.outcome, OUTCOMES)
             self.runs.append((message.agent, outcome))
             style = _OUTCOME_STYLE.get(outcome, "red")
             # Of a host that is gone nobody knows the last count.
@@ -140,22 +145,22 @@ class EventPrinter:
             self._line(
                 "run",
                 f"[{style}]{message.agent} {outcome}[/] after "
-                f"{message.duration_s:.1f} s{ticks}: {self._words(message.message)}"
+                f"{message.duration_s:.1f} s{ticks}: {self._named(message.message)}"
                 + (f" [red]orphans: {', '.join(message.orphans)}[/]" if message.orphans else ""),
             )
 
     def _starts(self, message: Any) -> None:
-        """Say once that a run starts: its first tick may be heard before the market's word."""
+        """Print a start once: the first tick may be received before the market's message."""
         if self._started != (message.epoch, message.round):
             self._started = (message.epoch, message.round)
             self._under_way, self._stopping = message.agent, False
             self._line("run", f"{message.agent} starts")
 
     def end(self, message: Any) -> None:
-        """Say how a scene ended, unless its run or its round has said so."""
-        if message.code not in _TOLD_BY_THE_RUN:
-            title = f"[yellow]{escape(code_words(message.code))}:[/]"
-            self._line("scene", f"{title} {self._words(message.message)}")
+        """Print how a scene ended, unless its run or its round has shown it."""
+        if message.code not in _SHOWN_BY_RUN:
+            title = f"[yellow]{escape(code_text(message.code))}:[/]"
+            self._line("scene", f"{title} {self._named(message.message)}")
 
     def tree(self, message: Any) -> None:
         """Show the nodes that changed in a tick, and decorators that made something fail.
@@ -169,25 +174,25 @@ class EventPrinter:
         if self._under_way == message.agent and not self._stopping and _cleans_up(message):
             self._stopping = True
             self._line("run", f"[yellow]stopping {message.agent}:[/] its host hears no market")
-        for change in [*ended, *sorted(begun, key=lambda change: _place(change.path))]:
+        for change in [*ended, *sorted(begun, key=lambda change: _tree_order(change.path))]:
             decorator = "@" in change.path.rpartition("/")[2]
             if change.status == change.INVALID or (decorator and change.status != change.FAILURE):
                 continue
             depth = change.path.count("/")
-            words = f" [dim]{escape(change.message)}[/]" if change.message else ""
+            details = f" [dim]{escape(change.message)}[/]" if change.message else ""
             self._line(
                 "tree",
                 f"[dim]{message.tick:>4}[/] {'  ' * depth}{_status(change)}[/] "
-                f"{escape(change.name)}{words}",
+                f"{escape(change.name)}{details}",
             )
 
-    def act(self, words: str) -> None:
-        """Show what the robot does."""
-        self._line("robot", f"[bold magenta]{escape(words)}[/]")
+    def act(self, text: str) -> None:
+        """Print a line of the robot's transcript."""
+        self._line("robot", f"[bold magenta]{escape(text)}[/]")
 
     def feedback(self, message: Any) -> None:
-        """Show the feedback and the profile before and after."""
-        kind = word(message, message.kind, KINDS)
+        """Print the feedback, and the profile before and after."""
+        kind = constant_text(message, message.kind, KINDS)
         self.feedbacks.append((message.agent, kind))
         who = message.agent
         if message.layer:
@@ -208,7 +213,7 @@ class EventPrinter:
         )
 
     def tunings(self, message: Any) -> None:
-        """Say what was tuned since the last message of its host; its first one is no news."""
+        """Print the changes since the last message of the host; none for its first one."""
         last = self._tuned.get(message.host, message.revision)
         self._tuned[message.host] = message.revision
         for one in message.tunings:
@@ -220,22 +225,22 @@ class EventPrinter:
                     f"[dim]({escape(one.author + reason)}, revision {one.revision})[/]",
                 )
 
-    def changed(self, text: str, is_error: bool) -> None:
-        """Say what is new with the agents themselves."""
+    def agents_changed(self, text: str, is_error: bool) -> None:
+        """Print a change of the agents themselves, or a problem of their files."""
         self._line("agents", f"[{'red' if is_error else 'bold'}]{escape(text)}[/]")
 
     def summary(self) -> None:
-        """Print what happened in all, and every profile before and after."""
+        """Print counts of all events, and every profile before and after."""
         self._console.print()
         self._console.rule("[bold]summary", align="left", style="cyan")
         self._row("agent", "runs", "feedback", f"profile ({', '.join(self._space.names)})")
         for agent in sorted(self._start):
             runs = [outcome for name, outcome in self.runs if name == agent]
-            words = ", ".join(runs) or "–"
+            outcomes = ", ".join(runs) or "–"
             given = [kind for name, kind in self.feedbacks if name == agent]
             before, after = self._start[agent], self._now[agent]
             moved = _vector(before) + ("" if before == after else f" → {_vector(after)}")
-            self._row(agent, words, ", ".join(given) or "–", moved)
+            self._row(agent, outcomes, ", ".join(given) or "–", moved)
         self._console.print(
             f"{self.rounds} rounds, {len(self.runs)} runs, {self.takeovers} taken over by another "
             f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid"
@@ -243,8 +248,8 @@ class EventPrinter:
             soft_wrap=True,
         )
 
-    def _words(self, text: str) -> str:
-        return escape(self._names.in_words(text))
+    def _named(self, text: str) -> str:
+        return escape(self._names.with_names(text))
 
     def _describe(self, message: Any) -> str:
         urgent = "[bold]urgent[/] " if message.urgent else ""
@@ -254,38 +259,38 @@ class EventPrinter:
     def _values(self, message: Any) -> str:
         if not message.person and all(math.isnan(v.value) for v in message.values):
             return "no person, nothing else is known"
-        words = []
+        parts = []
         for value in message.values:
             parameter = next((p for p in self._space.parameters if p.name == value.name), None)
             if math.isnan(value.value):
-                words.append(f"{value.name} [yellow]missing[/]")
+                parts.append(f"{value.name} [yellow]missing[/]")
             else:
                 label = parameter.labels.get(value.value, "") if parameter else ""
-                words.append(
+                parts.append(
                     f"{value.name} {value.value:g}" + (f" ({escape(label)})" if label else "")
                 )
-        return ", ".join(words) + ("" if message.person else ", no person")
+        return ", ".join(parts) + ("" if message.person else ", no person")
 
     def _row(self, agent: str, runs: str, feedback: str, profile: str) -> None:
         row = f"{agent:<22} {runs:<21} {feedback:<19} {profile}"
         self._console.print(row, markup=False, highlight=False, soft_wrap=True)
 
-    def _line(self, what: str, words: str) -> None:
-        print_line(self._console, f"[cyan]{what:>9}[/]  ", Text.from_markup(words))
+    def _line(self, what: str, text: str) -> None:
+        print_line(self._console, f"[cyan]{what:>9}[/]  ", Text.from_markup(text))
 
 
 def _cleans_up(message: Any) -> bool:
     return any(change.path.startswith("on_cancel") for change in message.changes)
 
 
-def _place(path: str) -> list[int]:
-    """Return where a node stands in the tree, so that parents sort before children."""
+def _tree_order(path: str) -> list[int]:
+    """Return a sort key for the path of a node that puts parents before children."""
     numbers = (part.partition(".")[0] for part in path.split("/"))
     return [int(number) if number.isdecimal() else 0 for number in numbers]
 
 
 def _status(change: Any) -> str:
-    return _STATUS[word(change, change.status, ("RUNNING", "SUCCESS", "FAILURE"))]
+    return _STATUS[constant_text(change, change.status, ("RUNNING", "SUCCESS", "FAILURE"))]
 
 
 def _vector(values: Sequence[float]) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `bt-agents`, of which only the part that is called is loaded."""
+"""Command line `bt-agents`: its table of commands, each loaded only when it is called."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.signals import end_silently, loading
 
 COMMANDS: Mapping[str, str] = {
-    "demo": "run_system",
-    "up": "run_system",
-    "trigger": "requests",
-    "sense": "requests",
-    "cancel": "requests",
+    "demo": "demo",
+    "up": "up",
+    "trigger": "trigger",
+    "sense": "sense",
+    "cancel": "cancel",
     "scene": "scene",
-    "status": "requests",
-    "why": "requests",
+    "status": "status",
+    "why": "why",
     "pin": "operate",
     "unpin": "operate",
     "veto": "operate",
@@ -31,7 +31,7 @@ COMMANDS: Mapping[str, str] = {
     "award": "operate",
     "preview": "operate",
     "strategy": "strategy",
-    "feedback": "requests",
+    "feedback": "feedback",
     "profile": "profile",
     "moods": "moods",
     "check": "check",
@@ -46,21 +46,21 @@ COMMANDS: Mapping[str, str] = {
     "preset": "preset",
     "keep": "keep",
     "reload": "reload",
-    "versions": "reload",
-    "roll-back": "reload",
+    "versions": "versions",
+    "roll-back": "roll_back",
 }
-"""Command → the module of ``bt_agents_tools.cli.commands`` that has it.
+"""Command → its module in ``bt_agents_tools.cli.commands``.
 
-Its function has the name of the command, with ``_`` for ``-``.
+The function is named as the command, with ``_`` for ``-``.
 """
 
 GROUP = "bt_agents.commands"
-"""Entry points of other packages: command → its function."""
+"""Group of the entry points by which other packages add commands."""
 
 
 @cache
 def all_commands() -> Mapping[str, EntryPoint]:
-    """Return every command by its name, those of other packages included."""
+    """Return all commands by name, with those of other packages."""
     own = {
         name: EntryPoint(
             name, f"bt_agents_tools.cli.commands.{module}:{name.replace('-', '_')}", GROUP
@@ -71,14 +71,14 @@ def all_commands() -> Mapping[str, EntryPoint]:
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported when they are called."""
+    """Click group that imports a command when it is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of all commands."""
+        """Return the sorted names of all commands."""
         return sorted(all_commands())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command; None when there is no such command."""
+        """Import a command; None for an unknown name."""
         entry = all_commands().get(cmd_name)
         if entry is None:
             return None
@@ -90,7 +90,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command of some arguments; a misspelt one is refused with the nearest."""
+        """Resolve a command; for a misspelt one the error names the nearest."""
         near = difflib.get_close_matches(args[0], all_commands(), n=1, cutoff=0.75)
         if args[0] not in all_commands() and near:
             ctx.fail(f"no command '{args[0]}'; did you mean '{near[0]}'?")
@@ -98,10 +98,10 @@ class LazyGroup(click.Group):
 
 
 def _load(entry: EntryPoint) -> object:
-    """Return the function of a command.
+    """Import the function of a command.
 
     Raises:
-        BtAgentsError: It needs a package that not every installation has.
+        BtAgentsError: It needs a package that is not installed.
     """
     try:
         return entry.load()
@@ -121,7 +121,7 @@ def bt_agents() -> None:
 
 
 def main() -> None:
-    """Run the command line; an error on purpose is one message and exit code 1."""
+    """Run the command line; a :class:`BtAgentsError` is one message and exit code 1."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         bt_agents(prog_name="bt-agents")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asks an author at the terminal what the world does in a rehearsal."""
+"""Interactive answers of a rehearsal: prompts at the terminal for what the world does."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from bt_agents_language.files.testing.scenarios import (
 )
 from bt_agents_language.files.testing.test_reader import read_scenario_text
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_tools.cli.scenario_options import Words, happens, typed_answer, typed_happening
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_tools.cli.scenario_options import TypedYaml, is_event, typed_answer, typed_event
 from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use
 from bt_agents_tools.rehearsal.transcript import value_text
@@ -29,7 +29,7 @@ _INDENT = 13
 
 
 class InteractiveAnswers:
-    """Asks the author what the world does."""
+    """Source of answers that prompts the author."""
 
     def __init__(self, console: Console, agent: AgentSpec, vocabulary: SymbolTable) -> None:
         self._console = console
@@ -39,7 +39,7 @@ class InteractiveAnswers:
         self._explained = False
 
     def asks(self, use: Use) -> bool:
-        """Return whether a skill is asked for: not for texts that are only said or shown."""
+        """Return whether to prompt for a skill: not for texts that are only said or shown."""
         skill = use.node.skill
         outputs = default_answers.returned(use.node)
         if skill is None or (skill.main == "text" and not outputs):
@@ -47,17 +47,19 @@ class InteractiveAnswers:
         return bool(outputs) or default_answers.duration_s(use.node, use.inputs, fails=False) > 0.0
 
     def answer(self, use: Use) -> ScriptedAnswer | ScriptedEvent | None:
-        """Ask how a skill ends, or what happens first."""
+        """Prompt for the end of a skill, or an event before it; None for the default."""
         if not self._explained:
             self._explained = True
-            self._say("Enter: as is likely · fail WHY · never · anything else is the answer")
-            self._say(f"{self._mood_example()} happens meanwhile, at any question")
+            self._print_hint(
+                "Enter: as is likely · fail WHY · never · anything else is the answer"
+            )
+            self._print_hint(f"{self._mood_example()} happens meanwhile, at any question")
         outputs = default_answers.outputs(use.node, use.inputs)
         name, usual = next(iter(outputs.items()), ("ends", "done"))
         choices = use.inputs.get("choices")
         possible = [*map(value_text, choices)] if isinstance(choices, tuple | list) else []
         others = "".join(f" or {one}" for one in possible if one != value_text(usual))
-        typed = self._ask(f"{name} [{value_text(usual)}]{others}")
+        typed = self._prompt(f"{name} [{value_text(usual)}]{others}")
         word, _, rest = (typed or "").partition(" ")
         if not typed:
             return None
@@ -65,48 +67,48 @@ class InteractiveAnswers:
             return ScriptedAnswer(end=GoalEnd.FAILS, reason=rest.strip() or "typed so")
         if typed == "never":
             return ScriptedAnswer(end=GoalEnd.NEVER)
-        if typed not in possible and happens(self._agent, self._space, typed):
-            return self._happening(typed) or self.answer(use)
+        if typed not in possible and is_event(self._agent, self._space, typed):
+            return self._read_event(typed) or self.answer(use)
         read = self._read(typed_answer(use.node.path, typed))
         return self.answer(use) if read is None else read.answers[0].answers[0]
 
-    def happening(self, reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent | None:
-        """Ask what happens while the tree only waits."""
+    def event(self, reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent | None:
+        """Prompt for an event while the tree only waits; None for none."""
         self._console.print(Text(f"{'':{_INDENT}}{reason}", style="yellow"), soft_wrap=True)
         examples = [*map(_message_example, waits), self._mood_example(), "cancel"]
-        self._say(f"Enter: nothing · {' · '.join(filter(None, dict.fromkeys(examples)))}")
-        while typed := self._ask("what happens? [nothing]"):
-            happening = self._happening(typed)
-            if happening is not None:
-                return happening
+        self._print_hint(f"Enter: nothing · {' · '.join(filter(None, dict.fromkeys(examples)))}")
+        while typed := self._prompt("what happens? [nothing]"):
+            event = self._read_event(typed)
+            if event is not None:
+                return event
         return None
 
-    def _happening(self, typed: str) -> ScriptedEvent | None:
+    def _read_event(self, typed: str) -> ScriptedEvent | None:
         try:
-            words = typed_happening(self._agent, typed)
+            typed_yaml = typed_event(self._agent, typed)
         except BtAgentsError as error:
             self._console.print(Text(str(error), style="red"), soft_wrap=True)
             return None
-        read = self._read(words)
+        read = self._read(typed_yaml)
         return None if read is None else read.during[0]
 
     def _mood_example(self) -> str:
         name = self._space.mood or next(iter(self._space.names), "")
         return f"3s {name}=1" if name else "3s person=false"
 
-    def _read(self, words: Words) -> Scenario | None:
-        """Return what typed words mean; None when they mean nothing, which is then shown."""
+    def _read(self, typed: TypedYaml) -> Scenario | None:
+        """Parse typed YAML; None when it has errors, which are printed."""
         try:
-            return read_scenario_text(words.text, "typed", self._agent, self._vocabulary)
+            return read_scenario_text(typed.text, "typed", self._agent, self._vocabulary)
         except ReadError as error:
-            self._console.print(Text(words.explained(error), style="red"), soft_wrap=True)
+            self._console.print(Text(typed.explained(error), style="red"), soft_wrap=True)
             return None
 
-    def _say(self, text: str) -> None:
+    def _print_hint(self, text: str) -> None:
         self._console.print(Text(f"{'':{_INDENT}}{text}", style="dim"), soft_wrap=True)
 
-    def _ask(self, question: str) -> str | None:
-        """Return what is typed; None at the end of the input."""
+    def _prompt(self, question: str) -> str | None:
+        """Prompt for a line; None at the end of the input."""
         prompt = Text(f"{'?':>{_INDENT - 2}} {question} > ", style="bold")
         try:
             typed = self._console.input(prompt).strip()
@@ -114,17 +116,17 @@ class InteractiveAnswers:
             self._console.print()
             return None
         if not sys.stdin.isatty():
-            # Nobody has ended the line by typing.
+            # The input was not echoed.
             self._console.print(typed, markup=False)
         return typed
 
 
 def _message_example(node: NodeSpec) -> str:
-    """Return how a message is typed that a node waits for; empty when it waits for none."""
+    """Return an example of a typed message that a node waits for; empty when it waits for none."""
     topic, until = node.fields.get("topic"), node.fields.get("until")
     if not isinstance(topic, Literal):
         return ""
     names = until.names if isinstance(until, Expression) else ()
     field = next((name for name in names if name.startswith("msg.")), "")
-    said = f" {field.removeprefix('msg.')}=true" if field else ""
-    return f"8s {topic.value}{said}"
+    assignment = f" {field.removeprefix('msg.')}=true" if field else ""
+    return f"8s {topic.value}{assignment}"

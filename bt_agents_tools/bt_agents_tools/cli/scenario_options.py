@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of a rehearsal, such as ``--at "2s mood=1.5"``, written out as a test file would."""
+"""Translation of options of a rehearsal, such as ``--at "2s mood=1.5"``, into YAML."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.scene import SceneSpace
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.files.testing.path_patterns import nodes_of
 from bt_agents_language.model.specs import AgentSpec, Literal
-from bt_agents_language.yaml.diagnostics import did_you_mean
-from bt_agents_language.yaml.renderers import columns
 
 _PLAIN = re.compile(r"[\w.+][\w.+ /%-]*")
 _TIME = re.compile(r"\s*([0-9.]+\s*(?:ms|s|min|h))\b\s*(.*)", re.DOTALL)
@@ -24,19 +24,19 @@ _ASSIGNMENT = re.compile(r"([^\s=]+)=((?:\"[^\"]*\"|'[^']*'|[^\s])*)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Words:
-    """What was typed, written out as YAML.
+class TypedYaml:
+    """YAML made from typed options or answers.
 
     Attributes:
         text: The YAML.
-        origins: For each of its lines what was typed for it; empty for the others.
+        origins: Typed text of each of its lines; empty for the others.
     """
 
     text: str
     origins: tuple[str, ...]
 
     def explained(self, error: ReadError) -> str:
-        """Return the problems of the text, shown where they were typed."""
+        """Return the problems of the YAML, shown in the typed text."""
         return "\n".join(self._explained(one) for one in error.diagnostics)
 
     def _explained(self, problem: Diagnostic) -> str:
@@ -44,15 +44,15 @@ class Words:
         line = problem.position.line
         typed = self.origins[line - 1] if line <= len(self.origins) else ""
         if typed:
-            start, width = _place(problem, typed)
+            start, width = _typed_span(problem, typed)
             blocks += [f"      {typed}", f"      {' ' * start}{'^' * width}"]
         if problem.hint:
             blocks.append(f"      hint: {problem.hint}")
         return "\n".join(blocks)
 
 
-def _place(problem: Diagnostic, typed: str) -> tuple[int, int]:
-    """Return where in what was typed a problem is, and how many columns it takes."""
+def _typed_span(problem: Diagnostic, typed: str) -> tuple[int, int]:
+    """Return the column of a problem in the typed text, and its width."""
     first = problem.position.column - 1
     end = problem.end
     last = end.column - 1 if end is not None and end.line == problem.position.line else first + 1
@@ -61,24 +61,24 @@ def _place(problem: Diagnostic, typed: str) -> tuple[int, int]:
     places = [found.start() for found in re.finditer(re.escape(wrong), typed)] if wrong else []
     if not places:
         return 0, columns(typed)
-    # What was written out has more words before it, never fewer.
+    # The YAML has more text before it, never less.
     start = places[min(before, len(places) - 1)]
     return columns(typed[:start]), max(1, columns(wrong))
 
 
-def scenario_words(
+def scenario_yaml(
     agent: AgentSpec,
     *,
     scene: Iterable[str] = (),
     tunables: Iterable[str] = (),
     answers: Iterable[str] = (),
-    happenings: Iterable[str] = (),
+    events: Iterable[str] = (),
     seed: int | None = None,
-) -> Words:
-    """Return the options of a rehearsal as YAML, which is then read like any other file.
+) -> TypedYaml:
+    """Return the options of a rehearsal as YAML, which is read like any other file.
 
     Raises:
-        BtAgentsError: An option has not the form that it needs.
+        BtAgentsError: The form of an option is wrong.
     """
     lines = [("format: 1", "")]
     lines += _section("scene", "--scene", scene, "age=4")
@@ -86,34 +86,34 @@ def scenario_words(
     lines += _section("answers", "--answer", answers, "ask=yes")
     if seed is not None:
         lines.append((f"seed: {seed}", f"--seed {seed}"))
-    during = [(f"  - {happening_text(agent, text)}", _option("--at", text)) for text in happenings]
+    during = [(f"  - {event_yaml(agent, text)}", _option("--at", text)) for text in events]
     lines += [("during:", ""), *during] if during else []
-    return _words(lines)
+    return _with_origins(lines)
 
 
-def typed_answer(path: str, typed: str) -> Words:
-    """Return what somebody types as the answer of a node, as YAML."""
+def typed_answer(path: str, typed: str) -> TypedYaml:
+    """Return a typed answer of a node as YAML."""
     line = f"  {_value(path)}: {_value(typed)}"
-    return _words([("format: 1", ""), ("answers:", ""), (line, typed)])
+    return _with_origins([("format: 1", ""), ("answers:", ""), (line, typed)])
 
 
-def typed_happening(agent: AgentSpec, typed: str) -> Words:
-    """Return what somebody types to happen, as YAML.
+def typed_event(agent: AgentSpec, typed: str) -> TypedYaml:
+    """Return a typed event as YAML.
 
     Raises:
-        BtAgentsError: It has not the form that it needs.
+        BtAgentsError: Its form is wrong.
     """
-    line = f"  - {happening_text(agent, typed)}"
-    return _words([("format: 1", ""), ("during:", ""), (line, typed)])
+    line = f"  - {event_yaml(agent, typed)}"
+    return _with_origins([("format: 1", ""), ("during:", ""), (line, typed)])
 
 
-def _words(lines: Iterable[tuple[str, str]]) -> Words:
+def _with_origins(lines: Iterable[tuple[str, str]]) -> TypedYaml:
     texts, origins = zip(*lines, strict=True)
-    return Words(text="\n".join(texts) + "\n", origins=origins)
+    return TypedYaml(text="\n".join(texts) + "\n", origins=origins)
 
 
-def happens(agent: AgentSpec, space: SceneSpace, typed: str) -> bool:
-    """Return whether what somebody types says what happens, and not what is answered."""
+def is_event(agent: AgentSpec, space: SceneSpace, typed: str) -> bool:
+    """Return whether a typed text is an event, and not an answer."""
     match = _TIME.fullmatch(typed)
     begin = _BEGIN.match(match[2] if match else typed)
     if begin is None:
@@ -124,14 +124,14 @@ def happens(agent: AgentSpec, space: SceneSpace, typed: str) -> bool:
     return word == "cancel" or Literal(value=word) in _topics(agent)
 
 
-def happening_text(agent: AgentSpec, text: str) -> str:
-    """Return what happens as one YAML mapping.
+def event_yaml(agent: AgentSpec, text: str) -> str:
+    """Return a typed event as one YAML mapping.
 
     ``2s mood=1.5``, ``3s person=false``, ``4s patience=10s`` (a tunable), ``5s cancel``, ``6s
     buttons/confirm data=true`` (a message); without a time it happens at once.
 
     Raises:
-        BtAgentsError: It has another form.
+        BtAgentsError: Its form is wrong.
     """
     match = _TIME.fullmatch(text)
     after, rest = (match[1], match[2]) if match else ("0 s", text.strip())
@@ -142,7 +142,7 @@ def happening_text(agent: AgentSpec, text: str) -> str:
         return f"{{after: {after}, cancel: {json.dumps(reason, ensure_ascii=False)}}}"
     if word and "=" not in word:
         if match is None:
-            _refuse_slip(agent, text, word)
+            _refuse_unknown(agent, text, word)
         message = ", ".join(f"{name}: {value}" for name, value in _assigned(more, text).items())
         return f"{{after: {after}, publish: {{topic: {_value(word)}, message: {{{message}}}}}}}"
     values = _assigned(rest, text)
@@ -156,14 +156,14 @@ def happening_text(agent: AgentSpec, text: str) -> str:
     return f"{{after: {after}, {', '.join(parts)}}}"
 
 
-def _refuse_slip(agent: AgentSpec, text: str, word: str) -> None:
-    """Refuse a first word that is neither a time nor what may stand without one."""
-    slip = _TIMELIKE.match(text.strip())
-    if slip is not None:
-        number, unit = slip.groups()
+def _refuse_unknown(agent: AgentSpec, text: str, word: str) -> None:
+    """Raise an error for a first word that is neither a time nor valid without one."""
+    near = _TIMELIKE.match(text.strip())
+    if near is not None:
+        number, unit = near.groups()
         meant = f"{number.replace(',', '.')} {'min' if unit.startswith('m') else 's'}"
         raise BtAgentsError(
-            f"'{slip[0].strip()}' in '{text}' is no time; write a number with ms, s, min or h, "
+            f"'{near[0].strip()}' in '{text}' is no time; write a number with ms, s, min or h, "
             f"such as '{meant}'"
         )
     topics = [str(one.value) for one in _topics(agent)]
@@ -176,20 +176,20 @@ def _refuse_slip(agent: AgentSpec, text: str, word: str) -> None:
 
 
 def _topics(agent: AgentSpec) -> list[Literal]:
-    """Return the topics that nodes wait for, in order, each once."""
+    """Return the topics that nodes wait for, in order, without duplicates."""
     fields = (one.fields.get("topic") for one in nodes_of(agent))
     return list(dict.fromkeys(one for one in fields if isinstance(one, Literal)))
 
 
-def _assigned(words: str, text: str) -> Mapping[str, str]:
+def _assigned(assignments: str, text: str) -> Mapping[str, str]:
     """Return ``a=1 b='x y'`` as names and YAML values."""
-    if _ASSIGNMENT.sub("", words).strip():
+    if _ASSIGNMENT.sub("", assignments).strip():
         raise _unclear(text)
-    return {name: _value(value.strip("\"'")) for name, value in _ASSIGNMENT.findall(words)}
+    return {name: _value(value.strip("\"'")) for name, value in _ASSIGNMENT.findall(assignments)}
 
 
 def _section(key: str, option: str, given: Iterable[str], example: str) -> list[tuple[str, str]]:
-    """Return names and values as the lines of one key, each with the option it comes from."""
+    """Return assignments as the lines of one key, each with its option."""
     lines: dict[str, tuple[str, str]] = {}
     for text in given:
         name, equals, value = text.partition("=")
@@ -208,7 +208,7 @@ def _option(option: str, text: str) -> str:
 
 
 def _value(text: str) -> str:
-    """Return a text as YAML; a list or mapping is taken as it is."""
+    """Return a text as a YAML value; a list or mapping stays as it is."""
     if text.startswith(("{", "[")) or _PLAIN.fullmatch(text):
         return text
     return json.dumps(text, ensure_ascii=False)

@@ -5,44 +5,36 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, shown_value
+from bt_agents.host.tuning.tunable import TunableKind, shown_value
 from bt_agents_core.text import ellipsize
 
-_WIDEST = 22
+if TYPE_CHECKING:
+    from bt_agents_tools.client.tuning import ParameterState
+
+_MAX_COLUMN = 22
 _GAP = "  "
-_NARROWEST = 28
-"""Columns that a description needs beside the rest of its row; else it gets lines of its own."""
+_MIN_DESCRIPTION = 28
+"""Columns for a description beside its row; with fewer it gets lines of its own."""
 
 _INDENT = " " * 6
 
 
-class Stand(Protocol):
-    """Tunable parameter with its current value."""
-
-    @property
-    def parameter(self) -> TunableParameter:
-        """Description, with the default of the file."""
-
-    @property
-    def value(self) -> Setting:
-        """Current value."""
-
-
-def table(states: Iterable[Stand], width: int) -> Iterator[str]:
+def table(states: Iterable[ParameterState], width: int) -> Iterator[str]:
     """Yield the lines of a table: the parameters of the host, then those of each agent.
 
     Args:
-        states: The parameters.
-        width: Of the terminal, in columns.
+        states: The parameters with their values.
+        width: Columns of the terminal.
     """
     ordered = sorted(
         states, key=lambda one: (one.parameter.agent, one.parameter.kind is TunableKind.PROFILE)
     )
     cells = [_cells(state) for state in ordered]
     widths = [
-        min(max((len(row[column]) for row in cells), default=0), _WIDEST) for column in range(4)
+        min(max((len(row[column]) for row in cells), default=0), _MAX_COLUMN)
+        for column in range(4)
     ]
     agent = ""
     for state, row in zip(ordered, cells, strict=True):
@@ -52,8 +44,8 @@ def table(states: Iterable[Stand], width: int) -> Iterator[str]:
         yield from _lines(row, widths, state.parameter.description, width)
 
 
-def _cells(state: Stand) -> tuple[str, str, str, str]:
-    """Return name, value, default and limits; a column that is empty in all rows is left out."""
+def _cells(state: ParameterState) -> tuple[str, str, str, str]:
+    """Return name, value, default and limits, empty where there is nothing to show."""
     parameter = state.parameter
     name = f"  {parameter.name[len(parameter.agent) + 1 :]}" if parameter.agent else parameter.name
     changed = state.value != parameter.default
@@ -70,7 +62,7 @@ def _lines(
     used = [(cell, size) for cell, size in zip(cells, widths, strict=True) if size]
     row = _GAP.join(f"{cell:<{size}}" for cell, size in used) + _GAP
     rest = width - (sum(size for _, size in used) + len(_GAP) * len(used))
-    if rest < _NARROWEST:
+    if rest < _MIN_DESCRIPTION:
         yield row.rstrip()
         yield from textwrap.wrap(
             description, width, initial_indent=_INDENT, subsequent_indent=_INDENT

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Client of the marketplace for the command line; each request is bounded in time."""
+"""Requests to the marketplace by a command line, each bounded in time."""
 
 from __future__ import annotations
 
@@ -8,25 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    SetParametersAtomically,
-)
-from rclpy.parameter import parameter_value_to_python
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from bt_agents_interfaces.msg import Scene, SceneValue
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_tools.client.observer import Observer
-
-ACTS = {
-    "pin": OperateMarket.Request.PIN,
-    "unpin": OperateMarket.Request.UNPIN,
-    "veto": OperateMarket.Request.VETO,
-    "allow": OperateMarket.Request.ALLOW,
-    "award": OperateMarket.Request.AWARD,
-}
 
 _NODE = "marketplace"
 _STATUS_LIMIT_S = 10.0  # discovery may take long on a busy machine
@@ -49,10 +36,10 @@ class Strategies:
     """Strategies of a running market.
 
     Attributes:
-        descriptions: What each is for, by name.
-        options: Of each strategy, by name; empty for one without.
-        current: The one in force.
-        shadow: The one that only scores; empty for none.
+        descriptions: Purpose of each, by name.
+        options: Options of each, by name; empty for one without.
+        current: Name of the one in force.
+        shadow: Name of the one that only scores; empty for none.
     """
 
     descriptions: Mapping[str, str]
@@ -62,18 +49,16 @@ class Strategies:
 
 
 def operate(
-    observer: Observer, act: str, *, agent: str = "", reason: str = "", scene: Any = None
+    observer: Observer, action: str, *, agent: str = "", reason: str = "", scene: Any = None
 ) -> Any:
-    """Have a say in who gets the run; return the market's response, None without an answer.
+    """Send an operator's command; return the market's response, None without an answer.
 
-    Args:
-        observer: In the graph of the system.
-        act: One of :data:`ACTS`.
-        agent: Whom it is about.
-        reason: Why, in words.
-        scene: Of an award; None means the last scene.
+    The action is the name of a constant of ``OperateMarket.srv``. Without a scene an award is for
+    the last one.
     """
-    request = OperateMarket.Request(action=ACTS[act], agent=agent, reason=reason)
+    request = OperateMarket.Request(
+        action=getattr(OperateMarket.Request, action), agent=agent, reason=reason
+    )
     if scene is not None:
         request.scene = scene
     return observer.call(OperateMarket, f"{_NODE}/operate", request)
@@ -82,10 +67,7 @@ def operate(
 def preview(observer: Observer, strategy: str, scene: Any = None) -> Any:
     """Ask who would win; return the market's response, None without an answer.
 
-    Args:
-        observer: In the graph of the system.
-        strategy: Empty for the one in force.
-        scene: None means the last scene.
+    Without a strategy it is the one in force, without a scene the last one.
     """
     request = PreviewAuction.Request(strategy=strategy)
     if scene is not None:
@@ -99,7 +81,7 @@ def scene_of(
     given: Mapping[str, float],
     *,
     scene_id: str,
-    like: Any = None,
+    last: Any = None,
     person: bool | None = None,
     label: str = "",
 ) -> Any:
@@ -110,20 +92,20 @@ def scene_of(
         names: All parameters, in order.
         given: Values by name.
         scene_id: Its id.
-        like: A scene from which the other values are taken; None leaves them missing.
-        person: Whether somebody is there; None is as in ``like``, else yes.
-        label: Words for people.
+        last: A scene from which the other values are taken; None leaves them missing.
+        person: Presence of a person; None is as in ``last``, else yes.
+        label: Name for people.
     """
-    known = {value.name: value for value in like.values} if like is not None else {}
+    known = {value.name: value for value in last.values} if last is not None else {}
     scene = Scene(
         stamp=observer.node.get_clock().now().to_msg(),
         scene_id=scene_id,
         label=label,
-        person=person if person is not None else (like is None or bool(like.person)),
+        person=person if person is not None else (last is None or bool(last.person)),
         values=[_value(name, given, known) for name in names],
     )
-    if like is not None:
-        scene.person_id, scene.place, scene.persons = like.person_id, like.place, like.persons
+    if last is not None:
+        scene.person_id, scene.place, scene.persons = last.person_id, last.place, last.persons
     return scene
 
 
@@ -137,12 +119,12 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
 
 def strategies(observer: Observer) -> Strategies | None:
     """Return the strategies of the market with the values in force; None without an answer."""
-    if not observer.turn_until(lambda: observer.market is not None, _STATUS_LIMIT_S):
+    if not observer.spin_until(lambda: observer.market is not None, _STATUS_LIMIT_S):
         return None
     found = {info.name: info for info in observer.market.strategies}
     dotted = [f"{name}.{option}" for name, info in found.items() for option in info.options]
     names = ["strategy", "shadow_strategy", *dotted]
-    told = observer.call(
+    described = observer.call(
         DescribeParameters,
         f"{_NODE}/describe_parameters",
         DescribeParameters.Request(names=names),
@@ -150,15 +132,17 @@ def strategies(observer: Observer) -> Strategies | None:
     got = observer.call(
         GetParameters, f"{_NODE}/get_parameters", GetParameters.Request(names=names)
     )
-    if told is None or got is None or not len(told.descriptors) == len(got.values) == len(names):
+    if described is None or got is None:
+        return None
+    if not len(described.descriptors) == len(got.values) == len(names):
         return None
     values = dict(zip(names, map(parameter_value_to_python, got.values), strict=True))
-    described = dict(zip(names, told.descriptors, strict=True))
+    descriptors = dict(zip(names, described.descriptors, strict=True))
     return Strategies(
         descriptions={name: info.description for name, info in found.items()},
         options={
             name: tuple(
-                _option(option, values[f"{name}.{option}"], described[f"{name}.{option}"])
+                _option(option, values[f"{name}.{option}"], descriptors[f"{name}.{option}"])
                 for option in info.options
             )
             for name, info in found.items()
@@ -180,21 +164,12 @@ def _option(name: str, value: float, descriptor: Any) -> StrategyOption:
 
 
 def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> str | None:
-    """Set parameters of the market together.
-
-    Returns:
-        Why it refuses, empty when they are set, None without an answer.
-    """
+    """Set parameters of the market together; return why not, empty if set, None if unanswered."""
+    parameters = [Parameter(name, value=value) for name, value in changes.items()]
     request = SetParametersAtomically.Request(
-        parameters=[Parameter(name=name, value=_typed(value)) for name, value in changes.items()]
+        parameters=[parameter.to_parameter_msg() for parameter in parameters]
     )
     answer = observer.call(SetParametersAtomically, f"{_NODE}/set_parameters_atomically", request)
     if answer is None:
         return None
     return "" if answer.result.successful else str(answer.result.reason or "it gives no reason")
-
-
-def _typed(value: str | float) -> Any:
-    if isinstance(value, str):
-        return ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
-    return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=float(value))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node that only listens, and tells a listener what happens in the system."""
+"""Observer node: the state of a running system, and its events in the order of sending."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import rclpy
+from rclpy.client import Client
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, Empty, String
 
+from bt_agents.host.reload.host_card_diff import CardDiff, CardDifference
 from bt_agents_interfaces.msg import (
     Auction,
     Feedback,
@@ -27,70 +30,72 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
     Tunings,
 )
-from bt_agents_interfaces.srv import Analyze, GiveFeedback
+from bt_agents_interfaces.srv import Analyze, GiveFeedback, ListVersions
 from bt_agents_ros import qos
+from bt_agents_ros.calls import Calls
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.timers import steady_timer
-from bt_agents_tools.client.card_listener import CardListener
 
 
 class Listener(Protocol):
-    """Takes what is heard; the messages as they come."""
+    """Callbacks for the events of a system; messages are passed on as they were sent."""
 
     def visitor(self, label: str) -> None:
-        """Somebody new stands before the robot."""
+        """Handle the label of a new visitor; empty when the visitor leaves."""
 
     def scene(self, message: Any) -> None:
-        """A scene was analysed."""
+        """Handle a ``Scene.msg`` that was analysed."""
 
     def market(self, message: Any) -> None:
-        """The market does something else than before."""
+        """Handle a ``MarketStatus.msg``."""
 
     def live(self, message: Any) -> None:
-        """The scene as it is now."""
+        """Handle a ``Scene.msg`` of the live scene."""
 
     def auction(self, message: Any) -> None:
-        """A round was decided."""
+        """Handle the ``Auction.msg`` of a round that was decided."""
 
     def run(self, message: Any) -> None:
-        """A run started, is being cancelled, or ended."""
+        """Handle a ``Run.msg``: start, cancelling or end of a run."""
 
     def end(self, message: Any) -> None:
-        """A scene ended."""
+        """Handle the ``SceneEnd.msg`` of a scene."""
 
     def tree(self, message: Any) -> None:
-        """A tree changed in a tick."""
+        """Handle the ``TreeStatus.msg`` of a tick that changed something."""
 
-    def act(self, words: str) -> None:
-        """The robot did something."""
+    def act(self, text: str) -> None:
+        """Handle a line of the robot's transcript."""
 
     def feedback(self, message: Any) -> None:
-        """A profile moved."""
+        """Handle the ``Feedback.msg`` of a profile that has changed."""
 
     def tunings(self, message: Any) -> None:
-        """Values were tuned; the last changes of a host, and first of all what is known of it."""
+        """Handle a ``Tunings.msg`` with the last changes of a host."""
 
-    def changed(self, text: str, is_error: bool) -> None:
-        """The agents of a host have changed, or something is wrong with their files."""
+    def agents_changed(self, text: str, is_error: bool) -> None:
+        """Handle a change of a host's agents, or a problem of their files, as text for people."""
 
 
 _FIND_S = 10.0
-"""How long discovery may take on a busy machine [s]."""
+"""Longest time for discovery on a busy machine [s]."""
 
 _SETTLE_S = 0.1
-"""How long an event waits for one of another topic that was sent before it [s]."""
+"""Time that an event waits for one of another topic that was sent before it [s]."""
+
+_VERSIONS_LIMIT_S = 1.0
 
 
-class _InOrder:
-    """Passes events of several topics on in the order in which they were sent."""
+class _EventOrder:
+    """Buffer that delivers events of several topics in the order of their source timestamps."""
 
     def __init__(self, node: Any) -> None:
         self._waiting: list[tuple[int, int, Callable[[], None]]] = []
         self._count = 0
-        steady_timer(node, _SETTLE_S / 2, self._pass_on)
+        steady_timer(node, _SETTLE_S / 2, self._deliver_settled)
 
-    def take(self, deliver: Callable[[Any], None]) -> Callable[[Any, Any], None]:
-        """Return a callback of a subscription that delivers in order."""
+    def callback_for(self, deliver: Callable[[Any], None]) -> Callable[[Any, Any], None]:
+        """Return the callback of a subscription whose messages are delivered in order."""
 
         def callback(message: Any, info: Any) -> None:
             self._count += 1
@@ -99,21 +104,67 @@ class _InOrder:
 
         return callback
 
-    def _pass_on(self) -> None:
+    def _deliver_settled(self) -> None:
         settled = time.time_ns() - int(_SETTLE_S * 1e9)
         while self._waiting and self._waiting[0][0] <= settled:
             heapq.heappop(self._waiting)[2]()
 
 
+class _CardListener:
+    """Reports differences between the cards of hosts, with what has changed in new versions.
+
+    Args:
+        node: Node of the observer.
+        report: Takes a text, and whether it is an error.
+    """
+
+    def __init__(self, node: Node, report: Callable[[str, bool], None]) -> None:
+        self._node = node
+        self._report = report
+        self._diff = CardDiff()
+        self._calls = Calls(node)
+        self._clients: dict[str, Client] = {}
+
+    def handle(self, card: Any) -> None:
+        """Report what has changed on a card since the one before."""
+        for difference in self._diff.update(card):
+            if difference.agent:
+                self._report_version(card.host, difference)
+            else:
+                self._report(difference.text, difference.is_error)
+
+    def _report_version(self, host: str, difference: CardDifference) -> None:
+        if host not in self._clients:
+            self._clients[host] = self._node.create_client(
+                ListVersions, f"{host}/versions", qos_profile=qos.SERVICE
+            )
+
+        def on_answer(answer: Any) -> None:
+            change = next((one.change for one in answer.versions if one.current), "")
+            text = difference.text + (f" ({change})" if change else "")
+            self._report(text, difference.is_error)
+
+        self._calls.call(
+            self._clients[host],
+            ListVersions.Request(agent=difference.agent),
+            deadline_s=_VERSIONS_LIMIT_S,
+            on_answer=on_answer,
+            on_failure=lambda _reason: self._report(difference.text, difference.is_error),
+        )
+
+
 class Observer:
-    """Listens while it is turned.
+    """Node that subscribes to a running system; it handles messages while it is spun.
+
+    Args:
+        listener: Notified of events; None for none.
 
     Attributes:
-        namespace: Where the system is; the environment's ``ROS_NAMESPACE``.
-        market: The latest status of the marketplace; None before the first.
-        cards: The latest card of each host.
-        profiles: The latest profiles; None before the first.
-        visits_done: True when the visitors say that the script is over.
+        namespace: Namespace of the system, from the environment's ``ROS_NAMESPACE``.
+        market: Latest status of the marketplace; None before the first.
+        cards: Latest card of each host.
+        profiles: Latest profiles; None before the first.
+        visits_done: True when the visitors report the end of their script.
     """
 
     def __init__(self, listener: Listener | None = None) -> None:
@@ -128,28 +179,28 @@ class Observer:
         self.cards: dict[str, Any] = {}
         self.profiles: Any = None
         self.visits_done = False
-        self._turner = Spinner(self.node)
-        self._card_listener: CardListener | None = None
-        self._subscribe(MarketStatus, "market", self._take_market, qos.FACT)
-        self._subscribe(HostCard, "cards", self._take_card, qos.FACTS)
-        self._subscribe(Profiles, "profiles", self._take_profiles, qos.FACT)
+        self._spinner = Spinner(self.node)
+        self._card_listener: _CardListener | None = None
+        self._subscribe(MarketStatus, "market", self._on_market, qos.FACT)
+        self._subscribe(HostCard, "cards", self._on_card, qos.FACTS)
+        self._subscribe(Profiles, "profiles", self._on_profiles, qos.FACT)
         self._services = [
             self.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE),
             self.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE),
         ]
         if listener is not None:
-            self._tell(listener)
+            self._notify(listener)
 
-    def _tell(self, listener: Listener) -> None:
-        self._card_listener = CardListener(self.node, listener.changed)
-        order = _InOrder(self.node)
+    def _notify(self, listener: Listener) -> None:
+        self._card_listener = _CardListener(self.node, listener.agents_changed)
+        order = _EventOrder(self.node)
         for kind, topic, deliver, profile in (
             (String, "visitors/current", lambda m: listener.visitor(m.data), qos.FACT),
-            (Bool, "visitors/done", self._take_done, qos.FACT),
+            (Bool, "visitors/done", self._on_visits_done, qos.FACT),
             (Scene, "scene", listener.scene, qos.EVENTS),
             (MarketStatus, "market", listener.market, qos.FACT),
             (Scene, "scene/live", listener.live, qos.SENSOR),
-            # A market that is started again may say these before it is known to be back.
+            # A restarted market may publish these before it is discovered.
             (Auction, "auctions", listener.auction, qos.FACTS),
             (Run, "runs", listener.run, qos.FACTS),
             (SceneEnd, "scene_ends", listener.end, qos.FACTS),
@@ -158,43 +209,45 @@ class Observer:
             (Feedback, "feedback", listener.feedback, qos.EVENTS),
             (Tunings, "agents/tunings", listener.tunings, qos.FACT),
         ):
-            self._subscribe(kind, topic, order.take(deliver), profile)
+            self._subscribe(kind, topic, order.callback_for(deliver), profile)
 
-    def hear_heartbeats(self, heard: Callable[[str], None]) -> None:
-        """Have a callable told the name of each node of the system that gives a sign of life."""
+    def watch_heartbeats(self, on_heartbeat: Callable[[str], None]) -> None:
+        """Call back with the component's name for each heartbeat of one."""
         for kind, name in (
             (MarketHeartbeat, "marketplace"),
             (Heartbeat, "agents"),
             (Empty, "robot"),
         ):
-            # What they say does not matter here, so it is not even decoded.
+            # The content does not matter here, so it is not decoded.
             self.node.create_subscription(
                 kind,
                 f"{name}/heartbeat",
-                lambda _message, name=name: heard(name),
+                lambda _message, name=name: on_heartbeat(name),
                 qos.SENSOR,
                 raw=True,
             )
 
-    def _subscribe(self, kind: Any, topic: str, take: Callable[..., None], profile: Any) -> None:
-        self.node.create_subscription(kind, topic, take, profile)
+    def _subscribe(
+        self, kind: Any, topic: str, callback: Callable[..., None], profile: Any
+    ) -> None:
+        self.node.create_subscription(kind, topic, callback, profile)
 
-    def _take_market(self, message: Any) -> None:
+    def _on_market(self, message: Any) -> None:
         self.market = message
 
-    def _take_card(self, message: Any) -> None:
+    def _on_card(self, message: Any) -> None:
         self.cards[message.host] = message
         if self._card_listener is not None:
-            self._card_listener.take(message)
+            self._card_listener.handle(message)
 
-    def _take_profiles(self, message: Any) -> None:
+    def _on_profiles(self, message: Any) -> None:
         self.profiles = message
 
-    def _take_done(self, message: Any) -> None:
+    def _on_visits_done(self, message: Any) -> None:
         self.visits_done = bool(message.data)
 
     def ready(self, agents: int) -> bool:
-        """Return True when so many agents are registered and bid with what they have learned."""
+        """Return True when so many agents are registered and bid with their learned profiles."""
         if self.market is None or self.profiles is None or self.market.agents < agents:
             return False
         bidding = {a.name: a.revision for card in self.cards.values() for a in card.agents}
@@ -208,7 +261,7 @@ class Observer:
         return len(known & set(bidding)) >= agents
 
     def namespaces_of_markets(self) -> list[str]:
-        """Return where marketplaces are on this domain, as far as that is known yet."""
+        """Return the namespaces of the marketplaces that are discovered on this domain so far."""
         kind = "bt_agents_interfaces/msg/MarketStatus"
         topics = [name for name, kinds in self.node.get_topic_names_and_types() if kind in kinds]
         return sorted(
@@ -219,40 +272,40 @@ class Observer:
             }
         )
 
-    def can_be_asked(self) -> bool:
-        """Return True when scene layer and feedback node answer requests."""
+    def services_ready(self) -> bool:
+        """Return True when the services of scene layer and feedback node are discovered."""
         return all(service.service_is_ready() for service in self._services)
 
-    def recorded(self) -> bool:
-        """Return True when a journal listens to what trees are told."""
+    def is_recorded(self) -> bool:
+        """Return True when a journal subscribes to the records of runs."""
         return bool(self.node.count_subscribers("agents/records"))
 
-    def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
-        """Turn until ``done()`` is true or the time is up; return ``done()``."""
-        return self._turner.turn_until(done, limit_s)
+    def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
+        """Spin until ``done()`` is true or the time is up; return ``done()``."""
+        return self._spinner.spin_until(done, limit_s)
 
     def call(
         self, kind: Any, name: str, request: Any, limit_s: float = 5.0, *, find_s: float = _FIND_S
     ) -> Any:
-        """Call a service; return its response, or None when it is not there or stays silent.
+        """Call a service; return its response, or None when it is not there or does not answer.
 
         Args:
             kind: Type of the service.
             name: Its name.
             request: The request.
-            limit_s: For the answer [s].
-            find_s: For the service itself [s].
+            limit_s: Longest time for the answer [s].
+            find_s: Longest time for discovery of the service [s].
         """
         client = self.node.create_client(kind, name, qos_profile=qos.SERVICE)
-        if not self.turn_until(client.service_is_ready, find_s):
+        if not self.spin_until(client.service_is_ready, find_s):
             return None
         future = client.call_async(request)
-        self.turn_until(future.done, limit_s)
+        self.spin_until(future.done, limit_s)
         return future.result() if future.done() else None
 
     def close(self) -> None:
-        """Leave the ROS graph."""
-        self._turner.close()
+        """Destroy the node and shut ROS down in this process."""
+        self._spinner.close()
         rclpy.try_shutdown()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a command line can ask of a host about the versions of its agents."""
+"""Requests to a host about the versions of its agents, each bounded in time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LIMIT_S = ANSWER_LIMIT_S + 2.0
 
 
 def reload_agents(observer: Observer, host: str, now: bool) -> Any:
-    """Have a host look at its files; return its response, None without an answer."""
+    """Have a host read its changed files; return its response, None without an answer."""
     request = ReloadAgents.Request(now=now)
     return observer.call(ReloadAgents, f"{host}/reload", request, _LIMIT_S)
 
@@ -29,8 +29,8 @@ def roll_back(observer: Observer, host: str, agent: str, version: int, now: bool
     Args:
         observer: In the graph of the system.
         host: The host of the agent.
-        agent: Whose version.
-        version: Which; 0 for the one before the current.
+        agent: The agent.
+        version: Number of the version; 0 for the one before the current.
         now: True cancels the agent's run for it.
     """
     request = RollBack.Request(agent=agent, version=version, now=now)

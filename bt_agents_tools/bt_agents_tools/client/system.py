@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a command line can ask of a running system, each request bounded in time."""
+"""Requests to a running system by a command line, each bounded in time."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, ManagePro
 from bt_agents_ros import qos
 from bt_agents_tools.client.observer import Observer
 
-_CARDS_S = 3.0
+_FIND_CARDS_S = 3.0
 
-_MANAGED_S = 30.0
-"""What is forgotten goes from the whole file [s]."""
+_MANAGE_LIMIT_S = 30.0
+"""Longest time for managing profiles: erasing a person rewrites the whole ledger [s]."""
 
 KINDS = {
     "direct": Feedback.DIRECT,
@@ -42,8 +42,8 @@ def analyze(
         observer: In the graph of the system.
         names: Parameters whose value is given.
         values: Their values, same order.
-        label: Words for people.
-        person: Whether somebody is there; None takes what is measured.
+        label: Name for people.
+        person: Presence of a person; None takes what is measured.
         urgent: True may stop a running tree, where new scenes preempt.
         announce: False changes the live scene only.
     """
@@ -66,15 +66,15 @@ def cancel_run(observer: Observer, reason: str, round_number: int = 0) -> Any:
 
     Args:
         observer: In the graph of the system.
-        reason: Why, in words.
-        round_number: Round of the run; 0 stops whatever runs and forgets the scenes that wait.
+        reason: Reason for people.
+        round_number: Round of the run; 0 stops whatever runs and drops the scenes that wait.
     """
     request = CancelRun.Request(reason=reason, round=round_number)
     return observer.call(CancelRun, "marketplace/cancel", request)
 
 
-def new_scenes(observer: Observer) -> tuple[str, int] | None:
-    """Return what becomes of new scenes and how many may wait; None when the market is silent."""
+def admission_settings(observer: Observer) -> tuple[str, int] | None:
+    """Return the market's ``on_new_scene`` and ``queue_limit``; None without an answer."""
     request = GetParameters.Request(names=["on_new_scene", "queue_limit"])
     answer = observer.call(GetParameters, "marketplace/get_parameters", request)
     if answer is None or len(answer.values) != len(request.names):
@@ -90,10 +90,10 @@ def give_feedback(
 
     Args:
         observer: In the graph of the system.
-        agent: Whose; empty means who runs, else who ran last.
+        agent: The agent; empty means the one that runs, else the one that ran last.
         kind: One of :data:`KINDS`.
         values: The wanted profile of direct and set, NaN for no opinion; otherwise empty.
-        reason: Why, in words.
+        reason: Reason for people.
     """
     request = GiveFeedback.Request(
         agent=agent, kind=KINDS[kind], values=values, source="command line", reason=reason
@@ -104,65 +104,65 @@ def give_feedback(
 def manage_profiles(
     observer: Observer, action: str, *, node: str = "feedback", find_s: float = 10.0, **fields: Any
 ) -> Any:
-    """Have what was learned shown or changed; return the answer, None without one.
+    """List or change learned profiles; return the response, None without an answer.
 
     Args:
         observer: In the graph of the system.
         action: Name of a constant of ``ManageProfiles.srv``.
-        node: Whom to ask, ``feedback`` or ``scene_layer``.
-        find_s: How long the service is looked for [s].
+        node: Node to ask, ``feedback`` or ``scene_layer``.
+        find_s: Longest time for discovery of the service [s].
         fields: The other fields of the request.
     """
     request = ManageProfiles.Request(action=getattr(ManageProfiles.Request, action), **fields)
-    return observer.call(ManageProfiles, f"{node}/manage", request, _MANAGED_S, find_s=find_s)
+    return observer.call(ManageProfiles, f"{node}/manage", request, _MANAGE_LIMIT_S, find_s=find_s)
 
 
 def decisions(observer: Observer) -> list[Any]:
-    """Return a list that fills with the last decisions while the observer is turned."""
-    heard: list[Any] = []
-    observer.node.create_subscription(Auction, "auctions", heard.append, qos.HISTORY)
-    return heard
+    """Return a list that fills with the last decisions while the observer is spun."""
+    received: list[Any] = []
+    observer.node.create_subscription(Auction, "auctions", received.append, qos.HISTORY)
+    return received
 
 
 def scene_ends(observer: Observer) -> list[Any]:
-    """Return a list that fills with the last ends of scenes while the observer is turned."""
-    heard: list[Any] = []
-    observer.node.create_subscription(SceneEnd, "scene_ends", heard.append, qos.HISTORY)
-    return heard
+    """Return a list that fills with the last ends of scenes while the observer is spun."""
+    received: list[Any] = []
+    observer.node.create_subscription(SceneEnd, "scene_ends", received.append, qos.HISTORY)
+    return received
 
 
 def mood_traces(observer: Observer) -> list[Any]:
-    """Return a list that fills with the last traces of moods while the observer is turned."""
-    heard: list[Any] = []
-    observer.node.create_subscription(MoodTrace, "mood_traces", heard.append, qos.HISTORY)
-    return heard
+    """Return a list that fills with the last traces of moods while the observer is spun."""
+    received: list[Any] = []
+    observer.node.create_subscription(MoodTrace, "mood_traces", received.append, qos.HISTORY)
+    return received
 
 
 def trees(observer: Observer) -> dict[tuple[str, str], str]:
     """Return agent and path of a node → its name, for the trees of all hosts that are known.
 
-    The mapping fills while the observer is turned.
+    The mapping fills while the observer is spun.
     """
     names: dict[tuple[str, str], str] = {}
 
-    def take(message: Any) -> None:
+    def handle(message: Any) -> None:
         for tree in message.trees:
             names.update({(tree.agent, node.path): node.name for node in tree.nodes})
 
-    observer.turn_until(lambda: bool(observer.cards), _CARDS_S)
+    observer.spin_until(lambda: bool(observer.cards), _FIND_CARDS_S)
     for host in observer.cards:
-        observer.node.create_subscription(Trees, f"{host}/trees", take, qos.FACT)
+        observer.node.create_subscription(Trees, f"{host}/trees", handle, qos.FACT)
     return names
 
 
 def persons(observer: Observer) -> list[Any]:
-    """Return a list that fills with who is tracked while the observer is turned."""
-    heard: list[Any] = []
-    observer.node.create_subscription(Persons, "scene/persons", heard.append, qos.FACT)
-    return heard
+    """Return a list that fills with the tracked persons while the observer is spun."""
+    received: list[Any] = []
+    observer.node.create_subscription(Persons, "scene/persons", received.append, qos.FACT)
+    return received
 
 
-def record(
+def watch_decisions(
     observer: Observer, auction: Callable[[Any], None], feedback: Callable[[Any], None]
 ) -> None:
     """Call back for every decision and every applied feedback."""

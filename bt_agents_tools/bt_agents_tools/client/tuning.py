@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Client of the tuning of a running system, each request bounded in time."""
+"""Requests of a command line about tunables and profiles, each bounded in time."""
 
 from __future__ import annotations
 
@@ -21,25 +21,16 @@ from bt_agents_core.feedback import TUNING
 from bt_agents_core.text import quote
 from bt_agents_interfaces.msg import Feedback, Tunables, Tunings
 from bt_agents_interfaces.srv import GiveFeedback, Tune
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros import qos
 from bt_agents_tools.client.observer import Observer
 from bt_agents_tools.client.system import manage_profiles
 
-ACTIONS = {
-    "set": Tune.Request.SET,
-    "undo": Tune.Request.UNDO,
-    "redo": Tune.Request.REDO,
-    "apply": Tune.Request.APPLY,
-    "save": Tune.Request.SAVE,
-    "forget": Tune.Request.FORGET,
-}
+_MAX_NAMES = 500
+"""Most parameters of one request."""
 
-_MOST = 500
-"""Parameters of one request."""
-
-_LATCHED_S = 3.0
-"""For a message that was published before [s]."""
+_LATCHED_LIMIT_S = 3.0
+"""Longest time for a latched message [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,15 +42,8 @@ class ParameterState:
 
 
 def tune(observer: Observer, host: str, action: str, **fields: Any) -> Any:
-    """Ask a host to tune; return its response, None without an answer.
-
-    Args:
-        observer: In the graph of the system.
-        host: Fully qualified name of the host.
-        action: One of :data:`ACTIONS`.
-        fields: Of the request.
-    """
-    request = Tune.Request(action=ACTIONS[action], **fields)
+    """Send a request, its action a constant of ``Tune.srv``, to a host; None without an answer."""
+    request = Tune.Request(action=getattr(Tune.Request, action), **fields)
     return observer.call(Tune, f"{host}/tune", request)
 
 
@@ -75,7 +59,7 @@ def tunings(observer: Observer, host: str) -> Any:
 def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> list[ParameterState]:
     """Return the parameters of a host, or of some of its agents, in the order of their names.
 
-    The values of profiles stand behind the others, as the card of the host says them.
+    The values of profiles stand behind the others, from the card of the host.
 
     Raises:
         BtAgentsError: The host does not answer.
@@ -83,7 +67,7 @@ def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> lis
     message = _latched(observer, Tunables, f"{host}/tunables")
     described = [info_from_msg(o) for o in message.tunables if not agents or o.agent in agents]
     described.sort(key=lambda parameter: parameter.name)
-    states = [state for some in _parts(described) for state in _with_values(observer, host, some)]
+    states = [state for some in _chunks(described) for state in _with_values(observer, host, some)]
     return [*states, *_profiles(observer.cards.get(host), agents)]
 
 
@@ -93,7 +77,7 @@ def _with_values(
     request = GetParameters.Request(names=[parameter.name for parameter in some])
     answer = observer.call(GetParameters, f"{host}/get_parameters", request)
     if answer is None:
-        raise _silent(f"{host}/get_parameters")
+        raise _no_answer(f"{host}/get_parameters")
     # Agents may come and go between the messages.
     for parameter, value in zip(some, answer.values, strict=False):
         yield ParameterState(parameter=parameter, value=parameter_value_to_python(value))
@@ -112,12 +96,12 @@ def _profiles(card: Any | None, agents: Sequence[str]) -> Iterator[ParameterStat
 def set_profile(
     observer: Observer, agent: str, values: Mapping[str, float], *, author: str, reason: str
 ) -> Any:
-    """Have the feedback node set values of a profile; return its response, None without one.
+    """Ask the feedback node to set values of a profile; return its response, None without one.
 
     Raises:
         Refused: ``UNKNOWN_PARAMETER``.
     """
-    observer.turn_until(lambda: observer.profiles is not None, _LATCHED_S)
+    observer.spin_until(lambda: observer.profiles is not None, _LATCHED_LIMIT_S)
     names = list(observer.profiles.parameters) if observer.profiles is not None else []
     for name in values:
         if names and name not in names:
@@ -141,8 +125,8 @@ class TunedProfile:
     """Change of a profile that an undo would take back: the last one, and it was tuned.
 
     Attributes:
-        agent: Whose.
-        stamp: When it was made [s since 1970].
+        agent: The agent whose profile it is.
+        stamp: Time of the change [s since 1970].
     """
 
     agent: str
@@ -150,41 +134,31 @@ class TunedProfile:
 
 
 def tuned_profile(observer: Observer, agent: str, since: float) -> TunedProfile | None:
-    """Return the newest tuning of a profile that can be undone.
+    """Return the newest tuning of a profile that can be undone, None without an answer, too.
 
-    Args:
-        observer: In the graph of the system.
-        agent: Whose profile; empty for all.
-        since: It has to be newer [s since 1970].
-
-    Returns:
-        The change; None, too, when the feedback node does not answer.
+    It is one of the agent, empty for all, and newer than ``since`` [s since 1970].
     """
     found: TunedProfile | None = None
-    profiles = _learned(observer, "profiles")
+    profiles = _history(observer, "profiles")
     for one in sorted(profiles, key=lambda one: float(one["stamp"]), reverse=True):
         if one["stamp"] <= max(since, found.stamp if found is not None else 0.0):
             break
         if not one["layer"] and agent in ("", one["agent"]):
-            stamp = tuned_at(_learned(observer, "revisions", agent=one["agent"]))
+            stamp = tuned_at(_history(observer, "revisions", agent=one["agent"]))
             if stamp > max(since, found.stamp if found is not None else 0.0):
                 found = TunedProfile(agent=one["agent"], stamp=stamp)
     return found
 
 
-def _learned(observer: Observer, what: str, **fields: Any) -> list[Mapping[str, Any]]:
-    answer = manage_profiles(observer, "HISTORY", find_s=_LATCHED_S, **fields)
+def _history(observer: Observer, what: str, **fields: Any) -> list[Mapping[str, Any]]:
+    answer = manage_profiles(observer, "HISTORY", find_s=_LATCHED_LIMIT_S, **fields)
     if answer is None or not answer.accepted:
         return []
     return list(json.loads(answer.document)[what])
 
 
 def tuned_at(revisions: Iterable[Mapping[str, Any]]) -> float:
-    """Return when the values in force of a profile were tuned [s since 1970]; 0 if they were not.
-
-    Args:
-        revisions: Of the profile, as the ledger exports them.
-    """
+    """Return when the values in force among exported revisions were tuned [s since 1970], or 0."""
     by_number = {one["revision"]: one for one in revisions}
     # An undo is a revision that restores an earlier one.
     in_force = by_number.get(max(by_number, default=0))
@@ -197,16 +171,18 @@ def tuned_at(revisions: Iterable[Mapping[str, Any]]) -> float:
 def _latched(observer: Observer, kind: Any, topic: str) -> Any:
     received: list[Any] = []
     subscription = observer.node.create_subscription(kind, topic, received.append, qos.FACT)
-    observer.turn_until(lambda: bool(received), _LATCHED_S)
+    observer.spin_until(lambda: bool(received), _LATCHED_LIMIT_S)
     observer.node.destroy_subscription(subscription)
     if not received:
-        raise _silent(topic)
+        raise _no_answer(topic)
     return received[-1]
 
 
-def _silent(name: str) -> BtAgentsError:
+def _no_answer(name: str) -> BtAgentsError:
     return BtAgentsError(f"{name}: no answer; look at 'bt-agents status'")
 
 
-def _parts(parameters: Sequence[TunableParameter]) -> Iterator[Sequence[TunableParameter]]:
-    return (parameters[start : start + _MOST] for start in range(0, len(parameters), _MOST))
+def _chunks(parameters: Sequence[TunableParameter]) -> Iterator[Sequence[TunableParameter]]:
+    return (
+        parameters[start : start + _MAX_NAMES] for start in range(0, len(parameters), _MAX_NAMES)
+    )

@@ -17,17 +17,17 @@ from bt_agents.host.tuning.tunable import (
 )
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.quantities import QuantityError
+from bt_agents_language.diagnostics.collection import Diagnostics
+from bt_agents_language.expression.quantities import QuantityError
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.tools.formatting.scalar_style import quoted
 from bt_agents_language.tools.formatting.span_edit import replace_value
-from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 
 _WITH_UNIT = re.compile(r"[-+.\deE]*\d\.?(\s*)([^\W\d_]+|°)")
 _PROFILE_DIGITS = 6
-_CLOSE = 1e-5
+_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +35,8 @@ class TunedValue:
     """Value of a running robot that differs from its file.
 
     Attributes:
-        parameter: With the default that the robot has from the file.
-        value: In force on the robot.
+        parameter: Its description, with the default that the robot has read from the file.
+        value: Value in force on the robot.
     """
 
     parameter: TunableParameter
@@ -53,7 +53,7 @@ def write_defaults(
 
     Args:
         source: The file.
-        tuned: What to write, all of this agent.
+        tuned: Values to write, all of this agent.
         space: The scene parameters.
         read: Reads the text of an agent file; may raise ``ReadError``.
 
@@ -64,7 +64,7 @@ def write_defaults(
     """
     parameters = _parameters(read(source.text), space)
     for one in tuned:
-        _check_same(source, one, parameters.get(one.parameter.name))
+        _check_unchanged(source, one, parameters.get(one.parameter.name))
     text = source.text
     for one in tuned:
         text = _with_value(
@@ -78,7 +78,7 @@ def _parameters(spec: AgentSpec, space: SceneSpace) -> dict[str, TunableParamete
     return {parameter.name: parameter for parameter in (*parameters_of(spec), *profile)}
 
 
-def _check_same(source: Source, tuned: TunedValue, here: TunableParameter | None) -> None:
+def _check_unchanged(source: Source, tuned: TunedValue, here: TunableParameter | None) -> None:
     robot = tuned.parameter
     if here is None:
         raise Refused(
@@ -101,7 +101,7 @@ def _with_value(
     space: SceneSpace,
     read: Callable[[str], AgentSpec],
 ) -> str:
-    """Return a text with one default changed, the way that is most like the old one."""
+    """Return a text with one default changed, in the spelling that is most like the old one."""
     before = _parameters(read(source.text), space)
     for text in _texts(source, tuned.value, parameter):
         try:
@@ -110,7 +110,11 @@ def _with_value(
             continue
         changed = after.pop(parameter.name)
         others = {name: one for name, one in before.items() if name != parameter.name}
-        if changed.type is parameter.type and _is(changed, tuned.value) and after == others:
+        if (
+            changed.type is parameter.type
+            and _has_default(changed, tuned.value)
+            and after == others
+        ):
             return text
     raise Refused(
         "CANNOT_WRITE",
@@ -119,23 +123,23 @@ def _with_value(
     )
 
 
-def _is(parameter: TunableParameter, value: Setting) -> bool:
+def _has_default(parameter: TunableParameter, value: Setting) -> bool:
     if parameter.kind is TunableKind.PROFILE and isinstance(value, float):
         assert isinstance(parameter.default, float)
-        return math.isclose(parameter.default, value, rel_tol=_CLOSE, abs_tol=_CLOSE)
+        return math.isclose(parameter.default, value, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
     return parameter.default == value
 
 
 def _texts(source: Source, value: Setting, parameter: TunableParameter) -> Iterator[str]:
     root = read_yaml(source, Diagnostics(None))
-    node = _place(root, parameter)
+    node = _default_node(root, parameter)
     if node is None:
         if parameter.kind is TunableKind.LEARNING_RATE and isinstance(root, Mapping):
             yield from _with_learning_rate(source, root, value, parameter)
         return
-    for written in _spellings(node.text, value, parameter):
+    for spelling in _spellings(node.text, value, parameter):
         try:
-            yield replace_value(source, node, written)
+            yield replace_value(source, node, spelling)
         except ValueError:
             continue
     if isinstance(value, str):
@@ -144,13 +148,13 @@ def _texts(source: Source, value: Setting, parameter: TunableParameter) -> Itera
 
 
 def default_text(source: Source, parameter: TunableParameter) -> str:
-    """Return the default of a parameter as a file writes it; empty when it does not."""
-    node = _place(read_yaml(source, Diagnostics(None)), parameter)
+    """Return the default of a parameter as a file spells it; empty when it is left out."""
+    node = _default_node(read_yaml(source, Diagnostics(None)), parameter)
     return node.text if node is not None else ""
 
 
-def _place(root: Node | None, parameter: TunableParameter) -> Scalar | None:
-    """Return the node of a file that holds a default."""
+def _default_node(root: Node | None, parameter: TunableParameter) -> Scalar | None:
+    """Return the scalar of a file that holds a default."""
     paths: tuple[tuple[str, ...], ...] = {
         TunableKind.TUNABLE: (("tunables", parameter.key, "default"),),
         TunableKind.LEARNING_RATE: (("learning_rate",), ("learning", "rate")),
@@ -199,7 +203,7 @@ def _in_unit_of(old: str, value: float, parameter: TunableParameter) -> Iterator
 def _with_learning_rate(
     source: Source, root: Mapping, value: Setting, parameter: TunableParameter
 ) -> Iterator[str]:
-    """Return the text with one line more, behind the profile."""
+    """Return the text with a line for the learning rate behind the profile."""
     profile = root.get("profile")
     line_end = source.text.find("\n", _end(source, profile)) if profile is not None else -1
     first = root.entries[0].key.position.column

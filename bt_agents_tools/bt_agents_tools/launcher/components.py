@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which processes make up a system, and where its logs and its ledger lie."""
+"""Components of a system: the process of each node, with its parameters."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from bt_agents_tools.launcher.supervisor import Component
 
 
 def new_log_folder() -> Path:
-    """Return the name of a log folder for this start."""
+    """Return the path of a log folder for this start; nothing is made."""
     return state_folder() / "logs" / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
 
 
 def market(trees: Path, on_new_scene: str = "", strategy: str = "", orders: str = "") -> Component:
-    """Return the marketplace; what is empty is left at its own."""
-    set_here = {"on_new_scene": on_new_scene, "strategy": strategy, "orders": orders}
-    parameters = {"trees": str(trees)} | {name: text for name, text in set_here.items() if text}
+    """Return the marketplace; empty arguments leave its own defaults."""
+    overrides = {"on_new_scene": on_new_scene, "strategy": strategy, "orders": orders}
+    parameters = {"trees": str(trees)} | {name: text for name, text in overrides.items() if text}
     return Component(name="marketplace", module="marketplace_node.node", parameters=parameters)
 
 
@@ -50,12 +50,12 @@ def selector(trees: Path, base_url: str, model: str, key_variable: str = "") -> 
 
 
 def host(trees: Path, tags: str = "", bindings: str = "", tunings: str = "") -> Component:
-    """Return the host of all agents of a folder; it ends first, while the robot still listens."""
+    """Return the host of all agents of a folder; it stops first, while the robot still runs."""
     return Component(
         name="agents",
         module="bt_agents.host.node",
         parameters={"trees": str(trees), "tags": tags, "robot": bindings, "tunings": tunings},
-        first=True,
+        stops_first=True,
     )
 
 
@@ -68,7 +68,7 @@ def feedback(trees: Path, ledger: str, simulated: Path | None = None) -> Compone
 
 
 def journal(folder: Path) -> Component:
-    """Return the journal of everything that is said."""
+    """Return the journal, which records all messages."""
     return Component(
         name="journal", module="bt_agents_lab.node", parameters={"folder": str(folder)}
     )
@@ -84,10 +84,10 @@ def robot(pace: float, voice: str) -> Component:
 
 
 def visitors(trees: Path, script: Path, pace: float) -> Component:
-    """Return the scripted visitors, who would begin anew."""
+    """Return the scripted visitors; a restart would begin the script anew, so there is none."""
     return Component(
         name="visitors",
-        lasting=False,
+        restarts=False,
         module="bt_agents_robot.visitors",
         parameters={
             "trees": str(trees),

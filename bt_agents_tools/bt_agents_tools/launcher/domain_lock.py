@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS domains of this machine, held by lock files for the life of a process."""
+"""Locks on ROS domains of this machine, held by files for the life of a process."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pathlib import Path
 from bt_agents_core.errors import BtAgentsError
 
 FIRST, LAST = 40, 100
-"""Private use on every platform, with ports below the ephemeral ones of Linux."""
+"""Domains for private use on every platform, with ports below the ephemeral ones of Linux."""
 
-_LONGEST_WORDS = 300
+_LONGEST_NAME = 300
 _TRIES = 3
 _TRY_S = 0.02
 
@@ -50,7 +50,7 @@ def hold_domain(domain: int, who: str) -> None:
 
     Args:
         domain: The ROS domain.
-        who: Words for whoever wants it too.
+        who: Name of this system, for the message to another that wants the domain too.
 
     Raises:
         BtAgentsError: Another process of this machine holds it, or the lock file cannot be used.
@@ -62,8 +62,8 @@ def hold_domain(domain: int, who: str) -> None:
         raise BtAgentsError(
             f"the lock file {path} cannot be opened ({error.strerror}); remove it"
         ) from None
-    if not _locked(lock):
-        other = _words(lock)
+    if not _take_lock(lock):
+        other = _name_in(lock)
         os.close(lock)
         raise BtAgentsError(
             f"a system already runs on ROS domain {domain}: {other}; end it, or set ROS_DOMAIN_ID "
@@ -71,13 +71,13 @@ def hold_domain(domain: int, who: str) -> None:
         )
     with suppress(OSError):  # another user's file cannot be written, the lock holds all the same
         os.ftruncate(lock, 0)
-        os.pwrite(lock, f"{who}\n".encode()[:_LONGEST_WORDS], 0)
+        os.pwrite(lock, f"{who}\n".encode()[:_LONGEST_NAME], 0)
 
 
 def holder(domain: int) -> str:
-    """Return who runs a system on a domain, in the words of :func:`hold_domain`.
+    """Return the name of the system on a domain, as given to :func:`hold_domain`.
 
-    Empty when no process of this machine does.
+    Empty when no process of this machine runs one there.
     """
     try:
         lock = os.open(_lock_file(domain), os.O_RDONLY | os.O_NOFOLLOW)
@@ -86,7 +86,7 @@ def holder(domain: int) -> str:
     try:
         fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        return _words(lock)
+        return _name_in(lock)
     else:
         return ""
     finally:
@@ -97,8 +97,8 @@ def _lock_file(domain: int) -> Path:
     return Path(tempfile.gettempdir()) / f"bt-agents-system-{domain}.lock"
 
 
-def _locked(lock: int) -> bool:
-    """Return whether the lock is ours now; :func:`holder` may have it for an instant."""
+def _take_lock(lock: int) -> bool:
+    """Take the lock; return False if another holds it (:func:`holder` does for an instant)."""
     for _ in range(_TRIES):
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -109,13 +109,13 @@ def _locked(lock: int) -> bool:
     return False
 
 
-def _words(lock: int) -> str:
-    words = os.pread(lock, _LONGEST_WORDS, 0).decode(errors="replace").strip()
-    return words or "a process that says no name"
+def _name_in(lock: int) -> str:
+    name = os.pread(lock, _LONGEST_NAME, 0).decode(errors="replace").strip()
+    return name or "a process without a name"
 
 
 def _open_lock(path: Path) -> int:
-    """Return the open file, to be written unless it is another user's."""
+    """Open the file for writing, or for reading when it is another user's."""
     try:
         return os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o644)
     except PermissionError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The processes of a running system: started together, kept alive, ended in order."""
+"""Supervisor of the processes of a system: starts, restarts and ends them in order."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.node_main import READY, SUPERVISED
-from bt_agents_ros.signals import hold_back
-from bt_agents_tools.launcher.backoff import Backoff
-from bt_agents_tools.launcher.log_file import LogFile
+from bt_agents_ros.signals import block_sigint
 
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 
@@ -28,44 +27,49 @@ RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 LAST_DOMAIN = 232
 
 FIRST_LIMIT_S = 1.2
-"""How long the others wait for those that end before them [s]."""
+"""Time for the components that are stopped first, before the others are stopped [s]."""
 
 STOP_LIMIT_S = 5.0
-"""How long a busy machine may need to end the others; what lives then is killed [s]."""
+"""Time for the others on a busy machine, before they are killed [s]."""
 
 SILENCE_S = 10.0
-"""A component that gives signs of life and then none for so long hangs, and is killed [s]."""
+"""Time without a heartbeat after which a component that had one counts as hung [s]."""
 
 _NAMESPACE = re.compile(r"/?([A-Za-z]\w*/)*([A-Za-z]\w*)?", re.ASCII)
 
-_GAP_S = 1.0
-_LOOK_S = 0.01
-_LAST_WORDS = 15
-_FEW_WORDS = 3
+_STALL_S = 1.0
+_POLL_S = 0.01
+_FAILURE_LINES = 15
+_RESTART_LINES = 3
+_LOG_BYTES = 16_384
+_LONGEST_LINE = 500
+_FIRST_WAIT_S = 0.5
+_LONGEST_WAIT_S = 30.0
+_STEADY_LIFE_S = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
-    """One process of the system.
+    """Process of the system.
 
     Attributes:
         name: For people, and of its log file.
         module: Python module that runs the node.
-        parameters: ROS parameters by name; they win over those of the file.
+        parameters: ROS parameters by name; they override those of the file.
         file: ROS parameter file; None for none.
-        first: True is ended before the others, which it needs to end well.
-        lasting: True is started again when it ends after it was up.
+        stops_first: True when it is stopped before the others, which it needs for a clean end.
+        restarts: True when it is started again if it ends after it was up.
     """
 
     name: str
     module: str
     parameters: Mapping[str, str | float | bool | int] = field(default_factory=dict)
     file: Path | None = None
-    first: bool = False
-    lasting: bool = True
+    stops_first: bool = False
+    restarts: bool = True
 
     def command(self) -> list[str]:
-        """Return the command line."""
+        """Return the command line of the process."""
         command = [sys.executable, "-m", "bt_agents_ros.node_main", self.module]
         command += ["--ros-args", "--disable-external-lib-logs"]
         namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
@@ -88,14 +92,14 @@ def _yaml(value: str | float | bool | int) -> str:
             return str(value)
 
 
-def keep_local(environment: MutableMapping[str, str]) -> None:
-    """Set what keeps all traffic on this machine, unless the user has set it otherwise.
+def set_local_discovery(environment: MutableMapping[str, str]) -> None:
+    """Restrict discovery and traffic to this machine, unless the user has set it otherwise.
 
     With Fast DDS that is a whitelist of loopback addresses. Its range is then ``SUBNET``: with
-    ``LOCALHOST`` ROS adds shared memory, in which the death of a process can leave others deaf.
+    ``LOCALHOST`` ROS adds shared memory, which a process that dies can leave locked for others.
 
     Raises:
-        BtAgentsError: The user has set something that ROS does not know.
+        BtAgentsError: The user has set a value that ROS does not accept.
     """
     domain = environment.get("ROS_DOMAIN_ID", "") or "0"
     if not domain.isdecimal() or int(domain) > LAST_DOMAIN:
@@ -119,40 +123,95 @@ def keep_local(environment: MutableMapping[str, str]) -> None:
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = reach
 
 
-def reach_in_words(environment: Mapping[str, str]) -> str:
-    """Return how far the traffic goes after :func:`keep_local`."""
+def discovery_text(environment: Mapping[str, str]) -> str:
+    """Return the discovery range for people, after :func:`set_local_discovery`."""
     reach = environment["ROS_AUTOMATIC_DISCOVERY_RANGE"]
     local = reach == "LOCALHOST" or environment.get(_PROFILE) == str(LOOPBACK_PROFILE)
     return "this machine only" if local else f"discovery range {reach}"
 
 
+class Backoff:
+    """Exponential back-off between restarts, which begins anew after a long enough life."""
+
+    def __init__(self) -> None:
+        self._next_s = _FIRST_WAIT_S
+
+    def next_wait(self, lived_s: float) -> float:
+        """Return the time to wait before the next start [s].
+
+        Args:
+            lived_s: Time from the start of the process to its end [s].
+        """
+        if lived_s >= _STEADY_LIFE_S:
+            self._next_s = _FIRST_WAIT_S
+        wait_s = self._next_s
+        self._next_s = min(2 * wait_s, _LONGEST_WAIT_S)
+        return wait_s
+
+
+class LogFile:
+    """Log file of a component, to which every start is appended; only its end is read.
+
+    Args:
+        path: The file; its folder exists.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._begin = 0
+
+    def open(self, start: int) -> BinaryIO:
+        """Return the file for the output of the process.
+
+        Args:
+            start: Number of this start of the process, from 1.
+        """
+        log = self.path.open("ab")
+        if start > 1:
+            log.write(f"--- start {start}, {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
+            log.flush()
+        self._begin = log.tell()
+        return log
+
+    def tail(self, lines: int) -> list[str]:
+        """Return the last lines since the last start, however large the file is."""
+        try:
+            with self.path.open("rb") as log:
+                size = log.seek(0, os.SEEK_END)
+                log.seek(max(self._begin, size - _LOG_BYTES))
+                text = log.read(_LOG_BYTES).decode(errors="replace")
+        except OSError as error:
+            return [f"(the log cannot be read: {error.strerror})"]
+        return [line[:_LONGEST_LINE] for line in text.splitlines()[-lines:]]
+
+
 @dataclass(eq=False)
-class _Kept:
-    """A component with its process, over all of its starts.
+class _Supervised:
+    """Component with its process, over all of its starts; times are those of the supervisor [s].
 
     Attributes:
-        ready: Pipe on which the process says that it is up; -1 once that is known.
-        been_up: Whether any start of it was up.
-        began: When it was started last, on the clock of the supervisor [s].
-        heard: When this start of it gave its last sign of life; None before the first.
-        ended: When its end was noticed; None while it runs.
-        due: When it is started again; None when it is not.
+        ready: Pipe on which the process reports that it is up; -1 once that is known.
+        started_at: Time of the last start.
+        been_up: True once any start of it was up.
+        last_heartbeat: Time of the last heartbeat of this start; None before the first.
+        ended_at: Time at which its end was noticed; None while it runs.
+        restart_at: Time of the next start; None when none is planned.
     """
 
     component: Component
     log: LogFile
     process: subprocess.Popen[bytes]
     ready: int
-    began: float
+    started_at: float
     backoff: Backoff = field(default_factory=Backoff)
     starts: int = 1
     been_up: bool = False
-    heard: float | None = None
-    ended: float | None = None
-    due: float | None = None
+    last_heartbeat: float | None = None
+    ended_at: float | None = None
+    restart_at: float | None = None
 
-    def take_ready(self) -> bool:
-        """Return whether the process says now that it is up."""
+    def poll_ready(self) -> bool:
+        """Return True once, when the process reports that it is up."""
         if self.ready < 0:
             return False
         try:
@@ -164,28 +223,28 @@ class _Kept:
         return up
 
     def close(self) -> None:
-        """Listen no longer."""
+        """Close the pipe."""
         if self.ready >= 0:
             os.close(self.ready)
             self.ready = -1
 
 
 class Supervisor:
-    """Starts components, each with its own log file, keeps them alive, and ends them in order.
+    """Parent of all components, each with its own log file.
 
     Args:
         logs: Folder for the log files; made when absent.
-        clock: Steady seconds.
+        clock: Steady time [s].
     """
 
     def __init__(self, logs: Path, clock: Callable[[], float] = time.monotonic) -> None:
         self._logs = logs
         self._clock = clock
-        self._kept: dict[str, _Kept] = {}
-        self._looked = clock()
+        self._components: dict[str, _Supervised] = {}
+        self._last_poll = clock()
 
     def start(self, *components: Component) -> None:
-        """Start processes; they get their own session, so that a Ctrl-C reaches only us."""
+        """Start processes, each in its own session, so that a Ctrl-C reaches only this process."""
         try:
             self._logs.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -196,131 +255,134 @@ class Supervisor:
         for component in components:
             log = LogFile(self.log(component.name))
             process, ready = spawn(component, log, 1)
-            self._kept[component.name] = _Kept(component, log, process, ready, self._clock())
+            started = _Supervised(component, log, process, ready, self._clock())
+            self._components[component.name] = started
 
     def log(self, name: str) -> Path:
-        """Return the log file of a component."""
+        """Return the path of a component's log file."""
         return self._logs / f"{name}.log"
 
-    def dead(self) -> str:
-        """Return which component ended by itself and its last words; empty when all are alive."""
-        for kept in self._kept.values():
-            code = kept.process.poll()
+    def failure(self) -> str:
+        """Return which component ended by itself, with the end of its log; empty for none."""
+        for one in self._components.values():
+            code = one.process.poll()
             if code is not None:
-                return _last_words(kept, code)
+                return _failure_text(one, code)
         return ""
 
-    def hear(self, name: str) -> None:
-        """Take a sign of life of a component, which is expected to give more of them."""
-        kept = self._kept.get(name)
-        # One of an earlier start may come late, while the next one is still being loaded.
-        if kept is None or kept.due is not None or kept.ended is not None:
+    def on_heartbeat(self, name: str) -> None:
+        """Handle a heartbeat of a component; from then on its silence counts as a hang."""
+        one = self._components.get(name)
+        # A late one of an earlier start may come while the next start is being loaded.
+        if one is None or one.restart_at is not None or one.ended_at is not None:
             return
-        kept.take_ready()
-        if kept.been_up:
-            kept.heard = self._clock()
+        one.poll_ready()
+        if one.been_up:
+            one.last_heartbeat = self._clock()
 
-    def keep_alive(self) -> list[str]:
-        """Kill what hangs, start again what has ended and whose time has come; never waits.
+    def poll(self) -> list[str]:
+        """Kill what hangs and restart what has ended when its time has come; never blocks.
 
         Returns:
-            What has happened since the last call, in lines for a terminal.
+            Events since the last call, in lines for a terminal.
 
         Raises:
-            BtAgentsError: A component has ended that has never been up, or that is not to last.
+            BtAgentsError: A component has ended that was never up, or that does not restart.
         """
-        told: list[str] = []
+        events: list[str] = []
         now = self._clock()
-        held_up = now - self._looked > _GAP_S
-        self._looked = now
-        for kept in self._kept.values():
-            if held_up and kept.heard is not None:
-                # Nobody has listened meanwhile.
-                kept.heard = now
-            told += self._keep(kept)
-        return told
+        stalled = now - self._last_poll > _STALL_S
+        self._last_poll = now
+        for one in self._components.values():
+            if stalled and one.last_heartbeat is not None:
+                # This process was suspended, and has handled no heartbeat meanwhile.
+                one.last_heartbeat = now
+            events += self._poll_one(one)
+        return events
 
-    def _keep(self, kept: _Kept) -> list[str]:
-        told: list[str] = []
+    def _poll_one(self, one: _Supervised) -> list[str]:
+        events: list[str] = []
         now = self._clock()
-        name = kept.component.name
-        # Asked first: what it has said before its end is in the pipe then.
-        code = kept.process.poll() if kept.due is None else None
-        if kept.take_ready() and kept.ended is not None:
-            told.append(f"{name} is back after {now - kept.ended:.1f} s")
-            kept.ended = None
+        name = one.component.name
+        # Polled first: what the process wrote before its end is in the pipe then.
+        code = one.process.poll() if one.restart_at is None else None
+        if one.poll_ready() and one.ended_at is not None:
+            events.append(f"{name} is back after {now - one.ended_at:.1f} s")
+            one.ended_at = None
         if code is not None:
-            told += self._mourn(kept, code, now)
-        elif kept.due is not None:
-            told += self._start_again(kept, now) if now >= kept.due else []
-        elif kept.heard is not None and now - kept.heard >= SILENCE_S:
-            told.append(f"{name} hangs (no sign of life for {now - kept.heard:.0f} s): killing it")
-            kept.heard = None
-            kept.process.kill()
-        return told
+            events += self._schedule_restart(one, code, now)
+        elif one.restart_at is not None:
+            events += self._restart(one, now) if now >= one.restart_at else []
+        elif one.last_heartbeat is not None and now - one.last_heartbeat >= SILENCE_S:
+            silence_s = now - one.last_heartbeat
+            events.append(f"{name} hangs (no heartbeat for {silence_s:.0f} s): killing it")
+            one.last_heartbeat = None
+            one.process.kill()
+        return events
 
-    def _mourn(self, kept: _Kept, code: int, now: float) -> list[str]:
-        if not (kept.been_up and kept.component.lasting):
-            raise BtAgentsError(_last_words(kept, code))
-        kept.close()
-        kept.heard = None
-        kept.ended = kept.ended if kept.ended is not None else now
-        wait_s = kept.backoff.ended(now - kept.began)
-        kept.due = now + wait_s
-        name = kept.component.name
-        words = [f"  {name}: {line}" for line in kept.log.last_words(_FEW_WORDS)]
+    def _schedule_restart(self, one: _Supervised, code: int, now: float) -> list[str]:
+        if not (one.been_up and one.component.restarts):
+            raise BtAgentsError(_failure_text(one, code))
+        one.close()
+        one.last_heartbeat = None
+        one.ended_at = one.ended_at if one.ended_at is not None else now
+        wait_s = one.backoff.next_wait(now - one.started_at)
+        one.restart_at = now + wait_s
+        name = one.component.name
+        tail = [f"  {name}: {line}" for line in one.log.tail(_RESTART_LINES)]
         return [
-            f"{name} {_how(code)}: starting it again in {wait_s:g} s (log: {kept.log.path})",
-            *words,
+            f"{name} {_end_text(code)}: starting it again in {wait_s:g} s (log: {one.log.path})",
+            *tail,
         ]
 
-    def _start_again(self, kept: _Kept, now: float) -> list[str]:
-        kept.starts += 1
-        kept.began = now
+    def _restart(self, one: _Supervised, now: float) -> list[str]:
+        one.starts += 1
+        one.started_at = now
         try:
-            kept.process, kept.ready = spawn(kept.component, kept.log, kept.starts)
+            one.process, one.ready = spawn(one.component, one.log, one.starts)
         except OSError as error:
-            wait_s = kept.backoff.ended(0.0)
-            kept.due = now + wait_s
-            name = kept.component.name
+            wait_s = one.backoff.next_wait(0.0)
+            one.restart_at = now + wait_s
+            name = one.component.name
             return [f"{name} cannot be started ({error}): trying again in {wait_s:g} s"]
-        kept.due = None
+        one.restart_at = None
         return []
 
     def stop(self) -> list[str]:
         """End all processes, in order; return the names of those that had to be killed."""
-        self._end([k for k in self._kept.values() if k.component.first], FIRST_LIMIT_S)
-        stuck = self._end(list(self._kept.values()), STOP_LIMIT_S)
-        for kept in stuck:
-            kept.process.kill()
-            kept.process.wait()
-        for kept in self._kept.values():
-            kept.close()
-        return [kept.component.name for kept in stuck]
+        first = [one for one in self._components.values() if one.component.stops_first]
+        self._stop(first, FIRST_LIMIT_S)
+        stuck = self._stop(list(self._components.values()), STOP_LIMIT_S)
+        for one in stuck:
+            one.process.kill()
+            one.process.wait()
+        for one in self._components.values():
+            one.close()
+        return [one.component.name for one in stuck]
 
-    def _end(self, kept: Sequence[_Kept], limit_s: float) -> list[_Kept]:
+    def _stop(self, components: Sequence[_Supervised], limit_s: float) -> list[_Supervised]:
         deadline = self._clock() + limit_s
-        processes = [k.process for k in kept]
+        processes = [one.process for one in components]
         for process in processes:
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
         while any(p.poll() is None for p in processes) and self._clock() < deadline:
-            time.sleep(_LOOK_S)
-        return [k for k in kept if k.process.poll() is None]
+            time.sleep(_POLL_S)
+        return [one for one in components if one.process.poll() is None]
 
 
 def spawn(component: Component, log: LogFile, start: int) -> tuple[subprocess.Popen[bytes], int]:
-    """Start a process; return it with the pipe on which it says that it is up."""
-    ready, says_ready = os.pipe()
+    """Start a process; return it with the pipe on which it reports that it is up."""
+    ready, write_end = os.pipe()
     os.set_blocking(ready, False)
     environment = {
         **os.environ,
         SUPERVISED: str(os.getpid()),
-        READY: str(says_ready),
+        READY: str(write_end),
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
     }
-    held_back = hold_back()
+    signal_mask = block_sigint()
     try:
         with log.open(start) as file:
             process = subprocess.Popen(
@@ -330,24 +392,23 @@ def spawn(component: Component, log: LogFile, start: int) -> tuple[subprocess.Po
                 stderr=subprocess.STDOUT,
                 env=environment,
                 start_new_session=True,
-                pass_fds=(says_ready,),
+                pass_fds=(write_end,),
             )
     except OSError:
         os.close(ready)
         raise
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, held_back)
-        os.close(says_ready)
+        signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
+        os.close(write_end)
     return process, ready
 
 
-def _last_words(kept: _Kept, code: int) -> str:
-    words = kept.log.last_words(_LAST_WORDS)
-    return "\n".join([f"{kept.component.name} {_how(code)}; its last words:", *words])
+def _failure_text(one: _Supervised, code: int) -> str:
+    tail = one.log.tail(_FAILURE_LINES)
+    return "\n".join([f"{one.component.name} {_end_text(code)}; the end of its log:", *tail])
 
 
-def _how(code: int) -> str:
-    """Return how a process ended, in words."""
+def _end_text(code: int) -> str:
     if code < 0:
         return f"ended (killed by signal {-code})"
     return f"ended with exit code {code}"

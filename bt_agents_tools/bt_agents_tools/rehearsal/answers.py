@@ -12,7 +12,8 @@ from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scope import MessageNames, explain_false, is_true
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.field_types import Plain
-from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.files.testing.path_patterns import is_path, matches
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,
@@ -26,13 +27,13 @@ from bt_agents_tools.rehearsal.events import Use
 
 
 class AnswerSource(Protocol):
-    """A person who answers skills in place of the script."""
+    """Person who answers skills in place of the script."""
 
     def asks(self, use: Use) -> bool:
-        """Return whether the person wants to answer a use of a skill."""
+        """Return whether to ask the person about a use of a skill."""
 
     def answer(self, use: Use) -> ScriptedAnswer | ScriptedEvent | None:
-        """Return how a use of a skill goes, or what happens first; None leaves it as it is."""
+        """Return the answer to a use of a skill, or an event before it; None for the default."""
 
 
 _STATES = {
@@ -46,28 +47,28 @@ _STATES = {
 
 @dataclass(frozen=True, kw_only=True)
 class PlayedSkill:
-    """How one use of a skill goes: for the leaf, and its outputs by name for people."""
+    """Course of one use of a skill: the reply for the leaf, and the outputs by name for people."""
 
-    answer: ScriptedReply
+    reply: ScriptedReply
     outputs: Mapping[str, Plain]
 
 
 class Answers:
-    """Gives the answers of a script in turn."""
+    """Answers of a script, given in turn."""
 
     def __init__(self, rules: Iterable[AnswerRule]) -> None:
         self._rules = sorted(rules, key=lambda rule: not is_path(rule.key))
         self._turns = dict.fromkeys(range(len(self._rules)), 0)
 
-    def perform(self, use: Use, typed: ScriptedAnswer | None = None) -> PlayedSkill:
-        """Return how a use of a skill goes: as was typed, as is scripted, or as is likely."""
+    def play(self, use: Use, typed: ScriptedAnswer | None = None) -> PlayedSkill:
+        """Return the course of a use of a skill: as typed, as scripted, or by default."""
         scripted = typed or self._scripted(use.node) or ScriptedAnswer()
         outputs = {**default_answers.outputs(use.node, use.inputs), **scripted.outputs}
         result, feedback = _messages(use.node, outputs)
         state, reason = _STATES[scripted.end], scripted.reason
         if scripted.end is GoalEnd.SUCCEEDS:
-            objection = _objection(use, outputs, result)
-            state, reason = (GoalState.ABORTED, objection) if objection else (state, reason)
+            rejection = _rejection(use, outputs, result)
+            state, reason = (GoalState.ABORTED, rejection) if rejection else (state, reason)
         fails = state is not GoalState.SUCCEEDED
         after_s = scripted.after_s
         if scripted.end is GoalEnd.NEVER:
@@ -76,14 +77,14 @@ class Answers:
             after_s = 0.0
         elif after_s is None:
             after_s = default_answers.duration_s(use.node, use.inputs, fails=fails)
-        answer = ScriptedReply(
+        reply = ScriptedReply(
             state=state,
             result=result,
             message=reason,
             after_s=after_s,
             feedback=((0.0, feedback),) if feedback else (),
         )
-        return PlayedSkill(answer=answer, outputs={} if fails else outputs)
+        return PlayedSkill(reply=reply, outputs={} if fails else outputs)
 
     def _scripted(self, node: NodeSpec) -> ScriptedAnswer | None:
         for number, rule in enumerate(self._rules):
@@ -97,7 +98,7 @@ class Answers:
 def _messages(
     node: NodeSpec, outputs: Mapping[str, Plain]
 ) -> tuple[dict[str, Plain], dict[str, Plain]]:
-    """Return outputs as the messages that they are read from: result and feedback."""
+    """Return the result and feedback messages that hold the outputs."""
     binding = node.skill.binding if node.skill is not None else None
     paths = {**node.outputs, **(binding.outputs if binding is not None else {})}
     of_feedback = {**node.feedback, **(binding.feedback if binding is not None else {})}
@@ -122,11 +123,11 @@ def _put(message: dict[str, Plain], path: str, value: Plain) -> None:
     inner[last] = value
 
 
-def _objection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plain]) -> str:
-    """Return why an answer does not count, empty when it does.
+def _rejection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plain]) -> str:
+    """Return why an answer is no success, empty when it is one.
 
-    It counts when it is one of the ``choices`` that the skill was given, and what the skill makes
-    a condition of success; fields that the script does not give are as they should be.
+    It is one of the ``choices`` that the skill was given, and fulfils its ``succeed_when``, where
+    fields that the script does not give are taken as right.
     """
     choices = use.inputs.get("choices")
     texts = [value for value in outputs.values() if isinstance(value, str)]
@@ -148,8 +149,8 @@ def _objection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plai
 
 
 class _NoNames:
-    """Names of which none has a value."""
+    """Scope without any name."""
 
     def lookup(self, name: str) -> Plain:
-        """Find nothing."""
+        """Raise for every name."""
         raise MissingValue(name)

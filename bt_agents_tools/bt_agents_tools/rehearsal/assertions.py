@@ -25,12 +25,12 @@ from bt_agents_language.files.testing.scenarios import (
     Visits,
     Within,
 )
-from bt_agents_language.model.node_type import Mark
+from bt_agents_language.nodes.node_type import Mark
 from bt_agents_tools.rehearsal.events import Rehearsed, Use
 from bt_agents_tools.rehearsal.transcript import phrase, time_text, value_text
 
 Row = tuple[str, str, bool]
-"""Expected, found, and whether they are the same."""
+"""Text of the expected, text of the found, and whether they match."""
 
 E = TypeVar("E")
 F = TypeVar("F")
@@ -41,11 +41,11 @@ _TOLERANCE_S = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class AssertionFailure:
-    """An expectation that was not fulfilled.
+    """Expectation that was not fulfilled.
 
     Attributes:
-        position: Where it stands in the test file.
-        message: What was expected and what was found.
+        position: Its place in the test file.
+        message: The expected and the found, for people.
         rows: The same side by side, for lists.
     """
 
@@ -54,7 +54,7 @@ class AssertionFailure:
     rows: tuple[Row, ...] = ()
 
 
-def findings(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[AssertionFailure, ...]:
+def failed_assertions(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[AssertionFailure, ...]:
     """Return the expectations of a case that were not fulfilled."""
     wanted = {type(one) for one in case.expectations}
     found: list[AssertionFailure] = []
@@ -68,9 +68,9 @@ def findings(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[AssertionFailur
         message = f"the run did not end: {rehearsed.message}"
         found.append(AssertionFailure(position=case.position, message=message))
     for one in case.expectations:
-        finding = _check(one, rehearsed)
-        if finding is not None:
-            found.append(finding)
+        failure = _check(one, rehearsed)
+        if failure is not None:
+            found.append(failure)
     return tuple(found)
 
 
@@ -80,11 +80,10 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None
             if wanted.wanted == (not rehearsed.declined):
                 return None
             if wanted.wanted:
-                return _finding(wanted, f"bids: expected a bid, but it {rehearsed.declined}")
-            return _finding(wanted, "bids: expected no bid, but nothing speaks against one")
+                return _failure(wanted, f"bids: expected a bid, but it {rehearsed.declined}")
+            return _failure(wanted, "bids: expected no bid, but nothing speaks against one")
         case Says():
-            said = [use for use in rehearsed.uses if use.spoken]
-            return _says(wanted, said)
+            return _says(wanted, [use for use in rehearsed.uses if use.spoken])
         case Does():
             return _does(wanted, rehearsed.uses)
         case DoesNot():
@@ -98,19 +97,19 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None
             message = f"ends: expected {wanted.outcome}, found {outcome}"
             if rehearsed.outcome is not TreeOutcome.SUCCEEDED:
                 message += f" ({rehearsed.message})"
-            return _finding(wanted, message)
+            return _failure(wanted, message)
         case Because():
             if wanted.words.casefold() in rehearsed.message.casefold():
                 return None
             found = f"found '{rehearsed.message}'"
             if rehearsed.outcome is TreeOutcome.SUCCEEDED:
                 found = "but the tree succeeded"
-            return _finding(wanted, f"because: expected a reason with '{wanted.words}', {found}")
+            return _failure(wanted, f"because: expected a reason with '{wanted.words}', {found}")
         case Within():
             if rehearsed.duration_s <= wanted.seconds + _TOLERANCE_S:
                 return None
             took, limit = time_text(rehearsed.duration_s), time_text(wanted.seconds)
-            return _finding(wanted, f"within: expected at most {limit}, found {took}")
+            return _failure(wanted, f"within: expected at most {limit}, found {took}")
         case Teaches():
             if wanted.kinds == rehearsed.feedback:
                 return None
@@ -118,17 +117,17 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None
                 ", ".join(kind.name.lower() for kind in kinds) or "none"
                 for kinds in (wanted.kinds, rehearsed.feedback)
             )
-            return _finding(wanted, f"feedback: expected {expected}, found {found}")
+            return _failure(wanted, f"feedback: expected {expected}, found {found}")
         case CancelledBy():
             if wanted.cause == rehearsed.cancelled_by:
                 return None
             found_cause = rehearsed.cancelled_by or "nothing"
-            return _finding(
+            return _failure(
                 wanted, f"cancelled_by: expected '{wanted.cause}', found {found_cause}"
             )
 
 
-def _finding(wanted: Expectation, message: str, rows: Sequence[Row] = ()) -> AssertionFailure:
+def _failure(wanted: Expectation, message: str, rows: Sequence[Row] = ()) -> AssertionFailure:
     return AssertionFailure(position=wanted.position, message=message, rows=tuple(rows))
 
 
@@ -141,12 +140,12 @@ def _visits(wanted: Visits, rehearsed: Rehearsed) -> AssertionFailure | None:
     if bool(ticked) == wanted.wanted:
         return None
     if wanted.wanted:
-        return _finding(wanted, f"visited: {wanted.pattern} was never ticked")
-    return _finding(wanted, f"not_visited: {ticked[0]} was ticked")
+        return _failure(wanted, f"visited: {wanted.pattern} was never ticked")
+    return _failure(wanted, f"not_visited: {ticked[0]} was ticked")
 
 
-def _says(wanted: Says, said: Sequence[Use]) -> AssertionFailure | None:
-    texts = [value_text(use.main) for use in said]
+def _says(wanted: Says, uses: Sequence[Use]) -> AssertionFailure | None:
+    texts = [value_text(use.main) for use in uses]
 
     def same(expected: str, found: str) -> bool:
         return expected.split() == found.split()
@@ -174,8 +173,8 @@ def _does_not(wanted: DoesNot, uses: Sequence[Use]) -> AssertionFailure | None:
     for one in wanted.uses:
         found = next((use for use in uses if _fits(one, use)), None)
         if found is not None:
-            did = phrase(found.node, found.inputs)
-            return _finding(wanted, f"does_not: expected no {_use_text(one)}, found {did}")
+            use_text = phrase(found.node, found.inputs)
+            return _failure(wanted, f"does_not: expected no {_use_text(one)}, found {use_text}")
     return None
 
 
@@ -188,13 +187,13 @@ def _compared(
         return None
     missing = sum(row[0] != _NOTHING for row in different)
     extra = sum(row[1] != _NOTHING for row in different)
-    words = [f"{missing} missing"] * bool(missing) + [f"{extra} not expected"] * bool(extra)
+    counts = [f"{missing} missing"] * bool(missing) + [f"{extra} not expected"] * bool(extra)
     order = "in this order, these and no others" if exact else "in this order, among others"
-    return _finding(wanted, f"{key}: {', '.join(words)} ({order})", rows)
+    return _failure(wanted, f"{key}: {', '.join(counts)} ({order})", rows)
 
 
 def _side_by_side(rows: Iterable[Row]) -> list[Row]:
-    """Return the rows with what is missing and what stands in its place in one of them."""
+    """Return the rows with a missing and an unexpected entry in its place joined to one."""
     joined: list[Row] = []
     pending: list[int] = []
     for expected, found, same in rows:
@@ -213,9 +212,9 @@ def _side_by_side(rows: Iterable[Row]) -> list[Row]:
 def aligned(
     expected: Sequence[E], found: Sequence[F], same: Callable[[E, F], bool], *, exact: bool
 ) -> list[tuple[E | None, F | None]]:
-    """Return what is expected and what was found in pairs, as many of them as possible alike.
+    """Return the longest common subsequence as pairs of expected and found, None for a gap.
 
-    The longest common subsequence; what is not expected is left out unless ``exact``.
+    What is not expected is left out unless ``exact``.
     """
     rows, columns = len(expected), len(found)
     longest = [[0] * (columns + 1) for _ in range(rows + 1)]
@@ -250,7 +249,7 @@ def _fits(wanted: SkillUse, use: Use) -> bool:
 
 
 def _use_text(use: SkillUse) -> str:
-    """Return what is expected in the words in which what happened is shown."""
+    """Return an expected use in the form in which uses are shown."""
     main = use.inputs.get(use.main) if use.main is not None else None
     first = f'"{value_text(main)}"' if use.main == "text" and main else value_text(main)
     others = (

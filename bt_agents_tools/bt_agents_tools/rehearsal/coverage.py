@@ -8,26 +8,26 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_language.model.endings import Outcome
-from bt_agents_language.model.node_type import Mark, Role
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.nodes.node_type import Mark, Role
 from bt_agents_language.tools.linting.outcomes import outcomes
 
 Marks = Mapping[str, frozenset[Mark]]
-"""Path of a node → what it has been seen to do."""
+"""Path of a node → the marks of what it has done."""
 
 _OUTCOMES = {Mark.SUCCEEDED: Outcome.SUCCESS, Mark.FAILED: Outcome.FAILURE}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:
-    """Something that no test has been through.
+    """Node or branch that no test has been through.
 
     Attributes:
         path: Path of the node.
-        position: Where it stands.
-        text: What never happened: ``never ticked``.
+        position: Its place in the file.
+        text: The gap for people: ``never ticked``.
     """
 
     path: str
@@ -40,13 +40,13 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """How much of one agent's trees has been tested.
+    """Coverage of one agent's trees.
 
     Attributes:
         agent: Name of the agent.
-        total: Nodes and branches that there are.
-        missed: How many of them no test has been through.
-        gaps: The same, in the order of the trees; what lies below a gap is not listed again.
+        total: Number of nodes and branches.
+        missed: Number of those that no test has been through.
+        gaps: The same, in the order of the trees, without those below another gap.
     """
 
     agent: str
@@ -56,12 +56,12 @@ class Coverage:
 
     @property
     def percent(self) -> int:
-        """Part that was tested, rounded down, so that only a whole one is 100."""
+        """Tested part, rounded down, so that only full coverage is 100."""
         return 100 * (self.total - self.missed) // self.total
 
 
 def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
-    """Return how much of an agent's trees several rehearsals have been through together.
+    """Return the coverage of an agent's trees by several rehearsals together.
 
     Every node counts once for having been ticked. Where the tree decides, both ways count: a
     ``check`` true and false, a ``when``, ``once`` or ``cooldown`` left out, a ``timeout`` or
@@ -78,7 +78,7 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
     while waiting:
         node, reached = waiting.pop()
         if type_of(node).role is Role.BRANCH:
-            # It only says when or how often its child is picked.
+            # It is never ticked, but decides when or how often its child is chosen.
             waiting += [(child, reached) for child in reversed(node.children)]
             continue
         ticked = Mark.TICKED in seen[node.path]
@@ -98,10 +98,10 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
 
 
 def _branches(node: NodeSpec) -> Iterator[tuple[NodeSpec, Mark, str]]:
-    """Return what must have been seen of a node besides a tick, as far as it is possible."""
+    """Yield the possible branches of a node: the node, the mark it needs, and the gap as text."""
     node_type = type_of(node)
-    possible = outcomes(node) if node_type.ways else frozenset()
-    for mark, text in node_type.ways:
+    possible = outcomes(node) if node_type.to_cover else frozenset()
+    for mark, text in node_type.to_cover:
         if _OUTCOMES.get(mark, Outcome.FAILURE) in possible or mark is Mark.LEFT_OUT:
             yield node, mark, text
     for child in node_type.alternatives(node):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Default answers of skills: how long a use takes, and what it gives."""
+"""Default answers of skills: the duration of a use, and its outputs."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from collections.abc import Mapping
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
 
-BREATH_S = 0.4
-"""Before the first word of a text [s]."""
+_SPEECH_START_S = 0.4
+"""Time before the first word of a text [s]."""
 
-CHARACTER_S = 0.06
-"""A character of a text at normal speed, about 170 words a minute [s]."""
+_CHARACTER_S = 0.06
+"""Time for a character of a text at normal speed, about 170 words a minute [s]."""
 
-THINKING_S = 2.0
-"""What a person takes to answer once the question is asked [s]."""
+_THINKING_S = 2.0
+"""Time in which a person answers once the question is asked [s]."""
 
-ACTION_S = 1.0
-"""Any other action [s]."""
+_ACTION_S = 1.0
+"""Time of any other action [s]."""
 
 _TEXT = "yes"
 _VALUES: Mapping[FieldType, Plain] = {
@@ -32,7 +32,7 @@ _VALUES: Mapping[FieldType, Plain] = {
 
 
 def duration_s(node: NodeSpec, inputs: Mapping[str, Plain], *, fails: bool) -> float:
-    """Return how long a use of a skill takes [s].
+    """Return the duration of a use of a skill [s].
 
     Services and messages take no time. An action takes its input ``duration`` when that is more
     than nothing; one with a text as main input takes as long as the text, at the speed of its
@@ -48,19 +48,19 @@ def duration_s(node: NodeSpec, inputs: Mapping[str, Plain], *, fails: bool) -> f
     if set_s > 0.0:
         return set_s
     if not _speaks(skill):
-        return ACTION_S
+        return _ACTION_S
     text = inputs.get(skill.main or "")
     rate = _number(inputs.get("rate")) or 1.0
-    spoken_s = (BREATH_S + CHARACTER_S * len(str(text or ""))) / rate
+    spoken_s = (_SPEECH_START_S + _CHARACTER_S * len(str(text or ""))) / rate
     if not returned(node):
         return spoken_s
-    return spoken_s + (_number(inputs.get("wait")) if fails else THINKING_S)
+    return spoken_s + (_number(inputs.get("wait")) if fails else _THINKING_S)
 
 
 def outputs(node: NodeSpec, inputs: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Return what a use of a skill gives back: the first of its choices, else a plain value.
+    """Return the outputs of a use of a skill: the first of its choices, else a value by type.
 
-    Of what comes while it goes on nothing is likely.
+    Outputs that come as feedback have no default.
     """
     if node.skill is None:
         return {}

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from py_trees.common import Status
 
+from bt_agents.engine.node_errors import LocatedReason
 from bt_agents.engine.run import StatusChange
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
@@ -28,16 +29,10 @@ class EventOrder:
     def in_order(
         self, at_s: float, changes: Sequence[StatusChange], held: Iterable[tuple[int, Event]]
     ) -> list[Event]:
-        """Return the events of a tick.
+        """Return the events of a tick at a time [s]: its changes and the held events.
 
-        Args:
-            at_s: The time [s].
-            changes: What changed.
-            held: What happened meanwhile, each with the number of changes before it.
-
-        Returns:
-            What happened, in time; a change of a node comes after what happened to the node
-            itself, and after the changes of all nodes above it.
+        Each held event has the number of changes before it. A change of a node comes after the
+        events of the node itself, and after the changes of all nodes above it.
         """
         happened = [*held]
         waits: list[Event] = []
@@ -55,7 +50,7 @@ class EventOrder:
             elif change.status is Status.RUNNING and type_of(node).waits is not None:
                 text = change.message
                 waits.append(Event(at_s=at_s, kind=EventKind.WAITS, node=node, text=text))
-        # A change comes after what had happened when it was made: the sort keeps that order.
+        # A change comes after the events before it: the sort is stable.
         happened.sort(key=lambda pair: pair[0])
         return self._merged([*(event for _, event in happened), *waits], ticks)
 
@@ -89,4 +84,5 @@ class EventOrder:
 
 def _gives_up(node: NodeSpec, change: StatusChange) -> bool:
     """Return whether a failure is an event: a limit, or an error of a leaf."""
-    return f"({node.path}, " in change.message and (type_of(node).gives_up or not node.children)
+    own = isinstance(change.message, LocatedReason) and change.message.path == node.path
+    return own and (type_of(node).gives_up or not node.children)

@@ -16,7 +16,7 @@ from bt_agents_tools.rehearsal.coverage import Marks
 
 
 class EventKind(Enum):
-    """What an event is about."""
+    """Kind of an event of a rehearsal."""
 
     BEGINS = auto()
     SUCCEEDS = auto()
@@ -41,13 +41,13 @@ class Event:
 
     Attributes:
         at_s: Time since the start [s].
-        kind: What it is about.
+        kind: Its kind.
         node: The node that it is about.
-        inputs: What a skill was given.
-        outputs: What it gave back.
-        takes_s: How long what begins will take [s]; infinite for ever.
+        inputs: Inputs of a skill, or fields of a message.
+        outputs: Outputs of a skill.
+        takes_s: Duration of a skill that begins [s]; infinite for ever.
         text: The rest, for people.
-        outcome: How the run ended; None when it did not, or for any other event.
+        outcome: Outcome of the run, for ``ENDS``; None when it did not end.
         change: The node's new status, of a ``TICK``.
     """
 
@@ -64,7 +64,7 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class Use:
-    """A skill in use: the node, what it was given and how long it takes [s]."""
+    """Use of a skill: its node and its inputs."""
 
     node: NodeSpec
     inputs: Mapping[str, Plain]
@@ -82,7 +82,7 @@ class Use:
 
     @property
     def spoken(self) -> bool:
-        """Whether it is something that the robot says."""
+        """True for a text that the robot speaks."""
         return self.skill in SPOKEN
 
 
@@ -91,16 +91,16 @@ class Rehearsed:
     """Result of a rehearsal.
 
     Attributes:
-        outcome: How the run ended; None when it did not end, or was not awarded.
-        message: The reason.
-        duration_s: How long it took [s].
+        outcome: Outcome of the run; None when it did not end, or was not awarded.
+        message: Its reason.
+        duration_s: Virtual duration [s].
         ticks: Ticks of the tree and of its clean-up.
-        events: Everything that happened, in order.
-        uses: The skills that were used, in order.
-        feedback: The feedback that was given, in order.
+        events: All events, in order.
+        uses: Uses of skills, in order.
+        feedback: Kinds of the feedback given, in order.
         cancelled_by: Mood rule or reason that cancelled it; empty when nothing did.
         declined: Why the agent does not bid for the scene; empty when it does.
-        marks: Which nodes were ticked, and to what end.
+        marks: Marks of each node for coverage, by path.
     """
 
     outcome: TreeOutcome | None

@@ -30,8 +30,8 @@ def with_replacements(agent: AgentSpec, replacements: Iterable[Replacement]) -> 
 def with_open_bindings(agent: AgentSpec) -> AgentSpec:
     """Return the agent with skills that send their inputs as they are.
 
-    What a skill sends on the robot is a matter of its binding, which differs between robots; a
-    rehearsal is about the words of the author.
+    The binding decides what a skill sends on a robot, and differs between robots; a rehearsal
+    compares with what the author has written.
     """
     return _changed(agent, _with_open_bindings)
 
@@ -53,14 +53,14 @@ def _changed(agent: AgentSpec, change: Callable[[NodeSpec], NodeSpec]) -> AgentS
 def _with_replacements(node: NodeSpec, replacements: tuple[Replacement, ...]) -> NodeSpec:
     other = replaced(node.path, replacements)
     if other is not None:
-        return _moved(replace(other.node, name=f"{other.node.name} (replaced)"), node.path)
+        return _at_path(replace(other.node, name=f"{other.node.name} (replaced)"), node.path)
     children = tuple(_with_replacements(child, replacements) for child in node.children)
     return replace(node, children=children)
 
 
-def _moved(node: NodeSpec, path: str) -> NodeSpec:
-    """Return a node that takes the place of others, at the path of one of them."""
-    children = tuple(_moved(child, path) for child in node.children)
+def _at_path(node: NodeSpec, path: str) -> NodeSpec:
+    """Return a replacement with the path of the node that it replaces."""
+    children = tuple(_at_path(child, path) for child in node.children)
     return replace(node, path=path + node.path.removeprefix(REPLACED), children=children)
 
 

@@ -43,10 +43,10 @@ def junit(results: Iterable[FileResult]) -> str:
                 line=str(position.line),
                 time=f"{one.elapsed_s:.3f}",
             )
-            if one.findings:
-                first = one.findings[0].message
-                wrong = ElementTree.SubElement(case, "failure", message=_clean(first))
-                wrong.text = _clean(failure(one))
+            if one.failures:
+                first = one.failures[0].message
+                failed_case = ElementTree.SubElement(case, "failure", message=_clean(first))
+                failed_case.text = _clean(failure(one))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the test files of agents under pytest: one item a case; needs neither a robot nor ROS."""
+"""Plug-in of pytest for the test files of agents: one item a case, without robot and ROS."""
 
 from __future__ import annotations
 
@@ -24,41 +24,41 @@ if TYPE_CHECKING:
     from bt_agents_tools.rehearsal.suite import TreesFolders
 
 _SUFFIXES = (".test.yaml", ".test.yml")
-_OURS = (re.compile(r"^test:", re.MULTILINE), re.compile(r"^cases:", re.MULTILINE))
+_TEST_KEYS = (re.compile(r"^test:", re.MULTILINE), re.compile(r"^cases:", re.MULTILINE))
 _FOLDERS: pytest.StashKey[TreesFolders] = pytest.StashKey()
-_LONGEST_LOOK = 1024 * 1024
+_MAX_READ_BYTES = 1024 * 1024
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """Collect ``*.test.yaml`` of a trees folder, or with cases for an agent.
 
-    Files of other programs are left alone. One of a trees folder is never one of them: a slip in
-    its first words must not take its cases away in silence.
+    Files of other programs are left out, but never one of a trees folder: an error in its first
+    lines must not drop its cases silently.
     """
-    if file_path.name.endswith(_SUFFIXES) and _is_ours(file_path):
+    if file_path.name.endswith(_SUFFIXES) and _is_agent_test(file_path):
         file: AgentTestFile = AgentTestFile.from_parent(parent, path=file_path)
         return file
     return None
 
 
-def _is_ours(path: Path) -> bool:
+def _is_agent_test(path: Path) -> bool:
     with suppress(BtAgentsError):
         if (enclosing_folder(path) / "agents").is_dir():
             return True
     try:
         with path.open("rb") as file:
-            text = file.read(_LONGEST_LOOK).decode("utf-8", "replace")
+            text = file.read(_MAX_READ_BYTES).decode("utf-8", "replace")
     except OSError:
         return False
-    return all(key.search(text) for key in _OURS)
+    return all(key.search(text) for key in _TEST_KEYS)
 
 
 class CaseFailed(Exception):
-    """A case went otherwise than expected; says how."""
+    """Failure of a case, with its report."""
 
 
 class AgentTestFile(pytest.File):
-    """A test file."""
+    """Collector of one test file."""
 
     def collect(self) -> Iterable[pytest.Item]:
         """Return one item a case.
@@ -80,7 +80,7 @@ class AgentTestFile(pytest.File):
 
 
 class AgentCase(pytest.Item):
-    """One case."""
+    """Item of one case."""
 
     def __init__(
         self, *, agent: AgentSpec, space: SceneSpace, case: AgentTestCase, **more: object
@@ -91,10 +91,10 @@ class AgentCase(pytest.Item):
         self._case = case
 
     def runtest(self) -> None:
-        """Rehearse it.
+        """Rehearse the case.
 
         Raises:
-            CaseFailed: It went otherwise than expected.
+            CaseFailed: An expectation was not fulfilled.
         """
         from bt_agents_tools.rehearsal.suite import failure, run_case
 
@@ -105,11 +105,11 @@ class AgentCase(pytest.Item):
     def repr_failure(
         self, excinfo: pytest.ExceptionInfo[BaseException], style: TracebackStyle | None = None
     ) -> str | TerminalRepr:
-        """Return what went otherwise, without a traceback, which would help no author."""
+        """Return the report of a failed case, without a traceback, which helps no author."""
         if isinstance(excinfo.value, CaseFailed):
             return str(excinfo.value)
         return super().repr_failure(excinfo)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Return where the case stands."""
+        """Return the place of the case in its file."""
         return self.path, self._case.position.line - 1, f"{self._agent.name}: {self.name}"

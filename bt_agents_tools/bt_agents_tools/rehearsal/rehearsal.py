@@ -23,45 +23,45 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedAnswer, ScriptedEvent
 from bt_agents_language.model.mood_rule import MoodAction
-from bt_agents_language.model.node_type import Mark, Waits
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.node_type import Mark, Waits
 from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
 from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
 from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
-from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLive, awarded, change_text
-from bt_agents_tools.rehearsal.tick_analysis import at_rest, limit_of, mark, running_leaves
+from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLiveScene, awarded, change_text
+from bt_agents_tools.rehearsal.tick_analysis import add_marks, at_rest, limit_of, running_leaves
 from bt_agents_tools.rehearsal.transcript import time_text, tuned_text
 from feedback_node.rules import Watch
 
 TICK_S = 0.1
 """Time between ticks as long as each of them does something, as on the robot [s]."""
 
-LIVE_S = LEASE_S / 2
+LIVE_SCENE_S = LEASE_S / 2
 """Time between live scenes while a mood rule waits [s]."""
 
 _PLACED = re.compile(r"\((?:tree|on_cancel)\S*, \S.*:\d+:\d+\)$")
 """A message that ends with a node and its place in a file."""
 
 _NUDGE_S = 1e-6
-"""Time is moved on by so little when a sum of times falls short by a rounding error [s]."""
+"""Advance of the clock when a sum of times falls short by a rounding error [s]."""
 
 Prompt = Callable[[str, Sequence[NodeSpec]], ScriptedEvent | None]
-"""Is asked what happens while a tree only waits: why, and the nodes that do.
+"""Asks a person for an event while a tree only waits, with the reason and the nodes that wait.
 
-None is for nothing: then a time limit runs out, or, where there is none, the rehearsal ends.
+None means no event: then a time limit runs out, or, where there is none, the rehearsal ends.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Where a rehearsal that does not end is ended.
+    """Limits of a rehearsal that does not end by itself.
 
     Attributes:
-        duration_s: Virtual time [s].
-        ticks: Ticks.
+        duration_s: Most virtual time [s].
+        ticks: Most ticks.
     """
 
     duration_s: float = 24 * 3600.0
@@ -74,7 +74,7 @@ def rehearse(
     scenario: Scenario,
     *,
     on_event: Callable[[Event], None] | None = None,
-    typist: AnswerSource | None = None,
+    answer_source: AnswerSource | None = None,
     prompt: Prompt | None = None,
     limits: Limits | None = None,
     force: bool = False,
@@ -82,21 +82,23 @@ def rehearse(
     """Rehearse an interaction.
 
     Args:
-        agent: Who acts.
+        agent: The agent.
         space: The scene parameters.
-        scenario: Where and how.
+        scenario: Scene, answers and events.
         on_event: Called with every event at once.
-        typist: Answers skills in place of the script.
-        prompt: Is asked what happens when the tree waits for something that nobody has announced.
-        limits: Where a run that does not end is ended.
+        answer_source: Person who answers skills in place of the script; None for nobody.
+        prompt: Asks for an event when the tree waits for one that is not scripted.
+        limits: Limits of a run that does not end by itself.
         force: Run the tree even when the agent does not bid for the scene.
     """
-    rehearsal = _Rehearsal(agent, space, scenario, on_event, typist, prompt, limits or Limits())
+    rehearsal = _Rehearsal(
+        agent, space, scenario, on_event, answer_source, prompt, limits or Limits()
+    )
     return rehearsal.run(force)
 
 
 class _Rehearsal:
-    """Run of an agent's tree, with the agenda of what happens besides."""
+    """Run of an agent's tree, with the agenda of scripted events."""
 
     def __init__(
         self,
@@ -104,7 +106,7 @@ class _Rehearsal:
         space: SceneSpace,
         scenario: Scenario,
         on_event: Callable[[Event], None] | None,
-        typist: AnswerSource | None,
+        answer_source: AnswerSource | None,
         prompt: Prompt | None,
         limits: Limits,
     ) -> None:
@@ -113,34 +115,33 @@ class _Rehearsal:
         self._nodes = {node.path: node for node in nodes_of(agent)}
         self._replacements = scenario.replace
         self._on_event = on_event
-        self._typist = typist
+        self._answer_source = answer_source
         self._prompt = prompt
-        self._unprompted: set[str] = set()
+        self._not_prompted: set[str] = set()
         self._limits = limits
         self._events: list[Event] = []
-        # What happens in a tick is held until the whole tick is published, each event with the
-        # number of changes before it.
+        # Events of a tick are held until the whole tick is published, each with the number of
+        # changes before it.
         self._held: list[tuple[int, Event]] | None = None
         self._published = 0
         self._events_of_tick = EventOrder(self._nodes)
-        # Nodes of the last tick in the order in which they answered, and how.
         self._ticked: list[tuple[Behaviour, Status]] = []
         self._marks: dict[str, set[Mark]] = {}
-        self._given: list[FeedbackKind] = []
+        self._feedback_given: list[FeedbackKind] = []
         self._cancelled_by = ""
         self._order = itertools.count()
         self._agenda: list[tuple[float, int, ScriptedEvent]] = []
         self._awaited = [one for one in scenario.during if one.at]
-        self._world = RehearsalEnvironment(
+        self._environment = RehearsalEnvironment(
             self._nodes,
             Answers(scenario.answers),
             ask=self._question,
             on_event=self._publish,
             on_feedback=self._feedback,
         )
-        self._clock = self._world.clock
+        self._clock = self._environment.clock
         self._scene = awarded(space, scenario)
-        self._live = RehearsedLive(self._scene, self._clock)
+        self._live = RehearsedLiveScene(self._scene, self._clock)
         self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
         self._tunables |= scenario.tunables
         self._run = Run(
@@ -150,7 +151,7 @@ class _Rehearsal:
             profile=agent.profile,
             live=self._live.now,
             tunables=self._tunables,
-            world=self._world,
+            environment=self._environment,
             steady=self._clock,
             random=Random(scenario.seed),
             on_visit=lambda node, status: self._ticked.append((node, status)),
@@ -163,7 +164,7 @@ class _Rehearsal:
                 self._schedule(one, one.after_s)
 
     def run(self, force: bool) -> Rehearsed:
-        """Run to the end."""
+        """Run the tree to its end."""
         if self._declined and not force:
             return self._rehearsed(None, f"the agent does not bid, it {self._declined}")
         message = ""
@@ -180,7 +181,7 @@ class _Rehearsal:
         return self._rehearsed(None, message)
 
     def _reason(self, result: RunResult) -> str:
-        """Return why the run ended, and where it failed."""
+        """Return the reason of the end, with the node that failed."""
         text = result.message
         tip = self._nodes.get(result.tip)
         if result.outcome is TreeOutcome.FAILED and tip is not None and not _PLACED.search(text):
@@ -190,22 +191,24 @@ class _Rehearsal:
         return text
 
     def _tick(self) -> None:
-        self._world.active = False
-        self._world.report_ended()
+        self._environment.active = False
+        self._environment.report_ended()
         self._held = []
         self._published = 0
         self._ticked.clear()
         changes = self._run.tick()
-        self._world.report_ended()
-        mark(self._ticked, self._marks)
+        self._environment.report_ended()
+        add_marks(self._ticked, self._marks)
         self._publish_changes(changes)
         self._held = None
         self._rests = (
-            not changes and not self._world.active and at_rest(self._ticked, self._run.deadlines)
+            not changes
+            and not self._environment.active
+            and at_rest(self._ticked, self._run.deadlines)
         )
 
     def _move_on(self) -> str:
-        """Let the time pass until something can happen; return why nothing ever will."""
+        """Advance the clock to the next event; return why there is none, else an empty text."""
         now = self._clock.now
         if now > self._limits.duration_s or self._run.ticks > self._limits.ticks:
             return (
@@ -213,19 +216,19 @@ class _Rehearsal:
                 "end, or cancel it under 'during'"
             )
         while True:
-            moments = [self._world.next_change, self._run.deadline]
+            moments = [self._environment.next_change, self._run.deadline]
             moments += [max(at, now + _NUDGE_S) for at in self._run.deadlines.values()]
             moments += [self._agenda[0][0]] if self._agenda else []
             if not self._rests:
                 moments.append(round(now + TICK_S, 6))
             then = min(moments)
-            asked = self._asked_while_waiting(then)
-            if asked is not None:
-                self._schedule(asked, now + asked.after_s)
+            event = self._prompt_while_waiting(then)
+            if event is not None:
+                self._schedule(event, now + event.after_s)
                 continue
-            due = min(self._watch.due, self._polled_at + LIVE_S)
+            due = min(self._watch.due, self._polled_at + LIVE_SCENE_S)
             if self._watch.due < math.inf and due < then:
-                # Only a mood rule is waiting: nothing that would change the tree.
+                # Only a mood rule waits, which does not change the tree.
                 now = self._clock.now = max(due, now + _NUDGE_S)
                 if self._poll_mood_rules():
                     return ""
@@ -233,40 +236,36 @@ class _Rehearsal:
             if then < math.inf:
                 self._clock.now = max(then, now)
                 return ""
-            return self._endless()
+            return self._endless_reason()
 
-    def _endless(self) -> str:
+    def _endless_reason(self) -> str:
         leaves = running_leaves(self._ticked)
         waiting = "; ".join(f"{one.path}, {one.position}" for one in leaves)
         return f"it waits for ever: nothing more will happen ({waiting})"
 
-    def _asked_while_waiting(self, until: float) -> ScriptedEvent | None:
-        """Return what the person who types lets happen while the tree waits for something.
-
-        Args:
-            until: When something happens by itself [s]; infinite for never.
-        """
+    def _prompt_while_waiting(self, until: float) -> ScriptedEvent | None:
+        """Return the event that a person enters while the tree only waits until a time."""
         announced = bool(self._agenda) or min(self._watch.due, self._run.deadline) < math.inf
         if self._prompt is None or not self._rests or announced:
             return None
         leaves = running_leaves(self._ticked)
         waits = [one for one in leaves if type_of(one).waits is Waits.EVENT]
         if until == math.inf:
-            reason = self._endless()
-        elif all(one.path in self._unprompted for one in waits):
+            reason = self._endless_reason()
+        elif all(one.path in self._not_prompted for one in waits):
             return None
         else:
             limit = min(limit_of(one, self._run.deadlines) for one in waits)
             reason = f"it waits: {', '.join(one.name for one in waits)}"
             if limit < math.inf:
                 reason += f", {time_text(limit - self._clock.now)} at most"
-        happening = self._prompt(reason, waits)
-        if happening is None:
-            self._unprompted |= {one.path for one in waits}
-        return happening
+        event = self._prompt(reason, waits)
+        if event is None:
+            self._not_prompted |= {one.path for one in waits}
+        return event
 
-    def _schedule(self, happening: ScriptedEvent, at: float) -> None:
-        heapq.heappush(self._agenda, (at, next(self._order), happening))
+    def _schedule(self, event: ScriptedEvent, at: float) -> None:
+        heapq.heappush(self._agenda, (at, next(self._order), event))
 
     def _apply_due(self) -> None:
         """Apply the scripted events that are due, then poll the mood rules."""
@@ -275,7 +274,7 @@ class _Rehearsal:
             if one.values or one.person is not None or one.silent is not None:
                 self._live.change(one)
                 if one.silent:
-                    # The tree notices when the lease ends, even one that only waits.
+                    # The tree is ticked when the lease ends, even one that only waits.
                     self._schedule(
                         ScriptedEvent(after_s=0.0), self._clock.now + LEASE_S + _NUDGE_S
                     )
@@ -289,8 +288,8 @@ class _Rehearsal:
                 )
                 self._event(EventKind.TUNES, text)
             if one.topic:
-                self._world.arrive(one.topic, one.message)
-                self._event(EventKind.ARRIVES, one.topic, inputs=one.message)
+                self._environment.arrive(one.topic, one.message)
+                self._event(EventKind.ARRIVES, one.topic, one.message)
             if one.cancel:
                 self._cancel(one.cancel, one.cancel)
         self._poll_mood_rules()
@@ -319,11 +318,11 @@ class _Rehearsal:
         self._held = None
 
     def _feedback(self, kind: FeedbackKind, text: str) -> None:
-        self._given.append(kind)
+        self._feedback_given.append(kind)
         self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {text}")
 
     def _publish_changes(self, changes: Sequence[StatusChange]) -> None:
-        """Publish what of a tick is not published yet."""
+        """Publish the changes of a tick that are not published yet, and the held events."""
         new = changes[self._published :]
         held = [(number - self._published, event) for number, event in self._held or ()]
         self._published, self._held = len(changes), None
@@ -331,7 +330,7 @@ class _Rehearsal:
             self._publish(event)
         for change in new:
             if change.status is not Status.INVALID:
-                self._unprompted.discard(change.path)
+                self._not_prompted.discard(change.path)
                 self._start_counting(change.path)
         self._held = []
 
@@ -341,14 +340,14 @@ class _Rehearsal:
             self._schedule(one, self._clock.now + one.after_s)
 
     def _question(self, use: Use) -> Callable[[], ScriptedAnswer | None] | None:
-        """Return what asks the person who types about a use of a skill, None for nobody."""
-        typist = self._typist
-        if typist is None or not typist.asks(use):
+        """Return a function that asks a person about a use of a skill; None for nobody."""
+        source = self._answer_source
+        if source is None or not source.asks(use):
             return None
 
         def ask() -> ScriptedAnswer | None:
             self._publish_changes(self._run.changes)
-            while isinstance(typed := typist.answer(use), ScriptedEvent):
+            while isinstance(typed := source.answer(use), ScriptedEvent):
                 self._schedule(typed, self._clock.now + typed.after_s)
             return typed
 
@@ -365,8 +364,8 @@ class _Rehearsal:
             duration_s=self._clock.now,
             ticks=self._run.ticks,
             events=tuple(self._events),
-            uses=tuple(self._world.uses),
-            feedback=tuple(self._given),
+            uses=tuple(self._environment.uses),
+            feedback=tuple(self._feedback_given),
             cancelled_by=self._cancelled_by,
             declined=self._declined,
             marks={
@@ -377,24 +376,9 @@ class _Rehearsal:
         )
 
     def _event(
-        self,
-        kind: EventKind,
-        text: str,
-        *,
-        node: NodeSpec | None = None,
-        inputs: Mapping[str, Plain] | None = None,
-        change: StatusChange | None = None,
+        self, kind: EventKind, text: str, inputs: Mapping[str, Plain] | None = None
     ) -> None:
-        self._publish(
-            Event(
-                at_s=self._clock.now,
-                kind=kind,
-                text=text,
-                node=node,
-                inputs=inputs or {},
-                change=change,
-            )
-        )
+        self._publish(Event(at_s=self._clock.now, kind=kind, text=text, inputs=inputs or {}))
 
     def _publish(self, event: Event) -> None:
         if self._held is not None:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environment of a rehearsal: answers skills from the script, and publishes their events."""
+"""Environment of a rehearsal: skills answered from the script, and their events."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedGoal
@@ -12,31 +13,31 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_language.files.testing.scenarios import ScriptedAnswer
 from bt_agents_language.model.specs import NodeSpec
-from bt_agents_tools.rehearsal.answers import Answers, PlayedSkill
+from bt_agents_tools.rehearsal.answers import Answers
 from bt_agents_tools.rehearsal.events import Event, EventKind, Use
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Open:
-    run: ScriptedGoal
+class _OpenGoal:
+    goal: ScriptedGoal
     use: Use
-    performance: PlayedSkill
+    outputs: Mapping[str, Plain]
 
 
 class RehearsalEnvironment(ScriptedEnvironment):
-    """Environment that answers from a script.
+    """Environment that answers skills from a script.
 
     Args:
         nodes: The agent's nodes by path.
-        answers: How skills are answered.
-        ask: Asks a person how a use of a skill goes, once its begin is published; None when nobody
-            wants to be asked about it.
+        answers: Answers of the script.
+        ask: Returns a function that asks a person about a use of a skill once its begin is
+            published; None to ask nobody.
         on_event: Called with every event.
         on_feedback: Called with feedback that the tree gives.
 
     Attributes:
         uses: The skills that were used, in order.
-        active: Whether something was asked of it since this was last set to False.
+        active: True after a request of the tree, until it is set to False.
     """
 
     def __init__(
@@ -56,10 +57,10 @@ class RehearsalEnvironment(ScriptedEnvironment):
         self._ask = ask
         self._on_event = on_event
         self._on_feedback = on_feedback
-        self._under_way: list[_Open] = []
+        self._open_goals: list[_OpenGoal] = []
 
     def send(self, goal: SkillGoal) -> ScriptedGoal:
-        """Take a goal or request."""
+        """Answer a goal or request from the script."""
         self.active = True
         self.report_ended()
         use = self._use(goal)
@@ -67,27 +68,27 @@ class RehearsalEnvironment(ScriptedEnvironment):
         if question is not None:
             # How long it takes is not known before it is answered.
             self._event(EventKind.BEGINS, use)
-        performance = self._script.perform(use, question() if question is not None else None)
-        run = ScriptedGoal(goal, performance.answer, self.clock)
-        self._under_way.append(_Open(run=run, use=use, performance=performance))
+        played = self._script.play(use, question() if question is not None else None)
+        scripted = ScriptedGoal(goal, played.reply, self.clock)
+        self._open_goals.append(_OpenGoal(goal=scripted, use=use, outputs=played.outputs))
         if question is None:
-            self._event(EventKind.BEGINS, use, takes_s=performance.answer.after_s)
-        return run
+            self._event(EventKind.BEGINS, use, takes_s=played.reply.after_s)
+        return scripted
 
     def publish(self, goal: SkillGoal) -> None:
-        """Take a message."""
+        """Report a published message as an event."""
         self.active = True
         self._event(EventKind.SENDS, self._use(goal))
 
     def log(self, level: str, text: str) -> None:
-        """Take a line of the log."""
+        """Report a line of the log as an event."""
         self.active = True
         self._on_event(Event(at_s=self.clock(), kind=EventKind.LOGS, text=f"{level}: {text}"))
 
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> ScriptedGoal:
-        """Take feedback; it is always accepted."""
+        """Report feedback of the tree; it is always accepted."""
         self.active = True
         wanted = ", ".join(f"{name} {value:g}" for name, value in values.items())
         self._on_feedback(kind, ": ".join(filter(None, ("the tree", reason, wanted))))
@@ -95,22 +96,22 @@ class RehearsalEnvironment(ScriptedEnvironment):
 
     @property
     def next_change(self) -> float:
-        """When a goal next becomes something else [s]; infinite for never."""
-        return min((one.run.next_change for one in self._under_way), default=float("inf"))
+        """Time of the next change of an open goal [s]; infinite for none."""
+        return min((one.goal.next_change for one in self._open_goals), default=float("inf"))
 
     def report_ended(self) -> None:
-        """Publish the ends of goals that have ended by now."""
-        for one in list(self._under_way):
-            state = one.run.state
+        """Report the goals that have ended by now as events."""
+        for one in list(self._open_goals):
+            state = one.goal.state
             if not state.ended:
                 continue
-            self._under_way.remove(one)
+            self._open_goals.remove(one)
             if state is GoalState.SUCCEEDED:
-                self._event(EventKind.SUCCEEDS, one.use, outputs=one.performance.outputs)
+                self._event(EventKind.SUCCEEDS, one.use, outputs=one.outputs)
             elif state is GoalState.CANCELLED:
                 self._event(EventKind.STOPS, one.use)
             else:
-                reason = one.run.message
+                reason = one.goal.message
                 text = f"{state.value}: {reason}" if reason else state.value
                 self._event(EventKind.FAILS, one.use, text=text)
 
@@ -119,23 +120,6 @@ class RehearsalEnvironment(ScriptedEnvironment):
         self.uses.append(use)
         return use
 
-    def _event(
-        self,
-        kind: EventKind,
-        use: Use,
-        *,
-        outputs: Mapping[str, Plain] | None = None,
-        takes_s: float = 0.0,
-        text: str = "",
-    ) -> None:
-        self._on_event(
-            Event(
-                at_s=self.clock(),
-                kind=kind,
-                node=use.node,
-                inputs=use.inputs,
-                outputs=outputs or {},
-                takes_s=takes_s,
-                text=text,
-            )
-        )
+    def _event(self, kind: EventKind, use: Use, **details: Any) -> None:
+        at_s = self.clock()
+        self._on_event(Event(at_s=at_s, kind=kind, node=use.node, inputs=use.inputs, **details))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene of a rehearsal: as awarded, live, and as scripted events change it."""
+"""Scenes of a rehearsal: the awarded one, and the live one that scripted events change."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
     )
 
 
-class RehearsedLive:
-    """The live scene of a rehearsal; it is stale some time after the scene layer fell silent.
+class RehearsedLiveScene:
+    """Live scene of a rehearsal; it is stale some time after the scene layer fell silent.
 
     Args:
         scene: The scene as awarded.
@@ -43,41 +43,36 @@ class RehearsedLive:
 
     @property
     def silent(self) -> bool:
-        """True when nothing new is known."""
+        """True while the scene layer is silent."""
         return self._silent_since is not None
 
-    def change(self, happening: ScriptedEvent) -> None:
-        """Let something happen; what happens in silence is known once it is over."""
-        self._scene = changed(self._scene, happening)
-        if happening.silent is False:
+    def change(self, event: ScriptedEvent) -> None:
+        """Apply a scripted event; changes during a silence are visible once it is over."""
+        values = tuple(
+            SceneValue(name=one.name, value=event.values[one.name], origin=Origin.MEASURED)
+            if one.name in event.values
+            else one
+            for one in self._scene.values
+        )
+        person = self._scene.person if event.person is None else event.person
+        self._scene = replace(self._scene, values=values, person=person)
+        if event.silent is False:
             self._silent_since = None
         if not self.silent:
             self._seen = self._scene
-            self._silent_since = self._clock() if happening.silent else None
+            self._silent_since = self._clock() if event.silent else None
 
     def now(self) -> Scene:
-        """Return the scene as it is now, or as it was last, marked as stale."""
+        """Return the scene as it is now, or the last one of a silence, marked as stale."""
         silent_s = 0.0 if self._silent_since is None else self._clock() - self._silent_since
         return self._seen if silent_s <= LEASE_S else replace(self._seen, stale_s=silent_s)
 
 
-def changed(scene: Scene, happening: ScriptedEvent) -> Scene:
-    """Return a scene after something has happened."""
-    values = tuple(
-        SceneValue(name=one.name, value=happening.values[one.name], origin=Origin.MEASURED)
-        if one.name in happening.values
-        else one
-        for one in scene.values
-    )
-    person = scene.person if happening.person is None else happening.person
-    return replace(scene, values=values, person=person)
-
-
-def change_text(happening: ScriptedEvent) -> str:
-    """Return in words how a scene changes."""
-    words = [f"{name} {value:g}" for name, value in happening.values.items()]
-    if happening.person is not None:
-        words.append("a person comes" if happening.person else "the person leaves")
-    if happening.silent is not None:
-        words.append(f"the scene layer is {'silent' if happening.silent else 'back'}")
-    return ", ".join(words)
+def change_text(event: ScriptedEvent) -> str:
+    """Return the changes of a scene as text."""
+    parts = [f"{name} {value:g}" for name, value in event.values.items()]
+    if event.person is not None:
+        parts.append("a person comes" if event.person else "the person leaves")
+    if event.silent is not None:
+        parts.append(f"the scene layer is {'silent' if event.silent else 'back'}")
+    return ", ".join(parts)

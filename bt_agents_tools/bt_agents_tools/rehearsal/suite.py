@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test files of agents: found, run, and reported."""
+"""Test files of agents: discovery, runs, and reports."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_tr
 from bt_agents_language.files.testing.scenarios import AgentTest, AgentTestCase
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_tools.rehearsal.assertions import AssertionFailure, findings
+from bt_agents_tools.rehearsal.assertions import AssertionFailure, failed_assertions
 from bt_agents_tools.rehearsal.coverage import Coverage, coverage
 from bt_agents_tools.rehearsal.events import Rehearsed
 from bt_agents_tools.rehearsal.rehearsal import rehearse
@@ -24,26 +24,27 @@ from bt_agents_tools.rehearsal.transcript import ending, table, transcript
 
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
-    """How one case went.
+    """Result of one case.
 
     Attributes:
-        elapsed_s: Real time that it took [s].
+        failures: Expectations that were not fulfilled.
+        elapsed_s: Real duration [s].
     """
 
     case: AgentTestCase
     rehearsed: Rehearsed
-    findings: tuple[AssertionFailure, ...]
+    failures: tuple[AssertionFailure, ...]
     elapsed_s: float
 
     @property
     def passed(self) -> bool:
-        """Whether everything was as expected."""
-        return not self.findings
+        """True without failures."""
+        return not self.failures
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileResult:
-    """How the cases of one file went; ``error`` is set when it could not be read."""
+    """Results of the cases of one file; ``error`` is set when it could not be read."""
 
     file: Path
     agent: AgentSpec | None = None
@@ -52,7 +53,7 @@ class FileResult:
 
 
 class TreesFolders:
-    """The trees folders that tests belong to, each read once."""
+    """Trees folders of tests, each read once."""
 
     def __init__(self) -> None:
         self._trees: dict[Path, Trees] = {}
@@ -102,19 +103,19 @@ def find_tests(paths: Iterable[Path]) -> list[Path]:
 
 
 def run_case(agent: AgentSpec, space: SceneSpace, case: AgentTestCase) -> CaseResult:
-    """Return how a case goes."""
+    """Rehearse a case and compare it with its expectations."""
     start = time.perf_counter()
     rehearsed = rehearse(agent, space, case.scenario)
     return CaseResult(
         case=case,
         rehearsed=rehearsed,
-        findings=findings(case, rehearsed),
+        failures=failed_assertions(case, rehearsed),
         elapsed_s=time.perf_counter() - start,
     )
 
 
 def run_file(path: Path, folders: TreesFolders, word: str = "") -> FileResult:
-    """Return how the cases of a file go, of those whose names have ``word`` in them.
+    """Run the cases of a file whose names have ``word`` in them.
 
     Raises:
         BtAgentsError: The file lies in no trees folder.
@@ -132,7 +133,7 @@ def run_file(path: Path, folders: TreesFolders, word: str = "") -> FileResult:
 
 
 def coverages(results: Iterable[FileResult]) -> list[Coverage]:
-    """Return how much of each agent has been tested, by name."""
+    """Return the coverage of each agent, sorted by name."""
     by_agent: dict[str, tuple[AgentSpec, list[CaseResult]]] = {}
     for result in results:
         if result.agent is not None:
@@ -144,12 +145,12 @@ def coverages(results: Iterable[FileResult]) -> list[Coverage]:
 
 
 def failure(result: CaseResult) -> str:
-    """Return what is wrong with a case: each expectation side by side, then what happened."""
+    """Return the report of a failed case: each failure side by side, then the transcript."""
     blocks: list[str] = []
-    for finding in result.findings:
-        blocks.append(f"{finding.position.file}:{finding.position.line}: {finding.message}")
-        if finding.rows:
-            blocks += table(finding.rows)
+    for one in result.failures:
+        blocks.append(f"{one.position.file}:{one.position.line}: {one.message}")
+        if one.rows:
+            blocks += table(one.rows)
     if blocks and not result.rehearsed.ticks:
         return "\n".join(blocks)
     blocks += ["", f"what happened ({ending(result.rehearsed)}):"]

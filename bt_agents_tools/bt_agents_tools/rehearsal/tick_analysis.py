@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents_language.model.node_type import Mark
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, type_of
+from bt_agents_language.nodes.node_type import Mark
 
 Ticked = Sequence[tuple[Behaviour, Status]]
 """Nodes of one tick in the order in which they answered, and how."""
@@ -25,8 +25,8 @@ def spec_of(node: Behaviour) -> NodeSpec | None:
     return spec if isinstance(spec, NodeSpec) else None
 
 
-def mark(ticked: Ticked, marks: dict[str, set[Mark]]) -> None:
-    """Note which ways a tick has gone."""
+def add_marks(ticked: Ticked, marks: dict[str, set[Mark]]) -> None:
+    """Add the marks of a tick to those of earlier ones."""
     answers = {id(node): status for node, status in ticked}
     for node, status in ticked:
         spec = spec_of(node)
@@ -46,29 +46,29 @@ def mark(ticked: Ticked, marks: dict[str, set[Mark]]) -> None:
             found.add(Mark.LEFT_OUT)
 
 
-def at_rest(ticked: Ticked, wakes: Mapping[str, float]) -> bool:
-    """Return whether another tick would do nothing until an event, or a time in ``wakes``, comes.
+def at_rest(ticked: Ticked, deadlines: Mapping[str, float]) -> bool:
+    """Return whether another tick would do nothing before the next event or deadline.
 
-    It would when every running node waits for a running child, for the world or for a time that
-    it has named, and no leaf has done anything that it would do again.
+    That is so when every running node waits for a running child, for its environment or for a
+    deadline of its own, and no leaf has done anything that it would do again.
     """
-    return all(_rests(node, status, wakes) for node, status in ticked)
+    return all(_rests(node, status, deadlines) for node, status in ticked)
 
 
-def _rests(node: Behaviour, status: Status, wakes: Mapping[str, float]) -> bool:
+def _rests(node: Behaviour, status: Status, deadlines: Mapping[str, float]) -> bool:
     spec = spec_of(node)
     if spec is None:
         return False
     running = status is Status.RUNNING
     if node.children:
         below = any(child.status is Status.RUNNING for child in node.children)
-        return not running or below or spec.path in wakes
+        return not running or below or spec.path in deadlines
     node_type = type_of(spec)
-    return node_type.idle and (running or node_type.looks_only)
+    return node_type.idle and (running or node_type.read_only)
 
 
 def running_leaves(ticked: Iterable[tuple[Behaviour, Status]]) -> list[NodeSpec]:
-    """Return the leaves that are under way."""
+    """Return the running leaves."""
     return [
         spec
         for node, status in ticked
@@ -76,11 +76,11 @@ def running_leaves(ticked: Iterable[tuple[Behaviour, Status]]) -> list[NodeSpec]
     ]
 
 
-def limit_of(node: NodeSpec, wakes: Mapping[str, float]) -> float:
-    """Return when a wait is over at the latest, as far as a limit around it says so [s]."""
+def limit_of(node: NodeSpec, deadlines: Mapping[str, float]) -> float:
+    """Return the earliest deadline of the limits around a waiting node [s]; infinite for none."""
     around = (
         at
-        for path, at in wakes.items()
+        for path, at in deadlines.items()
         if path.endswith(_LIMITS) and _inside(node.path, path.rpartition("@")[0])
     )
     return min(around, default=math.inf)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The events of a rehearsal as lines that read like a script of the scene."""
+"""Transcript of a rehearsal: its events as lines that read like a script of the scene."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from py_trees.common import Status
 from bt_agents.engine.run import StatusChange, TreeOutcome
 from bt_agents.engine.scope import format_value
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
-from bt_agents_language.model.node_type import Waits
+from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.model.specs import NodeSpec, Tunable
 from bt_agents_language.nodes.catalogue import type_of
-from bt_agents_language.yaml.renderers import columns
+from bt_agents_language.nodes.node_type import Waits
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed
 
 WIDTH = 80
@@ -68,7 +68,7 @@ _STATUS = {Status.INVALID: "■", Status.RUNNING: "▷", Status.SUCCESS: "✔", 
 
 @dataclass(frozen=True, kw_only=True)
 class TranscriptLine:
-    """One line for a terminal, with a style of rich."""
+    """Line for a terminal, with a style of rich."""
 
     text: str
     style: str
@@ -80,11 +80,11 @@ def transcript(events: Iterable[Event], *, ticks: bool = False, width: int = WID
 
 
 def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[TranscriptLine]:
-    """Return how an event is shown; one that says nothing new is not shown.
+    """Return the lines of an event; none for one that adds nothing.
 
     Args:
-        event: What happened.
-        ticks: Whether every change of every node is shown, too.
+        event: The event.
+        ticks: True shows every change of every node, too.
         width: Columns of the terminal.
     """
     text = _text(event, ticks)
@@ -103,7 +103,7 @@ def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[TranscriptLine]
 
 
 def _folded(text: str, room: int) -> list[str]:
-    """Return words in lines; a place in a file is never cut, and so can be copied.
+    """Return a text in lines; a place in a file is never cut, so that it can be copied.
 
     A path of a node that is longer than a line is left out, as the place in the file follows it.
     """
@@ -113,7 +113,7 @@ def _folded(text: str, room: int) -> list[str]:
 
 
 def time_text(seconds: float) -> str:
-    """Return a time as it stands on the left: ``3.2 s``, ``1:03.2``, ``1:01:03``."""
+    """Return a time for the left column: ``3.2 s``, ``1:03.2``, ``1:01:03``."""
     if seconds < 59.95:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds, 1), 60)
@@ -124,7 +124,7 @@ def time_text(seconds: float) -> str:
 
 
 def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
-    """Return what a skill is asked to do: ``say "Hello."``, ``drive gate 12``."""
+    """Return a use of a skill as text: ``say "Hello."``, ``drive gate 12``."""
     skill = node.skill
     if skill is None or skill.main is None or skill.main not in inputs:
         given = ", ".join(f"{name} {value_text(value)}" for name, value in inputs.items())
@@ -143,7 +143,7 @@ def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
 
 
 def _label(node: NodeSpec) -> str:
-    """Return what people know a node by: its author's name, else its key."""
+    """Return the label of a node for people: its author's name, else its key."""
     last = node.path.rpartition("/")[2].partition("@")[0]
     segment = last.partition(".")[2] or last
     inner = node
@@ -154,7 +154,7 @@ def _label(node: NodeSpec) -> str:
 
 
 def _wait_text(event: Event) -> str:
-    """Return what a node waits for: ``wait 4 s``, ``wait_for live.person``."""
+    """Return the wait of a node as text: ``wait 4 s``, ``wait_for live.person``."""
     assert event.node is not None
     name = event.node.name
     if type_of(event.node).waits is not Waits.TIME or not event.text:
@@ -163,12 +163,12 @@ def _wait_text(event: Event) -> str:
 
 
 def tuned_text(tunable: Tunable, value: Plain) -> str:
-    """Return a tunable and its value in words."""
+    """Return a tunable and its value as text."""
     return f"{tunable.name} {value_text(value)}{_UNITS.get(tunable.type, '')}"
 
 
 def value_text(value: Plain) -> str:
-    """Return a value in words."""
+    """Return a value as text."""
     match value:
         case Mapping():
             return ", ".join(f"{name} {value_text(one)}" for name, one in value.items())
@@ -180,7 +180,7 @@ def value_text(value: Plain) -> str:
 
 
 def ending(rehearsed: Rehearsed) -> str:
-    """Return how a rehearsal ended, in a few words."""
+    """Return the end of a rehearsal as a short text."""
     if not rehearsed.ticks:
         return "does not bid"
     outcome = rehearsed.outcome.value if rehearsed.outcome is not None else "did not end"
@@ -194,7 +194,7 @@ def _aside(event: Event) -> str:
 
 
 def _text(event: Event, ticks: bool) -> str | None:
-    """Return what is said about an event; None when it says nothing new."""
+    """Return the text of an event; None when it adds nothing."""
     match event.kind:
         case EventKind.BEGINS | EventKind.SENDS:
             return _phrase(event)
@@ -245,7 +245,7 @@ def _tick(change: StatusChange) -> str:
 
 
 def table(rows: Iterable[tuple[str, str, bool]], width: int = WIDTH) -> Iterator[str]:
-    """Return two columns, expected and found, with a mark where they differ."""
+    """Yield the lines of two columns, expected and found, with a mark where they differ."""
     room = (width - 7) // 2
     yield f"    {'expected':<{room}} │ found"
     for expected, found, same in rows:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from marketplace_node.effects import State
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.interaction.interaction import Interaction

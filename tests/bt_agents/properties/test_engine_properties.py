@@ -60,16 +60,16 @@ class Watched(Stage):
         Puppet.alive = set()
         super().__init__(tree, head=HEAD, answers=script, awarded=scene(mood=3), random=Random(1))
         # What the reader promises a name to mean cannot be promised of a random tree.
-        self.world._result = {}
+        self.environment._result = {}
 
     def happen(self, event: tuple[str, object]) -> None:
         match event:
             case ("pass", float(duration)):
-                self.world.clock.advance(duration)
+                self.environment.clock.advance(duration)
             case ("mood" | "age" as name, float(value)):
                 self.set_live(name, value)
             case ("arrive", dict(message)):
-                self.world.arrive("t", message)
+                self.environment.arrive("t", message)
             case ("rest" | "times" as name, value):
                 self.tunables[name] = value  # type: ignore[assignment]
             case ("interrupt", _):
@@ -101,7 +101,7 @@ def _under_way(stage: Watched) -> int:
 
 
 def _listening(stage: Watched) -> int:
-    return sum(not inbox.closed for _, inbox in stage.world._inboxes)
+    return sum(not inbox.closed for _, inbox in stage.environment._inboxes)
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
@@ -168,7 +168,7 @@ def test_the_same_things_happening_to_the_same_tree_have_the_same_effects(
         stage = Watched(tree, script)
         for _ in stage.play(story):
             pass
-        traces.append((stage.changes, stage.asked, stage.world.logged, stage.outcome))
+        traces.append((stage.changes, stage.asked, stage.environment.logged, stage.outcome))
     assert traces[0] == traces[1]
 
 
@@ -210,7 +210,7 @@ def test_picks_follow_the_weights(weights: list[int], seed: int) -> None:
     )
     stage = Stage(f"repeat: forever\nrandom:\n  seed: {seed}\n  children:\n{children}")
     stage.tick(600)
-    picked = Counter(int(text) for _, text in stage.world.logged)
+    picked = Counter(int(text) for _, text in stage.environment.logged)
     for place, weight in enumerate(weights):
         share = weight / sum(weights)
         # Six standard deviations of the binomial distribution.

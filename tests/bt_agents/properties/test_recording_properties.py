@@ -75,7 +75,7 @@ class Recorded(Stage):
         super().__init__("wait: 0 s", head=HEAD + "on_cancel: {wait: 1 s}\n")
         self.spec = replace(agent("wait: 0 s", HEAD), tree=tree)
         self.spec = replace(self.spec, on_cancel=placed(tree, "on_cancel"))
-        self.world = ScriptedEnvironment(script, clock or CreepingClock())
+        self.environment = ScriptedEnvironment(script, clock or CreepingClock())
         self.scene = self.live = scene(mood=3)
         self.lines: list[str] = []
         self.steps: list[tuple[int, list[StatusChange]]] = []
@@ -86,8 +86,8 @@ class Recorded(Stage):
             profile=self.spec.profile,
             live=lambda: self.live,
             tunables=self.tunables,
-            world=self.world,
-            steady=self.world.clock,
+            environment=self.environment,
+            steady=self.environment.clock,
             seed=seed,
             sink=lambda _tick, line: self.lines.append(line),
         )
@@ -105,13 +105,13 @@ class Recorded(Stage):
         changes: list[StatusChange] = []
         match event, value:
             case "pass", float(duration):
-                self.world.clock.advance(duration)
+                self.environment.clock.advance(duration)
             case "mood" | "age", float(value):
                 self.set_live(event, value)
             case "stale", float(seconds):
                 self.live = replace(self.live, stale_s=seconds)
             case "arrive", dict(message):
-                self.world.arrive("t", message)
+                self.environment.arrive("t", message)
             case "rest" | "times", _:
                 self.tunables[event] = value  # type: ignore[assignment]
             case "cancel", bool(clean_up):
@@ -161,8 +161,8 @@ def test_a_run_goes_the_same_way_recorded_or_not(
         profile=plain.spec.profile,
         live=lambda: plain.live,
         tunables=plain.tunables,
-        world=plain.world,
-        steady=plain.world.clock,
+        environment=plain.environment,
+        steady=plain.environment.clock,
         random=Random(1),
     )
     plain.play(story)

@@ -13,10 +13,10 @@ from bt_agents_core.profile_layers import MOST_LAYERS
 from tree_harness import SPACE, agent, scene
 
 
-def declined(roster: AgentRegistry, **values: float) -> dict[str, str]:
-    names = list(roster.members)
-    roster.enrol(names, range(1, len(names) + 1), [""] * len(names))
-    answer = roster.answer(scene(**values))
+def declined(registry: AgentRegistry, **values: float) -> dict[str, str]:
+    names = list(registry.members)
+    registry.apply_registration(names, range(1, len(names) + 1), [""] * len(names))
+    answer = registry.bids_for(scene(**values))
     assert {m.spec.name for m in answer.bids} == set(names) - set(answer.declined)
     return {name: decline.reason for name, decline in answer.declined.items()}
 
@@ -31,10 +31,12 @@ def test_an_agent_bids_when_what_it_requires_is_true():
 
 
 def test_what_a_scene_lacks_is_told_apart_from_other_reasons_not_to_bid():
-    roster = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
-    roster.enrol(["a"], [1], [""])
+    registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
+    registry.apply_registration(["a"], [1], [""])
     unmet = "scene.age >= 3"
-    assert roster.answer(scene(age=2)).declined == {"a": Decline(f"needs {unmet}", unmet=unmet)}
+    assert registry.bids_for(scene(age=2)).declined == {
+        "a": Decline(f"needs {unmet}", unmet=unmet)
+    }
 
 
 def test_an_agent_that_uses_a_skill_which_nobody_offers_does_not_bid_and_says_why():
@@ -44,30 +46,30 @@ def test_an_agent_that_uses_a_skill_which_nobody_offers_does_not_bid_and_says_wh
 
 
 def test_agents_come_and_go_and_one_that_leaves_bids_no_more_and_says_why():
-    roster = AgentRegistry(SPACE, [agent("say: x")])
-    second = roster.add(replace(agent("say: x"), name="b"))
-    assert declined(roster, age=3) == {}
+    registry = AgentRegistry(SPACE, [agent("say: x")])
+    second = registry.add(replace(agent("say: x"), name="b"))
+    assert declined(registry, age=3) == {}
     second.removal_reason = "its file is gone"
-    assert declined(roster, age=3) == {"b": "its file is gone"}
-    roster.remove("b")
-    assert set(roster.members) == {"a"}
-    roster.enrol(["b"], [7], [""])
-    assert declined(roster, age=3) == {}
+    assert declined(registry, age=3) == {"b": "its file is gone"}
+    registry.remove("b")
+    assert set(registry.members) == {"a"}
+    registry.apply_registration(["b"], [7], [""])
+    assert declined(registry, age=3) == {}
 
 
 def test_when_nobody_here_can_run_all_decline_with_that_reason():
-    roster = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
-    roster.enrol(["a"], [1], [""])
-    answer = roster.answer(scene(age=2), obstacle="nothing publishes /clock")
+    registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
+    registry.apply_registration(["a"], [1], [""])
+    answer = registry.bids_for(scene(age=2), obstacle="nothing publishes /clock")
     assert (answer.bids, answer.declined) == ((), {"a": Decline("nothing publishes /clock")})
 
 
 def layered(kinds: str, **layers: float) -> AgentRegistry:
-    roster = AgentRegistry(SPACE, [agent("say: x", f"learning: {{layers: {kinds}}}")])
+    registry = AgentRegistry(SPACE, [agent("say: x", f"learning: {{layers: {kinds}}}")])
     for layer, age in layers.items():
         kind, _, name = layer.partition("_")
-        roster.set_layer("a", f"{kind}/{name}", [age, 3.0, 3.0], 1)
-    return roster
+        registry.set_layer("a", f"{kind}/{name}", [age, 3.0, 3.0], 1)
+    return registry
 
 
 @pytest.mark.parametrize(
@@ -90,85 +92,85 @@ def test_an_agent_bids_with_the_persons_profile_else_the_places_else_everybodys(
 
 
 def test_a_layer_of_an_older_revision_or_of_nobody_is_refused():
-    roster = layered("[person]", person_anna=4.0)
+    registry = layered("[person]", person_anna=4.0)
     for layer, revision, code in (
         ("person/anna", 0, "STALE_REVISION"),
         ("anna", 2, "BAD_LAYER"),
         ("person/", 2, "BAD_LAYER"),
     ):
         with pytest.raises(Refused, match=code):
-            roster.set_layer("a", layer, [1.0, 1.0, 1.0], revision)
+            registry.set_layer("a", layer, [1.0, 1.0, 1.0], revision)
     with pytest.raises(Refused, match="OUT_OF_RANGE"):
-        roster.set_layer("a", "person/anna", [9.0, 3.0, 3.0], 2)
-    assert roster.member("a").layers == {"person/anna": ((4.0, 3.0, 3.0), 1)}
+        registry.set_layer("a", "person/anna", [9.0, 3.0, 3.0], 2)
+    assert registry.member("a").layers == {"person/anna": ((4.0, 3.0, 3.0), 1)}
 
 
 def test_the_layers_of_an_agent_are_bounded():
-    roster = layered("[person]")
+    registry = layered("[person]")
     for number in range(MOST_LAYERS):
-        roster.set_layer("a", f"person/{number}", [3.0, 3.0, 3.0], 1)
+        registry.set_layer("a", f"person/{number}", [3.0, 3.0, 3.0], 1)
     with pytest.raises(Refused, match="TOO_MANY_LAYERS"):
-        roster.set_layer("a", "person/more", [3.0, 3.0, 3.0], 1)
-    roster.set_layer("a", "person/7", [4.0, 3.0, 3.0], 2)
+        registry.set_layer("a", "person/more", [3.0, 3.0, 3.0], 1)
+    registry.set_layer("a", "person/7", [4.0, 3.0, 3.0], 2)
 
 
 def test_a_layer_is_forgotten_by_name_and_all_of_a_host_at_once():
-    roster = layered("[person, place]", person_anna=4.0, place_lobby=5.0)
-    roster.remove_layer("a", "person/anna")
-    roster.remove_layer("a", "person/anna")
-    assert set(roster.member("a").layers) == {"place/lobby"}
-    roster.remove_layer("", "")
-    assert roster.member("a").layers == {}
+    registry = layered("[person, place]", person_anna=4.0, place_lobby=5.0)
+    registry.remove_layer("a", "person/anna")
+    registry.remove_layer("a", "person/anna")
+    assert set(registry.member("a").layers) == {"place/lobby"}
+    registry.remove_layer("", "")
+    assert registry.member("a").layers == {}
     with pytest.raises(Refused, match="UNKNOWN_AGENT"):
-        roster.remove_layer("b", "person/anna")
+        registry.remove_layer("b", "person/anna")
 
 
 def test_the_weights_of_agents_go_with_the_bids_where_any_agent_has_its_own():
     plain = agent("say: x")
     heavy = replace(agent("say: x", "weights: {age: 2}"), name="b")
-    roster = AgentRegistry(SPACE, [plain, heavy])
-    roster.enrol(["a", "b"], [1, 2], ["", ""])
+    registry = AgentRegistry(SPACE, [plain, heavy])
+    registry.apply_registration(["a", "b"], [1, 2], ["", ""])
     of_scene = [parameter.weight for parameter in SPACE.parameters]
-    assert list(roster.answer(scene(age=3), ["b"]).bidders.weights) == []
-    assert list(roster.answer(scene(age=3)).bidders.weights) == [*of_scene, 2.0, *of_scene[1:]]
+    assert list(registry.bids_for(scene(age=3), ["b"]).bidders.weights) == []
+    assert list(registry.bids_for(scene(age=3)).bidders.weights) == [*of_scene, 2.0, *of_scene[1:]]
 
 
 def test_every_change_of_an_agent_counts_in_the_next_answer():
-    roster = AgentRegistry(SPACE, [agent("say: x", "learning: {layers: [person]}")])
+    registry = AgentRegistry(SPACE, [agent("say: x", "learning: {layers: [person]}")])
     anna = replace(scene(age=3), person_id="anna")
 
     def bid() -> list[object]:
-        bidders = roster.answer(anna).bidders
+        bidders = registry.bids_for(anna).bidders
         return [*bidders.names, *bidders.ids, *bidders.vectors]
 
     assert bid() == []
-    roster.enrol(["a"], [7], [""])
+    registry.apply_registration(["a"], [7], [""])
     assert bid() == ["a", 7, 3.0, 3.0, 3.0]
-    roster.set_profile("a", [2.0, 3.0, 3.0], 1)
+    registry.set_profile("a", [2.0, 3.0, 3.0], 1)
     assert bid() == ["a", 7, 2.0, 3.0, 3.0]
-    roster.set_layer("a", "person/anna", [4.0, 3.0, 3.0], 1)
+    registry.set_layer("a", "person/anna", [4.0, 3.0, 3.0], 1)
     assert bid() == ["a", 7, 4.0, 3.0, 3.0]
-    roster.set_layer("a", "person/anna", [5.0, 3.0, 3.0], 2)
+    registry.set_layer("a", "person/anna", [5.0, 3.0, 3.0], 2)
     assert bid() == ["a", 7, 5.0, 3.0, 3.0]
-    roster.remove_layer("", "")
+    registry.remove_layer("", "")
     assert bid() == ["a", 7, 2.0, 3.0, 3.0]
-    roster.add(replace(agent("say: x"), name="b"))
-    roster.enrol(["b"], [8], [""])
+    registry.add(replace(agent("say: x"), name="b"))
+    registry.apply_registration(["b"], [8], [""])
     assert bid() == ["a", "b", 7, 8, 2.0, 3.0, 3.0, 3.0, 3.0, 3.0]
-    roster.remove("a")
+    registry.remove("a")
     assert bid() == ["b", 8, 3.0, 3.0, 3.0]
-    roster.member("b").removal_reason = "its file is gone"
+    registry.member("b").removal_reason = "its file is gone"
     assert bid() == []
-    roster.member("b").removal_reason = ""
-    roster.member("b").spec = replace(agent("say: x", "weights: {age: 2}"), name="b")
+    registry.member("b").removal_reason = ""
+    registry.member("b").spec = replace(agent("say: x", "weights: {age: 2}"), name="b")
     weights = [2.0, *(parameter.weight for parameter in SPACE.parameters[1:])]
-    assert list(roster.answer(anna).bidders.weights) == weights
+    assert list(registry.bids_for(anna).bidders.weights) == weights
 
 
 def test_agents_that_require_the_same_or_something_else_answer_each_for_itself():
     old = agent("say: x", "requires: scene.age >= 3")
     keen = replace(agent("say: x", "requires: scene.mood > 2"), name="c")
-    roster = AgentRegistry(SPACE, [old, replace(old, name="b"), keen])
+    registry = AgentRegistry(SPACE, [old, replace(old, name="b"), keen])
     reason = "needs scene.age >= 3"
-    assert declined(roster, age=2, mood=3) == {"a": reason, "b": reason}
-    assert declined(roster, age=3, mood=1) == {"c": "needs scene.mood > 2"}
+    assert declined(registry, age=2, mood=3) == {"a": reason, "b": reason}
+    assert declined(registry, age=3, mood=1) == {"c": "needs scene.mood > 2"}

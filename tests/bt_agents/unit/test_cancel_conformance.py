@@ -102,7 +102,7 @@ class Performance:
 
     def __post_init__(self) -> None:
         self.random = Random(self.seed)
-        self.world = World(self.server, self.seed)
+        self.environment = World(self.server, self.seed)
         self.scene = self.live = scene_of(self.random)
         self.visited: Counter[str] = Counter()
         self.run = Run(
@@ -112,8 +112,8 @@ class Performance:
             profile=self.agent.profile,
             live=lambda: self.live,
             tunables={tunable.name: tunable.default for tunable in self.agent.tunables},
-            world=self.world,
-            steady=self.world.clock,
+            environment=self.environment,
+            steady=self.environment.clock,
             limits=LIMITS,
             random=Random(self.seed),
             on_visit=lambda node, _status: self.visited.update((node.spec.path,)),
@@ -128,15 +128,15 @@ class Performance:
 
     def move_on(self) -> None:
         """Let time pass until something changes, and people do something."""
-        now = self.world.clock.now
-        moments = [goal.next_change for goal in self.world.goals]
+        now = self.environment.clock.now
+        moments = [goal.next_change for goal in self.environment.goals]
         moments += [at for at in self.run.deadlines.values() if at > now]
         moments += [self.run.deadline, now + STEP_S]
-        self.world.clock.now = max(min(moments), now + 0.001)
+        self.environment.clock.now = max(min(moments), now + 0.001)
         if self.random.random() < 0.3:
             self.live = replace(scene_of(self.random), scene_id="s")
         if self.random.random() < 0.3:
-            self.world.arrive("buttons/confirm", {"data": self.random.random() < 0.5})
+            self.environment.arrive("buttons/confirm", {"data": self.random.random() < 0.5})
 
     def until(self, ticks: int) -> None:
         """Go on until it was ticked so often, or has ended."""
@@ -147,31 +147,33 @@ class Performance:
 
     def wind_up(self) -> float:
         """Go on until it has ended; return how long that took [s]."""
-        began = self.world.clock.now
+        began = self.environment.clock.now
         while not self.over:
             self.move_on()
             self.tick()
-        return self.world.clock.now - began
+        return self.environment.clock.now - began
 
 
 def check_end(performance: Performance, took_s: float) -> None:
-    run, world = performance.run, performance.world
+    run, environment = performance.run, performance.environment
     result = run.result
     assert result is not None
-    running = sorted(g.goal.sender for g in world.goals if not g.confirmed)
+    running = sorted(g.goal.sender for g in environment.goals if not g.confirmed)
     assert sorted(result.orphans) == running
     if performance.server is not stubborn:
         assert running == []
     assert took_s <= LIMITS.clean_up_s + LIMITS.settle_s + EPSILON_S
-    cleaned = Counter(g.goal.sender for g in world.goals if g.goal.sender.startswith("on_cancel"))
+    cleaned = Counter(
+        g.goal.sender for g in environment.goals if g.goal.sender.startswith("on_cancel")
+    )
     assert all(times == 1 for times in cleaned.values())
-    asked = len(world.goals)
+    asked = len(environment.goals)
     run.cancel("again")
     for _ in range(3):
-        world.clock.advance(1.0)
+        environment.clock.advance(1.0)
         assert run.tick() == []
     assert run.result is result
-    assert len(world.goals) == asked
+    assert len(environment.goals) == asked
 
 
 @pytest.mark.parametrize("server", SERVERS, ids=lambda server: server.__name__)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees ticked on a scripted world: what each node does, tick by tick."""
+"""Trees ticked on a scripted environment: what each node does, tick by tick."""
 
 from __future__ import annotations
 
@@ -92,9 +92,9 @@ def test_a_parallel_for_one_stops_the_others_and_the_run_waits_until_they_have_e
     )
     assert stage.tick() == "running"
     assert stage.after(1.0) == "running"
-    assert stage.world.running() == ["show"]
+    assert stage.environment.running() == ["show"]
     assert stage.after(0.5) == "succeeded"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 def test_a_check_whose_value_is_missing_is_a_failure_that_says_so() -> None:
@@ -132,9 +132,9 @@ def test_wait_takes_its_time_and_the_time_may_be_tuned_while_it_passes() -> None
 def test_wait_for_takes_the_first_message_that_fits() -> None:
     stage = Stage("wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}")
     assert stage.tick() == "running"
-    stage.world.arrive("button", {"data": False})
+    stage.environment.arrive("button", {"data": False})
     assert stage.tick() == "running"
-    stage.world.arrive("button", {"data": True})
+    stage.environment.arrive("button", {"data": True})
     assert stage.tick() == "succeeded"
 
 
@@ -142,13 +142,13 @@ def test_a_condition_can_look_at_an_item_of_a_list_and_one_too_far_is_not_there(
     tree = "wait_for: {topic: scan, type: sensor_msgs/msg/LaserScan, until: msg.ranges.1 < 1}"
     stage = Stage(tree)
     assert stage.tick() == "running"
-    stage.world.arrive("scan", {"ranges": [0.2, 3.0]})
+    stage.environment.arrive("scan", {"ranges": [0.2, 3.0]})
     assert stage.tick() == "running"
-    stage.world.arrive("scan", {"ranges": [3.0, 0.2]})
+    stage.environment.arrive("scan", {"ranges": [3.0, 0.2]})
     assert stage.tick() == "succeeded"
     short = Stage(tree)
     short.tick()
-    short.world.arrive("scan", {"ranges": [0.2]})
+    short.environment.arrive("scan", {"ranges": [0.2]})
     assert short.tick() == "failed"
 
 
@@ -162,7 +162,7 @@ def test_the_output_of_a_skill_can_be_used_by_later_nodes() -> None:
         answers={"ask": [ScriptedReply(result={"answer": "gate 7", "message": ""})]},
     )
     assert stage.tick() == "succeeded"
-    assert stage.world.goals[-1].goal.fields["destination"] == "gate 7"
+    assert stage.environment.goals[-1].goal.fields["destination"] == "gate 7"
 
 
 def test_a_skill_whose_condition_on_the_result_is_false_fails() -> None:
@@ -180,11 +180,11 @@ def test_raw_leaves_send_what_they_say() -> None:
         """
     )
     assert stage.tick() == "succeeded"
-    assert [(g.goal.name, g.goal.fields) for g in stage.world.goals] == [
+    assert [(g.goal.name, g.goal.fields) for g in stage.environment.goals] == [
         ("/dock", {"order": 3}),
         ("/reset", {}),
     ]
-    assert stage.world.published[0].fields == {"data": "age 3"}
+    assert stage.environment.published[0].fields == {"data": "age 3"}
 
 
 def test_a_timeout_stops_the_node_and_cancels_its_goal() -> None:
@@ -192,7 +192,7 @@ def test_a_timeout_stops_the_node_and_cancels_its_goal() -> None:
     assert stage.tick() == "running"
     assert stage.after(1.9) == "running"
     assert stage.after(0.1) == "failed"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert stage.run.result is not None
     assert "not done within 2 s" in stage.run.result.message
 
@@ -321,7 +321,7 @@ def test_a_cancel_stops_every_running_leaf_then_cleans_up_then_waits_for_open_go
     stage.tick()
     stage.changes = stage.run.cancel("enough")
     assert {change.path for change in stage.changes} >= {"tree"}
-    assert stage.world.running() == ["show"]
+    assert stage.environment.running() == ["show"]
     assert stage.tick() == "running"
     assert stage.asked == ["say", "show", "set_light"]
     assert stage.after(1.0) == "cancelled"
@@ -417,7 +417,7 @@ def test_a_leaf_that_raises_is_a_failure_with_its_path_and_its_place_in_the_file
     def broken(goal: object) -> None:
         raise RuntimeError("cable cut")
 
-    monkeypatch.setattr(stage.world, "send", broken)
+    monkeypatch.setattr(stage.environment, "send", broken)
     assert stage.tick() == "failed"
     assert stage.run.result is not None
     assert "RuntimeError: cable cut (tree/0.say, a.yaml:" in stage.run.result.message

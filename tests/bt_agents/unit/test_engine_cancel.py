@@ -33,7 +33,7 @@ def test_a_cancel_stops_the_leaf_at_once_and_the_clean_up_runs_from_the_next_tic
     stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]})
     stage.tick()
     stage.run.cancel("enough")
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert stage.said == ["hello"]
     assert stage.tick() == "running"
     assert stage.said == ["hello", "good-bye"]
@@ -47,7 +47,7 @@ def test_a_cancel_during_a_cancel_changes_nothing() -> None:
     stage.run.cancel("enough")
     stage.tick()
     assert stage.run.cancel("more than enough") == []
-    assert stage.world.running() == ["say"]
+    assert stage.environment.running() == ["say"]
     assert stage.after(1.0) == "cancelled"
     assert stage.message == "enough"
     assert stage.said == ["hello", "good-bye"]
@@ -60,7 +60,7 @@ def test_a_clean_up_that_takes_too_long_is_stopped() -> None:
     stage.tick()
     assert stage.after(2.9) == "running"
     assert stage.after(0.1) == "cancelled"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 def test_a_cancel_while_goals_settle_after_a_success_leaves_it_a_success() -> None:
@@ -135,9 +135,9 @@ def test_a_clean_up_that_is_not_wanted_any_more_is_stopped() -> None:
     stage.tick()
     stage.run.cancel("enough")
     stage.tick()
-    assert stage.world.running() == ["say"]
+    assert stage.environment.running() == ["say"]
     stage.run.cancel("the host is stopping", clean_up=False)
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert stage.tick() == "cancelled"
     assert stage.message == "enough"
 

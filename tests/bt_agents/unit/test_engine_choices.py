@@ -54,7 +54,7 @@ def test_choose_looks_anew_after_an_interruption() -> None:
     stage = Stage(CASES, awarded=scene(age=1, mood=3), answers={"say": LONG})
     stage.tick()
     stage.interrupt()
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     stage.set_live("age", 5.0)
     stage.tick()
     assert stage.said == ["Hi!", "Good day."]
@@ -184,7 +184,7 @@ def test_a_picked_child_is_kept_until_it_ends_and_its_end_is_the_end() -> None:
     assert stage.tick(20, step_s=1.0) == "running"
     assert len(stage.asked) == 1
     stage.interrupt()
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     stage = Stage("random:\n  - drive: a\n  - drive: b", answers={"drive": FAILS})
     assert stage.tick() == "failed"
     assert len(stage.asked) == 1

@@ -103,7 +103,7 @@ def test_while_stops_the_node_as_soon_as_its_condition_is_not_true() -> None:
     assert stage.after(1.0) == "running"
     stage.set_mood(1.0)
     assert stage.after(1.0) == "failed"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert stage.message.startswith(
         "not so any more: live.mood >= 2 (live.mood is 1) (tree@while, a.yaml:"
     )
@@ -125,7 +125,7 @@ def test_while_fails_with_words_when_a_value_is_missing_or_does_not_fit() -> Non
     stage.set_mood(0.0)
     assert stage.tick() == "failed"
     assert "by zero" in stage.message
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 def test_while_ends_with_the_node_in_the_tick_in_which_the_node_ends() -> None:
@@ -162,7 +162,7 @@ def test_a_while_that_failed_starts_afresh() -> None:
     stage.set_mood(3.0)
     stage.tick()
     assert len(stage.said) == 2
-    assert stage.world.running() == ["say"]
+    assert stage.environment.running() == ["say"]
 
 
 def test_when_whose_condition_cannot_be_evaluated_leaves_the_node_out_and_says_why() -> None:
@@ -179,7 +179,7 @@ def test_when_is_looked_at_again_after_an_interruption() -> None:
     stage = Stage("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
     stage.tick()
     stage.interrupt()
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     stage.set_mood(1.0)
     assert stage.tick() == "succeeded"
     assert len(stage.said) == 1
@@ -329,7 +329,7 @@ def test_times_that_are_none_are_refused_in_words(value: object) -> None:
         assert stage.tick() == "failed", tree
         assert "expected a time such as '5 s'" in stage.message
         assert "a.yaml:" in stage.message
-        assert stage.world.running() == []
+        assert stage.environment.running() == []
 
 
 def test_a_cooldown_that_is_no_time_is_a_failure_when_it_is_looked_at() -> None:
@@ -370,14 +370,14 @@ def test_succeed_covers_what_stands_inside_of_it() -> None:
     stage = Stage("say: x\ntimeout: 1 s\nsucceed: true", answers={"say": LONG})
     stage.tick()
     assert stage.after(1.0) == "succeeded"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 def test_a_timeout_of_nothing_lets_a_node_end_that_ends_at_once() -> None:
     assert Stage("say: x\ntimeout: 0 s").tick() == "succeeded"
     stage = Stage("say: x\ntimeout: 0 s", answers={"say": LONG})
     assert stage.tick() == "failed"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 def test_a_timeout_may_be_tuned_and_counts_anew_after_an_interruption() -> None:
@@ -401,7 +401,7 @@ def test_a_stopped_modifier_leaves_nothing_running_below_it() -> None:
     assert stage.tick() == "running"
     stage.interrupt()
     assert {node.status.name for node in stage.root.iterate()} == {"INVALID"}
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 def test_the_tools_of_py_trees_work_on_a_tree_of_every_kind() -> None:
@@ -446,7 +446,7 @@ def test_a_timeout_says_what_the_node_still_waits_for() -> None:
 def test_a_timeout_says_why_the_last_message_did_not_do() -> None:
     stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}\ntimeout: 5 s")
     stage.tick()
-    stage.world.arrive("t", {"data": False})
+    stage.environment.arrive("t", {"data": False})
     stage.tick()
     assert stage.after(5.0) == "failed"
     assert "not done within 5 s: the last message is not so: msg.data (tree@" in stage.message

@@ -318,7 +318,7 @@ def test_a_goal_that_timed_out_is_stopped_and_waited_for_at_the_end() -> None:
     stage = Stage(RAW, answers={"dance": [stubborn]})
     stage.tick()
     assert stage.after(60.0) == "running"  # it settles
-    assert stage.world.running() == ["dance"]
+    assert stage.environment.running() == ["dance"]
     assert stage.after(1.0) == "failed"
     assert stage.run.result is not None
     assert stage.run.result.orphans == ()
@@ -417,14 +417,14 @@ LATCHED = "wait_for: {topic: door, type: std_msgs/msg/Bool, until: msg.data, lat
 
 def test_a_latched_topic_has_its_last_message_in_the_first_tick() -> None:
     stage = Stage(LATCHED % "true")
-    stage.world.arrive("door", {"data": False})
-    stage.world.arrive("door", {"data": True})
+    stage.environment.arrive("door", {"data": False})
+    stage.environment.arrive("door", {"data": True})
     assert stage.tick() == "succeeded"
 
 
 def test_another_topic_has_only_what_comes_while_it_waits() -> None:
     stage = Stage(LATCHED % "false")
-    stage.world.arrive("door", {"data": True})
+    stage.environment.arrive("door", {"data": True})
     assert stage.tick() == "running"
-    stage.world.arrive("door", {"data": True})
+    stage.environment.arrive("door", {"data": True})
     assert stage.tick() == "succeeded"

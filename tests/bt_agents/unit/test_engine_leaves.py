@@ -32,7 +32,7 @@ def test_log_writes_a_line_and_tells_it_to_whoever_watches() -> None:
         """
     )
     assert stage.tick() == "succeeded"
-    assert stage.world.logged == [
+    assert stage.environment.logged == [
         ("info", "The scene is 3."),
         ("warning", "Something is odd."),
         ("error", "Broken."),
@@ -66,7 +66,7 @@ def test_what_is_stopped_in_a_tick_is_told_in_that_tick() -> None:
 def test_feedback_is_given_and_taken(word: str, kind: FeedbackKind) -> None:
     stage = Stage(f"give_feedback: {word}")
     assert stage.tick() == "succeeded"
-    assert stage.world.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
+    assert stage.environment.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
     assert stage.reports("tree") == [("SUCCESS", f"{word} feedback given")]
 
 
@@ -80,7 +80,7 @@ def test_direct_feedback_carries_its_values_and_the_reason() -> None:
         """
     )
     assert stage.tick() == "succeeded"
-    assert stage.world.feedback_given == [
+    assert stage.environment.feedback_given == [
         GivenFeedback(kind=FeedbackKind.DIRECT, values={"age": 4.0, "mood": 5.0}, reason="At 3.")
     ]
 
@@ -121,7 +121,7 @@ def test_direct_feedback_without_values_is_refused() -> None:
         stage = Stage(feedback(kind=Literal(value="direct"), **fields))
         assert stage.tick() == "failed"
         assert stage.message.startswith("direct feedback has no values, expected at least one")
-        assert stage.world.feedback_given == []
+        assert stage.environment.feedback_given == []
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_direct_feedback_takes_no_impossible_values(name: str, value: object, wo
     stage = Stage(feedback(kind=Literal(value="direct"), values=values))
     assert stage.tick() == "failed"
     assert words in stage.message
-    assert stage.world.feedback_given == []
+    assert stage.environment.feedback_given == []
 
 
 def test_values_are_computed_when_they_are_needed() -> None:
@@ -154,7 +154,7 @@ def test_values_are_computed_when_they_are_needed() -> None:
     )
     assert stage.tick() == "succeeded"
     assert stage.said == ["8 steps, at most 5."]
-    assert stage.world.goals[-1].goal.fields["rate"] == 0.75
+    assert stage.environment.goals[-1].goal.fields["rate"] == 0.75
 
 
 def test_a_value_that_cannot_be_computed_is_a_failure_with_words() -> None:

@@ -224,9 +224,9 @@ def test_a_timeout_counts_for_each_attempt_of_a_retry() -> None:
     stage = Stage("say: x\ntimeout: 2 s\nretry: {attempts: 2, pause: 9 s}", answers={"say": LONG})
     stage.tick()
     assert stage.after(2.0) == "running"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     stage.after(9.0)
-    assert stage.world.running() == ["say"]
+    assert stage.environment.running() == ["say"]
     assert stage.after(2.0) == "failed"
     assert len(stage.said) == 2
 

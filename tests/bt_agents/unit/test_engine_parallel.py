@@ -38,7 +38,7 @@ def test_two_of_three_are_enough_when_two_are_asked_for() -> None:
     assert stage.tick() == "running"
     assert stage.after(1.0) == "running"
     assert stage.after(1.0) == "succeeded"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert stage.status("2.way") == "INVALID"
     assert stage.asked == ["say", "show", "drive"]
 
@@ -68,7 +68,7 @@ def test_a_count_fails_as_soon_as_too_few_can_still_succeed_and_says_so() -> Non
     )
     assert stage.tick(2, step_s=1.0) == "running"
     assert stage.after(1.0) == "failed"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert ("FAILURE", "2 had to succeed, at most 1 still can") in stage.reports("tree")
 
 
@@ -89,7 +89,7 @@ def test_all_fail_with_the_first_failure_and_the_others_are_stopped() -> None:
     )
     assert stage.tick(2, step_s=1.0) == "running"
     assert stage.after(1.0) == "failed"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert stage.run.result is not None
     assert stage.run.result.tip == "tree/1.film"
 
@@ -100,7 +100,7 @@ def test_named_children_decide_and_the_others_are_stopped() -> None:
     )
     assert stage.tick(2, step_s=1.0) == "running"
     assert stage.after(1.0) == "succeeded"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 @pytest.mark.parametrize("failing", ["say", "show", "drive"])
@@ -110,7 +110,7 @@ def test_with_named_children_any_failure_fails_it(failing: str) -> None:
     stage = Stage(tree("[talk]"), answers=answers)
     assert stage.tick() == "running"
     assert stage.after(1.0) == "failed"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 def test_a_child_that_has_ended_is_not_started_again_while_the_others_run() -> None:
@@ -123,7 +123,7 @@ def test_an_interrupted_parallel_stops_all_children_and_starts_afresh() -> None:
     stage = Stage(tree("2"), answers={"say": ends(1.0), "show": ends(9.0), "drive": ends(9.0)})
     stage.tick(2, step_s=1.0)
     stage.interrupt()
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert {node.status.name for node in stage.root.iterate()} == {"INVALID"}
     stage.tick()
     assert stage.asked == ["say", "show", "drive"] * 2
@@ -134,7 +134,7 @@ def test_an_interrupted_parallel_stops_all_children_and_starts_afresh() -> None:
 def test_a_child_that_succeeds_at_once_counts_in_the_first_tick() -> None:
     stage = Stage(tree("one"), answers={"say": ends(0.0), "show": ends(9.0), "drive": ends(9.0)})
     assert stage.tick() == "succeeded"
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
 
 
 def test_a_parallel_that_is_repeated_starts_all_its_children_again() -> None:

@@ -33,7 +33,7 @@ def test_a_tree_manager_of_py_trees_ticks_our_trees_as_a_run_does() -> None:
         ours.tick()
         manager.tick()
         for stage in (ours, theirs):
-            stage.world.clock.advance(1.0)
+            stage.environment.clock.advance(1.0)
         names = {node.id: node.name for node in theirs.root.iterate()}
         assert [node.name for node, _ in ours.ticked] == [names[one] for one in seen.visited]
         pairs = zip(ours.root.iterate(), theirs.root.iterate(), strict=True)

@@ -164,7 +164,7 @@ def test_a_subtree_that_is_stopped_hands_over_nothing() -> None:
     stage = Stage("subtree: one", head=head, answers={"drive": LONG})
     stage.tick()
     stage.interrupt()
-    assert stage.world.running() == []
+    assert stage.environment.running() == []
     assert "word" not in stage.run._context.scope.blackboard
 
 

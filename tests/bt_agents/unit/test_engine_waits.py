@@ -81,7 +81,7 @@ def test_a_message_that_fits_must_not_be_followed_by_one_that_does_not() -> None
     stage.tick()
     for numbers in ([5], [1], [2, 6], [7]):
         for number in numbers:
-            stage.world.arrive("t", {"data": number})
+            stage.environment.arrive("t", {"data": number})
         assert stage.after(1.0) == "running"
     assert stage.after(1.0) == "succeeded"
     assert stage.said == ["Got 7."]
@@ -90,10 +90,10 @@ def test_a_message_that_fits_must_not_be_followed_by_one_that_does_not() -> None
 def test_a_break_in_the_tick_in_which_the_time_is_over_is_a_break() -> None:
     stage = Stage(f"wait_for: {MESSAGE}")
     stage.tick()
-    stage.world.arrive("t", {"data": 5})
+    stage.environment.arrive("t", {"data": 5})
     stage.tick()
     for number in (7, 1):
-        stage.world.arrive("t", {"data": number})
+        stage.environment.arrive("t", {"data": number})
     assert stage.after(2.0) == "running"
 
 
@@ -111,7 +111,7 @@ def test_without_a_time_the_first_message_that_fits_counts() -> None:
     )
     stage.tick()
     for number in (1, 4, 2, 9):
-        stage.world.arrive("t", {"data": number})
+        stage.environment.arrive("t", {"data": number})
     assert stage.tick() == "succeeded"
     assert stage.said == ["Got 4."]
 
@@ -119,14 +119,14 @@ def test_without_a_time_the_first_message_that_fits_counts() -> None:
 def test_without_a_condition_any_message_will_do() -> None:
     stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Empty}")
     assert stage.tick() == "running"
-    stage.world.arrive("t", {})
+    stage.environment.arrive("t", {})
     assert stage.tick() == "succeeded"
 
 
 def test_an_output_that_the_message_does_not_have_is_a_failure_and_nothing_is_written() -> None:
     stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Int32, outputs: {n: data, m: other}}")
     stage.tick()
-    stage.world.arrive("t", {"data": 3})
+    stage.environment.arrive("t", {"data": 3})
     assert stage.tick() == "failed"
     assert "'msg.other' has no value" in stage.message
 
@@ -135,14 +135,14 @@ def test_an_output_that_the_message_does_not_have_is_a_failure_and_nothing_is_wr
 def test_nobody_listens_any_more_after_the_end(end: str) -> None:
     stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}")
     stage.tick()
-    [(_, inbox)] = stage.world._inboxes
+    [(_, inbox)] = stage.environment._inboxes
     assert not inbox.closed
     if end == "interrupt":
         stage.interrupt()
     elif end == "cancel":
         stage.run.cancel("enough")
     else:
-        stage.world.arrive("t", {"data": True} if end == "success" else {})
+        stage.environment.arrive("t", {"data": True} if end == "success" else {})
         stage.tick()
     assert inbox.closed
 
@@ -150,13 +150,13 @@ def test_nobody_listens_any_more_after_the_end(end: str) -> None:
 def test_what_came_before_the_start_does_not_count() -> None:
     stage = Stage("sequence:\n  - wait: 1 s\n  - wait_for: {topic: t, type: std_msgs/msg/Empty}")
     stage.tick()
-    stage.world.arrive("t", {})
+    stage.environment.arrive("t", {})
     assert stage.after(1.0) == "running"
     stage.interrupt()
-    stage.world.arrive("t", {})
+    stage.environment.arrive("t", {})
     stage.tick()
     assert stage.after(1.0) == "running"
-    stage.world.arrive("t", {})
+    stage.environment.arrive("t", {})
     assert stage.tick() == "succeeded"
 
 

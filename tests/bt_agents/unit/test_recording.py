@@ -34,8 +34,8 @@ class Recorded(Stage):
             profile=self.spec.profile,
             live=lambda: self.live,
             tunables=self.tunables,
-            world=self.world,
-            steady=self.world.clock,
+            environment=self.environment,
+            steady=self.environment.clock,
             seed=1,
             sink=lambda _tick, line: self.lines.append(line),
             most=most,
@@ -79,9 +79,9 @@ def test_a_clock_that_goes_back_is_recorded_even_if_a_time_has_not_come() -> Non
     stage = Recorded("sequence: [{wait: 1 s}, {wait: 1 s}]")
     stage.tick()
     stage.tick(3, 0.5)
-    stage.world.clock.advance(-1.0)
+    stage.environment.clock.advance(-1.0)
     stage.tick()
-    assert stage.entries[-1]["t"] == stage.world.clock()
+    assert stage.entries[-1]["t"] == stage.environment.clock()
 
 
 def test_what_is_asked_for_is_recorded_with_its_fields() -> None:
@@ -96,11 +96,11 @@ def test_a_record_that_gets_too_long_ends_with_the_reason_and_the_run_goes_on() 
     tree = "sequence: [{wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}}]"
     stage = Recorded(tree, most=1500)
     for _ in range(40):
-        stage.world.arrive("t", {"data": False})
+        stage.environment.arrive("t", {"data": False})
         stage.tick()
     assert stage.entries[-1] == {"stopped": "the recording got too long"}
     length = len(stage.lines)
-    stage.world.arrive("t", {"data": True})
+    stage.environment.arrive("t", {"data": True})
     assert stage.tick() == "succeeded"
     assert len(stage.lines) == length
     recording = read_recording(stage.lines)
@@ -119,8 +119,8 @@ def test_numbers_that_json_does_not_know_come_back() -> None:
     tree = "sequence: [{wait_for: {topic: t, type: std_msgs/msg/Float64, until: msg.data > 1}}]"
     stage = Recorded(tree)
     stage.tick()
-    stage.world.arrive("t", {"data": float("nan")})
-    stage.world.arrive("t", {"data": float("inf")})
+    stage.environment.arrive("t", {"data": float("nan")})
+    stage.environment.arrive("t", {"data": float("inf")})
     assert stage.tick() == "succeeded"
     assert [len(step.changes) for step in stage.again()] == [2, 2]
 
@@ -131,7 +131,7 @@ def test_a_service_that_is_refused_is_refused_again_with_its_words() -> None:
     def refuse(_goal: SkillGoal) -> Any:
         raise Refused("WRONG_TYPE", "'text' is a number")
 
-    stage.world.send = refuse  # type: ignore[method-assign]
+    stage.environment.send = refuse  # type: ignore[method-assign]
     assert stage.tick() == "failed"
     [step] = stage.again()
     assert step.changes == stage.changes
@@ -140,8 +140,10 @@ def test_a_service_that_is_refused_is_refused_again_with_its_words() -> None:
 
 
 def test_an_answer_that_a_cancel_changes_comes_out_with_the_cancel() -> None:
-    world = ScriptedEnvironment({"a": [ScriptedReply(after_s=9.0)]})
-    environment = RecordingEnvironment(world, lambda: pytest.fail("not read"), {}, world.clock)
+    scripted = ScriptedEnvironment({"a": [ScriptedReply(after_s=9.0)]})
+    environment = RecordingEnvironment(
+        scripted, lambda: pytest.fail("not read"), {}, scripted.clock
+    )
     goal = environment.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
     assert goal.state is GoalState.ACTIVE
     goal.cancel()
@@ -153,11 +155,13 @@ def test_an_answer_that_a_cancel_changes_comes_out_with_the_cancel() -> None:
 
 
 def test_a_goal_stands_still_during_a_step() -> None:
-    world = ScriptedEnvironment({"a": [ScriptedReply(after_s=1.0)]})
-    environment = RecordingEnvironment(world, lambda: pytest.fail("not read"), {}, world.clock)
+    scripted = ScriptedEnvironment({"a": [ScriptedReply(after_s=1.0)]})
+    environment = RecordingEnvironment(
+        scripted, lambda: pytest.fail("not read"), {}, scripted.clock
+    )
     goal = environment.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
     before = environment.clock(), goal.state
-    world.clock.advance(5.0)
+    scripted.clock.advance(5.0)
     assert (environment.clock(), goal.state) == before
     environment.steps.end()
     assert (environment.clock(), goal.state) == (5.0, GoalState.SUCCEEDED)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.host.reload.folder_watch import PATIENCE_LOOKS, FolderWatch, WatchStopped
+from bt_agents.host.reload.folder_watch import MAX_UNSETTLED_POLLS, FolderWatch, WatchStopped
 from bt_agents_language.files.folder_reader import read_trees
 from reload_harness import MANNERS, SKILLS, agent, new_folder, write
 
@@ -20,7 +20,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def settled(watch: FolderWatch):
-    found = [trees for trees in (watch.look() for _ in range(3)) if trees is not None]
+    found = [trees for trees in (watch.poll() for _ in range(3)) if trees is not None]
     assert len(found) <= 1
     return found[0] if found else None
 
@@ -31,7 +31,7 @@ def specs(trees) -> dict[str, int]:
 
 def test_nothing_is_new_when_nothing_has_changed(folder):
     watch = FolderWatch(read_trees(folder))
-    assert [watch.look() for _ in range(5)] == [None] * 5
+    assert [watch.poll() for _ in range(5)] == [None] * 5
 
 
 def test_only_the_changed_file_is_read_again(folder):
@@ -67,8 +67,8 @@ def test_a_file_that_is_still_being_written_waits_until_it_stands_still(folder):
     text = agent("bob", "{say: bye}")
     for end in (0, 20, 40, len(text)):
         file.write_text(text[:end])
-        assert watch.look() is None
-    after = watch.look()
+        assert watch.poll() is None
+    after = watch.poll()
     assert after is not None
     assert after.broken == ()
     assert after.files[1].text == text
@@ -78,17 +78,17 @@ def test_a_file_that_never_stands_still_is_read_in_the_end(folder):
     watch = FolderWatch(read_trees(folder))
     settled(watch)
     found = []
-    for number in range(PATIENCE_LOOKS + 1):
+    for number in range(MAX_UNSETTLED_POLLS + 1):
         write(folder, "bob", agent("bob", f"{{say: bye {number}}}"))
-        found.append(watch.look())
-    assert found[:-1] == [None] * PATIENCE_LOOKS
+        found.append(watch.poll())
+    assert found[:-1] == [None] * MAX_UNSETTLED_POLLS
     assert found[-1] is not None
 
 
 def test_a_look_that_is_asked_for_does_not_wait(folder):
     watch = FolderWatch(read_trees(folder))
     write(folder, "bob", agent("bob", "{say: bye}"))
-    assert watch.look(settle=False) is not None
+    assert watch.poll(settle=False) is not None
 
 
 def test_an_editor_may_write_by_rename_and_leave_swap_files(folder):
@@ -122,7 +122,7 @@ def test_a_file_that_is_deleted_and_made_again_between_two_looks_is_none_that_wa
     file = folder / "agents" / "bob.yaml"
     text = file.read_text()
     file.unlink()
-    assert watch.look() is None
+    assert watch.poll() is None
     file.write_text(text)
     assert settled(watch) is None
 
@@ -279,11 +279,11 @@ def test_tests_scripts_and_hidden_folders_are_nobodys_news(folder):
 
 def test_reading_can_be_stopped(folder):
     watch = FolderWatch(read_trees(folder))
-    watch.look()
+    watch.poll()
     write(folder, "ann", agent("ann", "{say: bye}"))
     watch.stop()
     with pytest.raises(WatchStopped):
-        watch.look(settle=False)
+        watch.poll(settle=False)
 
 
 def test_a_reading_that_fails_is_tried_again(folder, monkeypatch):
@@ -297,10 +297,10 @@ def test_a_reading_that_fails_is_tried_again(folder, monkeypatch):
     watch = FolderWatch(read_trees(folder), pause)
     settled(watch)
     write(folder, "ann", agent("ann", "{say: bye}"))
-    watch.look()
+    watch.poll()
     with pytest.raises(RuntimeError):
-        watch.look()
-    assert watch.look().files[0].cause == "file changed"
+        watch.poll()
+    assert watch.poll().files[0].cause == "file changed"
 
 
 def test_the_agents_may_move_to_another_file(folder):

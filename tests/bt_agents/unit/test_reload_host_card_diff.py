@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a watcher of cards is told."""
+"""Differences between two cards of a host, and their texts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bt_agents.host.reload.host_card_diff import CardDiff, why_kept
+from bt_agents.host.reload.host_card_diff import CardDiff, degraded_reason
 
 
 def agent(name: str = "ann", version: int = 1, waiting: bool = False, *problems: str) -> Message:
@@ -18,17 +18,17 @@ def agent(name: str = "ann", version: int = 1, waiting: bool = False, *problems:
 
 
 def card(*agents: Message, instance: str = "i", problems: tuple[str, ...] = ()) -> Message:
-    told = [line for one in agents for line in one.problems]
+    reported = [line for one in agents for line in one.problems]
     return Message(
-        host="/agents", host_instance=instance, agents=agents, problems=[*told, *problems]
+        host="/agents", host_instance=instance, agents=agents, problems=[*reported, *problems]
     )
 
 
-def news(*cards: Message) -> list[str]:
+def changes(*cards: Message) -> list[str]:
     watcher = CardDiff()
     for one in cards[:-1]:
-        watcher.take(one)
-    return [one.text for one in watcher.take(cards[-1])]
+        watcher.update(one)
+    return [one.text for one in watcher.update(cards[-1])]
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def news(*cards: Message) -> list[str]:
     ],
 )
 def test_a_change_on_a_card_is_one_line(before: Any, now: Any, words: list[str]) -> None:
-    assert news(card(before), card(now)) == words
+    assert changes(card(before), card(now)) == words
 
 
 BROKEN = "t/a.yaml:1:1: error[x]: y"
@@ -86,7 +86,7 @@ BROKEN = "t/a.yaml:1:1: error[x]: y"
     ],
 )
 def test_what_becomes_of_the_agent_is_told_as_it_is(before: Any, now: Any, words: str) -> None:
-    assert news(card(before), card(now)) == [words]
+    assert changes(card(before), card(now)) == [words]
 
 
 @pytest.mark.parametrize(
@@ -102,12 +102,12 @@ def test_what_becomes_of_the_agent_is_told_as_it_is(before: Any, now: Any, words
 def test_a_problem_of_the_folder_that_is_mended_is_told(
     problems: tuple[str, ...], words: list[str]
 ) -> None:
-    assert news(card(agent(), problems=problems), card(agent())) == words
-    assert news(card(agent(), problems=problems), card(agent(), problems=problems[:1])) == []
+    assert changes(card(agent(), problems=problems), card(agent())) == words
+    assert changes(card(agent(), problems=problems), card(agent(), problems=problems[:1])) == []
 
 
 def test_the_own_file_of_an_agent_is_told_of_once_when_it_is_mended() -> None:
-    assert news(card(agent("ann", 1, False, BROKEN)), card(agent())) == [
+    assert changes(card(agent("ann", 1, False, BROKEN)), card(agent())) == [
         "ann: its file is good again"
     ]
 
@@ -122,23 +122,23 @@ def test_the_own_file_of_an_agent_is_told_of_once_when_it_is_mended() -> None:
     ],
 )
 def test_why_an_agent_is_kept_is_said_in_a_few_words(problems: tuple[str, ...], why: str) -> None:
-    assert why_kept(agent("ann", 1, False, *problems)) == why
+    assert degraded_reason(agent("ann", 1, False, *problems)) == why
 
 
 def test_a_problem_of_the_folder_is_told_once() -> None:
     one = card(agent(), problems=("scene.yaml has changed",))
-    assert news(card(agent()), one) == ["scene.yaml has changed"]
-    assert news(card(agent()), one, one) == []
+    assert changes(card(agent()), one) == ["scene.yaml has changed"]
+    assert changes(card(agent()), one, one) == []
 
 
 def test_the_first_card_of_a_start_of_a_host_is_no_news() -> None:
-    assert news(card(agent())) == []
-    assert news(card(agent(version=7)), card(agent(), instance="other")) == []
-    assert news(card(), card(agent())) == []
+    assert changes(card(agent())) == []
+    assert changes(card(agent(version=7)), card(agent(), instance="other")) == []
+    assert changes(card(), card(agent())) == []
 
 
 def test_only_a_new_version_is_to_be_asked_about() -> None:
     watcher = CardDiff()
-    watcher.take(card(agent()))
-    assert [one.agent for one in watcher.take(card(agent(version=2)))] == ["ann"]
-    assert [one.agent for one in watcher.take(card(agent("ann", 2, True)))] == [""]
+    watcher.update(card(agent()))
+    assert [one.agent for one in watcher.update(card(agent(version=2)))] == ["ann"]
+    assert [one.agent for one in watcher.update(card(agent("ann", 2, True)))] == [""]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which version of an agent is in force: broken, retuned, swapped, waiting, rolled back."""
+"""Versions of an agent: broken, with other values, with another tree, waiting, rolled back."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.host.reload.version_history import KEPT
+from bt_agents.host.reload.version_history import MAX_VERSIONS
 from bt_agents_core.errors import Refused
 from reload_harness import MANNERS, Watched, agent, new_folder, write
 
@@ -23,20 +23,20 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def watched(folder: Path) -> Watched:
     one = Watched(folder)
-    assert one.look() == []
+    assert one.poll() == []
     return one
 
 
 def edit(watched: Watched, name: str, text: str) -> list[str]:
     write(watched.folder, name, text)
-    return watched.look()
+    return watched.poll()
 
 
 def causes(watched: Watched, name: str) -> list[tuple[int, str, str]]:
     return [(v.number, v.cause, v.change) for v in watched.versions.versions(name)]
 
 
-def test_a_changed_tree_is_swapped_when_the_agent_does_not_run(watched):
+def test_a_changed_tree_is_replaced_when_the_agent_does_not_run(watched):
     ann = watched.in_force["ann"]
     said = edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
     assert said == [
@@ -50,15 +50,15 @@ def test_a_changed_tree_is_swapped_when_the_agent_does_not_run(watched):
 
 
 def fail(watched: Watched, name: str) -> list[str]:
-    """Settle an agent as a host whose parameters cannot be declared; return what is told."""
-    trees = watched.watch.look(settle=False)
+    """Settle an agent as a host whose parameters cannot be declared; return what is reported."""
+    trees = watched.watch.poll(settle=False)
     assert trees is not None
-    assert watched.versions.take(trees) == [name]
+    assert watched.versions.update(trees) == [name]
     effect = watched.versions.settle(name, watched.running, watched.now)
     assert effect is not None
-    told = watched.versions.failed(effect, "OSError: disk")
-    assert told.bad
-    return [told.words]
+    reported = watched.versions.failed(effect, "OSError: disk")
+    assert reported.is_error
+    return [reported.text]
 
 
 def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_reading(watched):
@@ -66,14 +66,14 @@ def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_readi
     assert fail(watched, "bob") == [
         "bob: version 2 could not be brought into force, version 1 stays: OSError: disk"
     ]
-    assert watched.versions.standing("bob").version == 1
-    assert watched.versions.standing("bob").problems
+    assert watched.versions.status("bob").version == 1
+    assert watched.versions.status("bob").problems
     assert causes(watched, "bob") == [(1, "start", "")]
     assert edit(watched, "ann", agent("ann", "{say: hi}")) == [
         "replace ann: version 2 in force (tree changed: 1 node changed)",
         "replace bob: version 2 in force (tree changed: 1 node changed)",
     ]
-    assert not watched.versions.standing("bob").problems
+    assert not watched.versions.status("bob").problems
 
 
 def test_an_agent_that_could_not_be_added_is_not_there_and_is_tried_again(watched):
@@ -85,7 +85,7 @@ def test_an_agent_that_could_not_be_added_is_not_there_and_is_tried_again(watche
     assert "add cid: new agent from cid.yaml, version 1 in force" in said
 
 
-def test_a_changed_default_is_a_retune_also_while_the_agent_runs(watched):
+def test_a_changed_default_is_a_change_of_values_also_while_the_agent_runs(watched):
     edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("8 s")))
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("12 s")))
@@ -118,7 +118,7 @@ def test_a_changed_profile_says_which_parameter(watched):
     assert edit(watched, "bob", text) == ["update bob: version 2 in force (profile age: 3 → 4.5)"]
 
 
-def test_a_new_tunable_is_a_change_of_structure(watched):
+def test_a_new_tunable_is_a_change_of_the_tree(watched):
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", head=TUNABLES.format("8 s")))
     assert said == ["report bob: version 2 waits for the end of its run (tunable patience added)"]
@@ -132,23 +132,23 @@ def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
         "report bob: version 2 waits for the end of its run (tree changed: 1 node changed)"
     ]
     assert watched.in_force["bob"] is before
-    assert watched.versions.standing("bob").waiting
-    assert watched.versions.waits("bob") == "version 2 of bob waits"
+    assert watched.versions.status("bob").waiting
+    assert watched.versions.waiting_text("bob") == "version 2 of bob waits"
     assert watched.end_run() == ["replace bob: version 2 in force (tree changed: 1 node changed)"]
-    assert not watched.versions.standing("bob").waiting
-    assert watched.versions.standing("bob").version == 2
+    assert not watched.versions.status("bob").waiting
+    assert watched.versions.status("bob").version == 2
 
 
 def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
     watched.running = "bob"
     edit(watched, "bob", agent("bob", "{say: bye}"))
     edit(watched, "bob", agent("bob", "{say: adieu}"))
-    assert watched.versions.waits("bob") == "version 3 of bob waits"
+    assert watched.versions.waiting_text("bob") == "version 3 of bob waits"
     assert edit(watched, "bob", agent("bob")) == [
         "report bob: version 1 stays in force, 3 does not wait any more"
     ]
     assert watched.end_run() == []
-    assert watched.versions.standing("bob").version == 1
+    assert watched.versions.status("bob").version == 1
 
 
 def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wrong(watched):
@@ -157,12 +157,12 @@ def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wr
     assert said.startswith("report bob: bob.yaml is broken, version 1 stays in force: ")
     assert "bob.yaml:4:8: error[unknown-node]" in said
     assert watched.in_force["bob"] is before
-    standing = watched.versions.standing("bob")
-    assert "error[unknown-node]" in standing.problems[0]
+    status = watched.versions.status("bob")
+    assert "error[unknown-node]" in status.problems[0]
     assert edit(watched, "bob", agent("bob")) == [
         "report bob: bob.yaml is good again, version 1 stays"
     ]
-    assert watched.versions.standing("bob").problems == ()
+    assert watched.versions.status("bob").problems == ()
     assert watched.in_force["bob"] is before
 
 
@@ -172,7 +172,7 @@ def test_a_file_that_breaks_while_a_version_waits_lets_that_wait_on(watched):
     (said,) = edit(watched, "bob", "[")
     assert "version 2 still waits for the end of its run" in said
     assert watched.end_run()[0].startswith("replace bob: version 2 in force")
-    assert watched.versions.standing("bob").problems
+    assert watched.versions.status("bob").problems
 
 
 def test_new_agents_come_and_deleted_ones_go(watched):
@@ -180,7 +180,7 @@ def test_new_agents_come_and_deleted_ones_go(watched):
         "add mia: new agent from mia.yaml, version 1 in force"
     ]
     (watched.folder / "agents" / "mia.yaml").unlink()
-    (said,) = watched.look()
+    (said,) = watched.poll()
     assert said.startswith("remove mia: removed, its file ")
     assert set(watched.in_force) == {"ann", "bob"}
     assert edit(watched, "mia", agent("mia", "{say: bye}")) == [
@@ -200,18 +200,18 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(watched):
     watched.running = "bob"
     text = (watched.folder / "agents" / "bob.yaml").read_text()
     (watched.folder / "agents" / "bob.yaml").unlink()
-    (said,) = watched.look()
+    (said,) = watched.poll()
     assert said.endswith("is gone; it leaves at the end of its run")
-    assert watched.versions.standing("bob").removal_reason
+    assert watched.versions.status("bob").removal_reason
     with pytest.raises(Refused, match="NO_FILE"):
-        watched.versions.wanted("bob", 1)
+        watched.versions.find("bob", 1)
     assert edit(watched, "bob", text) == ["report bob: bob.yaml is good again, version 1 stays"]
-    assert not watched.versions.standing("bob").removal_reason
+    assert not watched.versions.status("bob").removal_reason
     (watched.folder / "agents" / "bob.yaml").unlink()
-    watched.look()
+    watched.poll()
     (said,) = watched.end_run()
     assert said.startswith("remove bob")
-    assert watched.look() == []
+    assert watched.poll() == []
 
 
 def test_only_agents_with_the_wanted_tags_are_there(folder):
@@ -230,7 +230,7 @@ def test_a_library_changes_its_agents_and_says_so(watched):
     head = "imports: [libraries/manners.yaml]\n"
     edit(watched, "bob", agent("bob", "{subtree: greet}", head))
     (watched.folder / "libraries" / "manners.yaml").write_text(MANNERS.replace("Good", "Fine"))
-    watched.look()
+    watched.poll()
     assert causes(watched, "bob")[-1] == (
         3,
         "library changed",
@@ -246,7 +246,7 @@ def test_a_roll_back_is_the_newest_version_and_writes_the_file(watched):
     ]
     file = watched.folder / "agents" / "bob.yaml"
     assert file.read_text() == old
-    assert watched.look() == []
+    assert watched.poll() == []
     assert causes(watched, "bob")[-1][:2] == (3, "roll back to 1")
     assert watched.in_force["bob"].tree.fields["text"].value == "hello"
     assert edit(watched, "bob", agent("bob", "{say: 'on'}"))[0].startswith(
@@ -259,7 +259,7 @@ def test_a_roll_back_of_a_running_tree_waits(watched):
     watched.running = "bob"
     assert watched.roll_back("bob", 1)[0].startswith("report bob: version 3 waits for the end")
     assert watched.end_run()[0].startswith("replace bob: version 3 in force")
-    assert watched.look() == []
+    assert watched.poll() == []
 
 
 def test_a_roll_back_keeps_a_text_that_was_never_good(watched):
@@ -271,8 +271,8 @@ def test_a_roll_back_keeps_a_text_that_was_never_good(watched):
         "what stood in bob.yaml is kept in bob.yaml~",
     ]
     assert (watched.folder / "agents" / "bob.yaml~").read_text() == "# work of an hour\n["
-    assert watched.versions.standing("bob").problems == ()
-    assert watched.look() == []
+    assert watched.versions.status("bob").problems == ()
+    assert watched.poll() == []
 
 
 def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
@@ -289,7 +289,7 @@ def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
     assert said[1].endswith(
         "bob.yaml could not be written (Permission denied) and holds another text"
     )
-    assert watched.look() == []
+    assert watched.poll() == []
     assert edit(watched, "ann", agent("ann", "{say: bye}"))[0].startswith("replace ann")
     assert watched.in_force["bob"].tree.fields["text"].value == "hello"
 
@@ -306,7 +306,7 @@ def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
 def test_a_roll_back_to_nowhere_is_refused(watched, name, number, code, words):
     edit(watched, "bob", agent("bob", "{say: bye}"))
     with pytest.raises(Refused, match=words) as refused:
-        watched.versions.wanted(name, number)
+        watched.versions.find(name, number)
     assert refused.value.code == code
 
 
@@ -314,17 +314,17 @@ def test_a_roll_back_to_the_same_words_is_refused(watched):
     edit(watched, "bob", agent("bob", "{say: bye}"))
     watched.roll_back("bob", 1)
     with pytest.raises(Refused, match="version 1 of bob says the same as 3"):
-        watched.versions.wanted("bob", 1)
+        watched.versions.find("bob", 1)
 
 
 def test_the_last_versions_are_kept_and_the_one_in_force_always(watched):
     watched.running = "bob"
-    for number in range(KEPT + 10):
+    for number in range(MAX_VERSIONS + 10):
         edit(watched, "bob", agent("bob", f"{{say: text {number}}}"))
     kept = [version.number for version in watched.versions.versions("bob")]
-    assert len(kept) == KEPT
+    assert len(kept) == MAX_VERSIONS
     assert kept[0] == 1
-    assert kept[1:] == list(range(KEPT + 11 - (KEPT - 2), KEPT + 12))
+    assert kept[1:] == list(range(MAX_VERSIONS + 11 - (MAX_VERSIONS - 2), MAX_VERSIONS + 12))
 
 
 def test_two_nodes_that_change_places_are_another_order(watched):

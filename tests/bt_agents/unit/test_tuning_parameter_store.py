@@ -28,7 +28,7 @@ ANNA = TuningCause(author="anna", reason="slow today")
 
 
 class Host:
-    """A board with the parameters of one agent, as a start of the host makes it."""
+    """A store with the parameters of one agent, as a start of the host makes it."""
 
     def __init__(
         self, file: Path | None = None, parameters: tuple[TunableParameter, ...] = PARAMETERS
@@ -36,63 +36,63 @@ class Host:
         self.told: list[str] = []
         disk = Disk()
         log = ChangeLog(file, disk, self.told.append) if file is not None else None
-        self.board = ParameterStore(log, Presets(None), disk, lambda: 1.0, self.told.append)
-        self.starts = {parameter.name: self.board.start(parameter) for parameter in parameters}
+        self.store = ParameterStore(log, Presets(None), disk, lambda: 1.0, self.told.append)
+        self.starts = {parameter.name: self.store.start(parameter) for parameter in parameters}
         for parameter in parameters:
-            self.board.add(parameter, self.starts[parameter.name].value)
-        self.board.overrule({n: s for n, s in self.starts.items() if s.overruled is not None})
+            self.store.add(parameter, self.starts[parameter.name].value)
+        self.store.overrule({n: s for n, s in self.starts.items() if s.overruled is not None})
 
     def undo(self, *agents: str) -> None:
-        found, values = self.board.undo(agents)
-        self.board.record(
+        found, values = self.store.undo(agents)
+        self.store.record(
             values, TuningCause(author="anna", action=TuningAction.UNDO, of=found.number)
         )
 
 
 def test_values_set_together_share_a_revision_with_author_and_reason():
-    board = Host().board
-    revision = board.record({"a.patience": 12.0, "a.attempts": 3, "tick_rate": 20.0}, ANNA)
+    store = Host().store
+    revision = store.record({"a.patience": 12.0, "a.attempts": 3, "tick_rate": 20.0}, ANNA)
     assert revision is not None
     assert (revision.number, revision.cause) == (1, ANNA)
-    assert board.format_changes(revision.changes) == "a.patience: 8 s → 12 s, a.attempts: 2 → 3"
+    assert store.format_changes(revision.changes) == "a.patience: 8 s → 12 s, a.attempts: 2 → 3"
 
 
 def test_the_same_value_again_is_no_revision():
-    board = Host().board
-    assert board.record({"a.patience": 8.0}, ANNA) is None
-    assert board.history.revision == 0
+    store = Host().store
+    assert store.record({"a.patience": 8.0}, ANNA) is None
+    assert store.history.revision == 0
 
 
 def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):
     first = Host(tmp_path / "t.sqlite")
-    first.board.record({"a.patience": 12.0}, ANNA)
-    first.board.close()
+    first.store.record({"a.patience": 12.0}, ANNA)
+    first.store.close()
     again = Host(tmp_path / "t.sqlite")
-    launched = again.board.parameter("a.patience")
-    again.board.remove("a.patience")
-    again.board.add(launched, 8.0)
+    launched = again.store.parameter("a.patience")
+    again.store.remove("a.patience")
+    again.store.add(launched, 8.0)
     again.undo()
-    assert again.board.values["a.patience"] == 8.0
+    assert again.store.values["a.patience"] == 8.0
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
         again.undo()
-    again.board.close()
-    assert Host(tmp_path / "t.sqlite").board.redo(())[1] == {"a.patience": 12.0}
+    again.store.close()
+    assert Host(tmp_path / "t.sqlite").store.redo(())[1] == {"a.patience": 12.0}
 
 
 def test_a_restart_brings_back_the_values_and_what_can_be_undone(tmp_path):
     first = Host(tmp_path / "t.sqlite")
-    first.board.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
-    first.board.record({"a.attempts": 4}, ANNA)
+    first.store.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
+    first.store.record({"a.attempts": 4}, ANNA)
     first.undo()
-    first.board.close()
+    first.store.close()
     again = Host(tmp_path / "t.sqlite")
-    assert again.board.values["a.patience"] == 12.0
-    assert again.board.values["tick_rate"] == 30.0
-    assert again.board.values["a.attempts"] == 2
+    assert again.store.values["a.patience"] == 12.0
+    assert again.store.values["tick_rate"] == 30.0
+    assert again.store.values["a.attempts"] == 2
     again.undo()
-    assert again.board.values["a.patience"] == 8.0
-    assert again.board.redo(())[1] == {"a.patience": 12.0, "tick_rate": 30.0}
-    again.board.close()
+    assert again.store.values["a.patience"] == 8.0
+    assert again.store.redo(())[1] == {"a.patience": 12.0, "tick_rate": 30.0}
+    again.store.close()
 
 
 def _changed(**changes: object) -> tuple[TunableParameter, ...]:
@@ -113,31 +113,31 @@ def test_a_file_that_has_changed_meanwhile_overrules_what_was_tuned(
     tmp_path, parameters, value, why
 ):
     first = Host(tmp_path / "t.sqlite")
-    first.board.record({"a.patience": 12.0}, ANNA)
-    first.board.close()
+    first.store.record({"a.patience": 12.0}, ANNA)
+    first.store.close()
     again = Host(tmp_path / "t.sqlite", parameters)
-    assert again.board.values["a.patience"] == value
-    [*_, (revision, change)] = again.board.history.shown
+    assert again.store.values["a.patience"] == value
+    [*_, (revision, change)] = again.store.history.shown
     assert revision.cause.author == FILE
     assert why in revision.cause.reason
     assert (change.before, change.after) == (12.0, value)
-    again.board.close()
+    again.store.close()
     third = Host(tmp_path / "t.sqlite", parameters)
-    assert third.board.values["a.patience"] == value
-    assert third.board.history.revision == 2
+    assert third.store.values["a.patience"] == value
+    assert third.store.history.revision == 2
 
 
 def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
     first = Host(tmp_path / "t.sqlite")
-    first.board.record({"a.patience": 12.0}, ANNA)
-    first.board.close()
+    first.store.record({"a.patience": 12.0}, ANNA)
+    first.store.close()
     without = Host(tmp_path / "t.sqlite", (TICK_RATE,))
     with pytest.raises(Refused, match=r"revision 1 cannot be: its value of a\.patience is not"):
-        without.board.undo(())
-    without.board.record({"tick_rate": 30.0}, ANNA)
-    without.board.close()
+        without.store.undo(())
+    without.store.record({"tick_rate": 30.0}, ANNA)
+    without.store.close()
     again = Host(tmp_path / "t.sqlite")
-    assert again.board.values["a.patience"] == 12.0
+    assert again.store.values["a.patience"] == 12.0
 
 
 @pytest.mark.parametrize(
@@ -150,10 +150,10 @@ def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
     ],
 )
 def test_a_changed_default_wins_and_other_changes_keep_the_value_where_they_can(changes, value):
-    board = Host().board
-    board.record({"a.patience": 12.0}, ANNA)
+    store = Host().store
+    store.record({"a.patience": 12.0}, ANNA)
     [parameter] = [one for one in _changed(**changes) if one.name == "a.patience"]
-    assert board.replace(parameter) == value
+    assert store.replace(parameter) == value
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_a_changed_default_wins_and_other_changes_keep_the_value_where_they_can(
 )
 def test_an_unknown_name_is_refused_with_the_nearest(name, words):
     with pytest.raises(Refused, match=f"UNKNOWN_PARAMETER: ({words})"):
-        Host().board.read([name], ["1"])
+        Host().store.read([name], ["1"])
 
 
 @pytest.mark.parametrize(
@@ -180,36 +180,36 @@ def test_an_unknown_name_is_refused_with_the_nearest(name, words):
 )
 def test_names_and_values_have_to_fit(names, texts, code):
     with pytest.raises(Refused, match=code):
-        Host().board.read(names, texts)
+        Host().store.read(names, texts)
 
 
 def test_a_preset_brings_back_tuned_values_and_those_of_the_files():
-    board = Host().board
-    assert board.save("evening", ["a"])[0] == 3
-    board.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
-    assert board.save("morning", [])[0] == 3
-    assert board.preset("evening") == (
+    store = Host().store
+    assert store.save("evening", ["a"])[0] == 3
+    store.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
+    assert store.save("morning", [])[0] == 3
+    assert store.preset("evening") == (
         {"a.patience": 8.0, "a.attempts": 2, "a.learning_rate": 0.2},
         [],
     )
-    assert board.presets.get("morning")["a.patience"] == "12 s"
+    assert store.presets.get("morning")["a.patience"] == "12 s"
 
 
 def test_a_preset_leaves_out_what_is_gone_and_refuses_what_does_not_fit():
-    board = Host().board
-    board.presets.save("old", {"a.patience": "12 s", "b.rate": "1"})
-    assert board.preset("old") == ({"a.patience": 12.0}, ["b.rate"])
-    board.presets.save("bad", {"a.patience": "12 s", "a.attempts": "9"})
+    store = Host().store
+    store.presets.save("old", {"a.patience": "12 s", "b.rate": "1"})
+    assert store.preset("old") == ({"a.patience": 12.0}, ["b.rate"])
+    store.presets.save("bad", {"a.patience": "12 s", "a.attempts": "9"})
     with pytest.raises(Refused, match=r"OUT_OF_RANGE: a\.attempts is 9, expected 1 to 5"):
-        board.preset("bad")
-    board.presets.save("gone", {"b.rate": "1"})
+        store.preset("bad")
+    store.presets.save("gone", {"b.rate": "1"})
     with pytest.raises(Refused, match="NOTHING_LEFT"):
-        board.preset("gone")
+        store.preset("gone")
 
 
 def test_an_unknown_agent_is_refused_with_the_nearest():
-    board = Host().board
-    for ask in (board.undo, board.redo, lambda agents: board.save("x", agents)):
+    store = Host().store
+    for ask in (store.undo, store.redo, lambda agents: store.save("x", agents)):
         with pytest.raises(Refused, match="UNKNOWN_AGENT: no agent 'b' here; possible here: a"):
             ask(["b"])
 
@@ -222,11 +222,11 @@ def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, mo
 
     monkeypatch.setattr(ChangeLog, "append", full)
     with pytest.raises(Refused, match="NOT_KEPT"):
-        host.board.record({"a.patience": 12.0}, ANNA)
-    assert host.board.values["a.patience"] == 8.0
-    assert host.board.history.revision == 0
-    host.board.record({"a.patience": 12.0}, TuningCause(author=FILE), must_be_stored=False)
-    assert host.board.values["a.patience"] == 12.0
+        host.store.record({"a.patience": 12.0}, ANNA)
+    assert host.store.values["a.patience"] == 8.0
+    assert host.store.history.revision == 0
+    host.store.record({"a.patience": 12.0}, TuningCause(author=FILE), must_be_stored=False)
+    assert host.store.values["a.patience"] == 12.0
     assert host.told == ["the disk is full"]
 
 
@@ -243,38 +243,38 @@ def test_the_character_that_cannot_be_shown_is_named():
 
 def test_a_tunable_without_its_agent_is_asked_whose_it_is():
     with pytest.raises(Refused, match=r"UNKNOWN_PARAMETER: whose 'patience'\? a\.patience$"):
-        Host().board.read(["patience"], ["5"])
+        Host().store.read(["patience"], ["5"])
 
 
 def test_an_empty_text_is_shown_in_quotes():
     parameter = replace(
         PARAMETERS[0], name="a.place", key="place", type=FieldType.TEXT, default="dock"
     )
-    board = Host(None, (parameter,)).board
-    revision = board.record({"a.place": ""}, ANNA)
+    store = Host(None, (parameter,)).store
+    revision = store.record({"a.place": ""}, ANNA)
     assert revision is not None
-    assert board.format_changes(revision.changes) == "a.place: dock → ''"
+    assert store.format_changes(revision.changes) == "a.place: dock → ''"
 
 
 def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):
     file = tmp_path / "t.sqlite"
     first = Host(file)
-    first.board.record({"a.patience": 12.0}, ANNA)
+    first.store.record({"a.patience": 12.0}, ANNA)
     [kept] = [one for one in _changed(default=12.0) if one.name == "a.patience"]
-    assert first.board.replace(kept) == 12.0
-    first.board.close()
+    assert first.store.replace(kept) == 12.0
+    first.store.close()
     again = Host(file, _changed(default=12.0))
-    assert again.board.history.revision == 1
-    again.board.close()
-    assert Host(file).board.values["a.patience"] == 8.0
+    assert again.store.history.revision == 1
+    again.store.close()
+    assert Host(file).store.values["a.patience"] == 8.0
 
 
 def test_the_same_is_noticed_at_a_start(tmp_path):
     file = tmp_path / "t.sqlite"
     first = Host(file)
-    first.board.record({"a.patience": 12.0}, ANNA)
-    first.board.close()
+    first.store.record({"a.patience": 12.0}, ANNA)
+    first.store.close()
     again = Host(file, _changed(default=12.0))
-    assert again.board.history.revision == 1
-    again.board.close()
-    assert Host(file).board.values["a.patience"] == 8.0
+    assert again.store.history.revision == 1
+    again.store.close()
+    assert Host(file).store.values["a.patience"] == 8.0

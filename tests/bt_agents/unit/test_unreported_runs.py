@@ -37,20 +37,20 @@ def test_a_run_that_its_market_has_closed_is_forgotten(event: int) -> None:
     runs = UnreportedRuns()
     runs.store(ended(1))
     runs.store(ended(2))
-    runs.take_event(ended(1, event=event))
+    runs.on_run_event(ended(1, event=event))
     assert rounds(runs.of_others("e2")) == [2]
 
 
 def test_a_run_that_its_market_had_given_up_before_it_ended_is_not_kept() -> None:
     runs = UnreportedRuns()
-    runs.take_event(ended(1))
+    runs.on_run_event(ended(1))
     runs.store(ended(1))
     assert runs.of_others("e2") == []
 
 
 def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
     runs = UnreportedRuns()
-    runs.take_event(ended(1, event=Run.REFUSED, agent="talker"))
+    runs.on_run_event(ended(1, event=Run.REFUSED, agent="talker"))
     runs.store(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
 
@@ -58,7 +58,7 @@ def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
 @pytest.mark.parametrize("event", [Run.STARTED, Run.CANCELLING])
 def test_a_run_that_goes_on_is_not_closed(event: int) -> None:
     runs = UnreportedRuns()
-    runs.take_event(ended(1, event=event))
+    runs.on_run_event(ended(1, event=event))
     runs.store(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
 
@@ -66,7 +66,7 @@ def test_a_run_that_goes_on_is_not_closed(event: int) -> None:
 def test_the_same_round_of_another_market_is_another_run() -> None:
     runs = UnreportedRuns()
     runs.store(ended(1))
-    runs.take_event(ended(1, epoch="e0"))
+    runs.on_run_event(ended(1, epoch="e0"))
     assert rounds(runs.of_others("e2")) == [1]
 
 

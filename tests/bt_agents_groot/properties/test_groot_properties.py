@@ -8,8 +8,9 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bt_agents_groot.agent_export import export_agent
+from bt_agents_groot.agent_import import import_agent
 from bt_agents_groot.document import read_document
-from bt_agents_groot.exporting import export_agent
 from bt_agents_groot.expressions import parse_formula
 from bt_agents_groot.formulas import (
     Binary,
@@ -20,10 +21,9 @@ from bt_agents_groot.formulas import (
     as_expression,
     as_script,
 )
-from bt_agents_groot.importing import import_agent
 from bt_agents_groot.scripts import parse_script
-from bt_agents_groot.written import Raw, YamlNode, yaml_lines
-from bt_agents_groot.xml_reader import Element
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import Raw, YamlNode, yaml_lines
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source

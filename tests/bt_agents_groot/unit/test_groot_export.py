@@ -10,8 +10,8 @@ from dataclasses import replace
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_groot.exporting import ExportedAgent, export_agent
-from bt_agents_groot.importing import import_agent
+from bt_agents_groot.agent_export import ExportedAgent, export_agent
+from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.files.agent_reader import read_agent, read_agent_text
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source, read_source

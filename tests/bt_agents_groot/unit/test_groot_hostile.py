@@ -9,8 +9,8 @@ import time
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_groot.importing import import_agent
-from bt_agents_language.reference.codes.table import code_groups, codes
+from bt_agents_groot.agent_import import import_agent
+from bt_agents_language.reference.codes import code_groups, codes
 from bt_agents_language.yaml.source import Source, read_source
 from tree_harness import VOCABULARY
 

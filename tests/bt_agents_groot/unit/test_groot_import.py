@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from bt_agents_groot.importing import ImportedAgent, import_agent
-from bt_agents_groot.remarks import RemarkLevel
+from bt_agents_groot.agent_import import ImportedAgent, import_agent
+from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.skills_reader import read_skills_text
 from bt_agents_language.tools.formatting.formatter import format_source
@@ -33,7 +33,7 @@ def document(made: ImportedAgent) -> dict:
 
 
 def said(made: ImportedAgent, weight: RemarkLevel) -> str:
-    return "\n".join(remark.message for remark in made.remarks if remark.weight is weight)
+    return "\n".join(remark.message for remark in made.remarks if remark.level is weight)
 
 
 @pytest.mark.parametrize(

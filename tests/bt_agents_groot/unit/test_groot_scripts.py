@@ -10,7 +10,7 @@ from bt_agents_groot.formulas import Untranslatable, as_expression, as_script, n
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.script_nodes import as_condition, as_node
 from bt_agents_groot.scripts import Assignment, ScriptError, parse_script
-from bt_agents_groot.written import yaml_lines
+from bt_agents_groot.yaml_nodes import yaml_lines
 
 
 def condition(script: str) -> str:

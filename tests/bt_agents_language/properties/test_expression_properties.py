@@ -11,13 +11,9 @@ from fractions import Fraction
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from bt_agents_language.expression.expressions import (
-    EvaluationError,
-    ExpressionError,
-    MissingValue,
-    ValueKind,
-    parse_expression,
-)
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.expression_values import EvaluationError, ValueKind
+from bt_agents_language.expression.expressions import MissingValue, parse_expression
 
 VALUES: dict[str, object] = {
     "n": 4, "scene.age": 2.5, "zero": 0, "big": 1e300, "numbers": (3, 1.5, -2),

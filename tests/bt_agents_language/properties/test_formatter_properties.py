@@ -11,12 +11,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.tools.formatting.comments import find_comments
-from bt_agents_language.tools.formatting.equivalence import same_meaning
-from bt_agents_language.tools.formatting.formatter import format_source
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.tools.formatting.formatter import format_source, same_meaning
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_language.yaml.yaml_reader import Node, read_yaml
 

@@ -22,6 +22,7 @@ from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import FieldType
+from bt_agents_language.diagnostics.renderers import MAX_SHOWN
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
@@ -30,12 +31,11 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
-from bt_agents_language.model.node_type import Children, Content, NodeField
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.symbols import ImportProblem
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
-from bt_agents_language.reference.codes.table import codes
-from bt_agents_language.yaml.renderers import MAX_SHOWN
+from bt_agents_language.nodes.node_type import Children, Content, NodeField
+from bt_agents_language.nodes.symbols import ImportProblem
+from bt_agents_language.reference.codes import codes
 from tree_harness import SPACE, TREES, VOCABULARY, scene
 
 CORPUS = Path(__file__).parents[2] / "corpus"
@@ -189,7 +189,7 @@ def check_run(spec: AgentSpec) -> None:
         profile=spec.profile,
         live=lambda: awarded,
         tunables={tunable.name: tunable.default for tunable in spec.tunables},
-        world=world,
+        environment=world,
         steady=world.clock,
     )
     for _ in range(TICKS):

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.tools.formatting.comments import find_comments
-from bt_agents_language.tools.formatting.equivalence import value_type
 from bt_agents_language.tools.formatting.span_edit import replace_value
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.scalars import value_type
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 

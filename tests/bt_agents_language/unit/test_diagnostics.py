@@ -7,8 +7,8 @@ import pytest
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import ReadError
-from bt_agents_language.yaml.diagnostics import MAX_COLLECTED, Diagnostics, did_you_mean
-from bt_agents_language.yaml.renderers import MAX_SHOWN
+from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean
+from bt_agents_language.diagnostics.renderers import MAX_COLLECTED, MAX_SHOWN
 from bt_agents_language.yaml.source import Source
 
 

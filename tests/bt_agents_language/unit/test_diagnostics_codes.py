@@ -16,23 +16,23 @@ from bt_agents_core.diagnostic import Diagnostic, Severity
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import BindingKind
 from bt_agents_groot.document import read_document
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.files import folder_reader
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
-from bt_agents_language.model.plugins import read_plugins
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.reference.codes.table import Code, ExampleKind, code_groups, codes, written
+from bt_agents_language.nodes.plugin_discovery import read_plugins
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.reference.codes import Code, ExampleKind, code_groups, codes, example_bytes
 from bt_agents_language.tools import folder_check
 from bt_agents_language.tools.folder_check import check_folder
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
 from bt_agents_language.tools.linting.lint import lint
-from bt_agents_language.yaml.diagnostics import Diagnostics
-from bt_agents_language.yaml.document import read_document as read_file
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.yaml_reader import Mapping
+from bt_agents_language.yaml.yaml_reader import read_document as read_file
 from fake_interfaces import FakeInterfaces
 from tree_harness import SPACE, TREES, VOCABULARY
 
@@ -150,7 +150,7 @@ LOOK: dict[ExampleKind, Callable[[bytes, Path], tuple[Diagnostic, ...]]] = {
 
 def found(code: Code, example: str, folder: Path) -> tuple[Diagnostic, ...]:
     try:
-        return LOOK[code.kind](written(example), folder)
+        return LOOK[code.kind](example_bytes(example), folder)
     except ReadError as error:
         return error.diagnostics
 

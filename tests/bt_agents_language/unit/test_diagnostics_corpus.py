@@ -24,8 +24,8 @@ from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.model.symbols import ImportProblem
-from bt_agents_language.reference.codes.table import ExampleKind, codes
+from bt_agents_language.nodes.symbols import ImportProblem
+from bt_agents_language.reference.codes import ExampleKind, codes
 from tree_harness import SPACE, VOCABULARY
 
 KEPT = Path(__file__).parents[2] / "corpus"

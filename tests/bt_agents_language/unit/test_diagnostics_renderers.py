@@ -11,8 +11,8 @@ from dataclasses import replace
 import pytest
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
-from bt_agents_language.yaml.diagnostics import Diagnostics
-from bt_agents_language.yaml.renderers import (
+from bt_agents_language.diagnostics.collection import Diagnostics
+from bt_agents_language.diagnostics.renderers import (
     as_annotation,
     as_block,
     as_json,

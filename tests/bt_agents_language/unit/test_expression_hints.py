@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents_language.expression.expressions import ExpressionError, ValueKind, parse_expression
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import parse_expression
 
 KINDS = {
     "n": ValueKind.NUMBER,

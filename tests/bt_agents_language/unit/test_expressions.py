@@ -5,14 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents_language.expression.expressions import (
-    MAX_LENGTH,
-    EvaluationError,
-    ExpressionError,
-    MissingValue,
-    ValueKind,
-    parse_expression,
-)
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.expression_values import EvaluationError, ValueKind
+from bt_agents_language.expression.expressions import MAX_LENGTH, MissingValue, parse_expression
 
 VALUES = {
     "scene.age": 4.0,

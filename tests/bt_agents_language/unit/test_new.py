@@ -49,7 +49,7 @@ def check(folder: Path) -> NodeSpec:
         assert format_source(source) == source.text
     result = run_file(folder / "agents" / "fresh.test.yaml", TreesFolders())
     assert result.error is None
-    assert [case.findings for case in result.cases] == [()] * len(result.cases)
+    assert [case.failures for case in result.cases] == [()] * len(result.cases)
     (covered,) = coverages([result])
     assert covered.gaps == ()
     return next(agent.tree for agent in trees.agents if agent.name == "fresh")

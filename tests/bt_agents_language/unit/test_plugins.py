@@ -19,7 +19,7 @@ CODE = '''
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents_language.model.node_type import NodeField
+from bt_agents_language.nodes.node_type import NodeField
 from bt_agents_language.model.specs import FieldType
 
 
@@ -85,7 +85,7 @@ import json
 from dataclasses import replace
 import tree_harness
 from bt_agents_core.errors import ReadError
-from bt_agents_language.model.plugins import installed_plugins
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
 
 tree_harness.VOCABULARY = replace(tree_harness.VOCABULARY, plugins=installed_plugins().kinds)
 """
@@ -134,7 +134,7 @@ def test_a_plugin_that_cannot_be_a_node_stops_no_other(package, entry, words):
     entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
     entries.write_text(entries.read_text() + entry + "\n")
     script = """
-    from bt_agents_language.model.plugins import installed_plugins
+    from bt_agents_language.nodes.plugin_discovery import installed_plugins
     plugins = installed_plugins()
     print(sorted(plugins.kinds), *plugins.problems)
     """

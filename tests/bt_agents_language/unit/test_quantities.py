@@ -8,17 +8,17 @@ import math
 import pytest
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.quantities import (
+from bt_agents_language.expression.quantities import (
     QuantityError,
     angle,
     duration,
+    format_quantity,
     integer,
     is_clock,
     length,
     meant_type,
     number,
     quantity_type,
-    spoken,
 )
 
 
@@ -239,4 +239,4 @@ def test_times_of_a_clock_are_known():
     ],
 )
 def test_values_are_spoken_with_a_pleasant_unit(value, field_type, words):
-    assert spoken(value, field_type) == words
+    assert format_quantity(value, field_type) == words

@@ -15,11 +15,11 @@ from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import FieldType
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, PREFIXES
+from bt_agents_language.expression.units import DIMENSIONS
+from bt_agents_language.fields.scope import mood_names, scene_names
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.model.node_type import NodeField, NodeType
-from bt_agents_language.model.scope import mood_names, scene_names
-from bt_agents_language.model.units import DIMENSIONS
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
+from bt_agents_language.nodes.node_type import NodeField, NodeType
 from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
@@ -54,7 +54,7 @@ def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
         profile=agent.profile,
         live=lambda: scene(age=3, familiarity=3, mood=3),
         tunables={},
-        world=(world := ScriptedEnvironment({}, result={"message": "", "answer": "yes"})),
+        environment=(world := ScriptedEnvironment({}, result={"message": "", "answer": "yes"})),
         steady=world.clock,
     )
     run.tick()

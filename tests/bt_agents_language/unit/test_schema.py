@@ -14,10 +14,10 @@ from jsonschema import Draft7Validator
 from py_trees.behaviour import Behaviour
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.node_type import Content, NodeField, NodeType
+from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
 from bt_agents_language.tools.schema.folder import (
-    FILE_KINDS,
     folder_vocabulary,
     schema_file,
     schema_of,

@@ -10,8 +10,8 @@ import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.errors import ReadError
-from bt_agents_groot.exporting import export_agent
-from bt_agents_groot.importing import import_agent
+from bt_agents_groot.agent_export import export_agent
+from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.skills_reader import read_skills_text
@@ -20,7 +20,7 @@ from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.rehearsal.events import EventKind
 from fake_interfaces import FakeInterfaces
-from rehearsal_harness import rehearsed, told
+from rehearsal_harness import events_of, rehearsed
 from tree_harness import TREES, VOCABULARY, Stage, agent
 
 CORPUS = Path(__file__).parents[2] / "corpus"
@@ -134,7 +134,7 @@ def test_the_shipped_drive_tells_how_far_it_still_is() -> None:
 
 def test_a_rehearsal_gives_feedback_from_the_start_where_it_is_told_to_and_else_none() -> None:
     given = rehearsed(DRIVE, "answers: {drive: {outputs: {remaining: 5 m}}}")
-    assert told(given, EventKind.BEGINS) == [(0.0, "drive"), (0.0, "say")]
+    assert events_of(given, EventKind.BEGINS) == [(0.0, "drive"), (0.0, "say")]
     nothing = rehearsed("sequence:\n  - drive: gate 12\n  - log: ${remaining}")
     assert nothing.outcome is not None
     assert "'remaining' has no value" in nothing.message

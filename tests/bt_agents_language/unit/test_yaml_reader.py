@@ -8,8 +8,8 @@ import os
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.model.quantities import QuantityError
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
+from bt_agents_language.expression.quantities import QuantityError
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.source import MAX_BYTES, Source, read_source
 from bt_agents_language.yaml.yaml_reader import MAX_DEPTH, Mapping, Scalar, Sequence, read_yaml

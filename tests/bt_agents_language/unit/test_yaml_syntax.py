@@ -8,12 +8,11 @@ import textwrap
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.yaml.diagnostics import Diagnostics
-from bt_agents_language.yaml.document import MAX_SLIPS, read_document
 from bt_agents_language.yaml.patched_source import Edit, PatchedSource, without_section
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.yaml_reader import Mapping
+from bt_agents_language.yaml.yaml_reader import MAX_SYNTAX_ERRORS, Mapping, read_document
 from tree_harness import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
@@ -198,7 +197,7 @@ def test_after_a_slip_that_could_mean_anything_other_keys_are_still_looked_throu
 def test_a_file_that_is_nothing_but_slips_ends():
     for line in ("a: b: c\n", "}\n", "- a\nb\n"):
         slips = [one for one in found(line * 500) if one.startswith("syntax")]
-        assert 1 <= len(slips) <= MAX_SLIPS
+        assert 1 <= len(slips) <= MAX_SYNTAX_ERRORS
 
 
 def test_places_in_a_mended_text_are_those_of_the_file():

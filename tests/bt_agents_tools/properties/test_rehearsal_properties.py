@@ -13,7 +13,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
 from bt_agents_language.files.testing.test_reader import read_test_text
-from bt_agents_language.reference.codes.table import codes
+from bt_agents_language.reference.codes import codes
 from bt_agents_tools.rehearsal.rehearsal import rehearse
 from bt_agents_tools.rehearsal.suite import failure, run_case
 from tree_harness import SPACE, TREES, VOCABULARY

@@ -38,7 +38,7 @@ class Graph:
     def namespaces_of_markets(self) -> list[str]:
         return self._markets
 
-    def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
+    def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         end = self.now + limit_s
         while self.now < end and not done():
             self.now += 0.5

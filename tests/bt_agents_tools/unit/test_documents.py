@@ -21,8 +21,8 @@ from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.files.scene_reader import SCENE, read_scene_text
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test_text
-from bt_agents_language.model.plugins import GROUP, read_plugins
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
+from bt_agents_language.nodes.plugin_discovery import GROUP, read_plugins
 from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents

@@ -11,10 +11,10 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.reference.codes.table import codes
+from bt_agents_language.files.file_kinds import FILE_KINDS
+from bt_agents_language.reference.codes import codes
 from bt_agents_language.reference.file_pages import file_words
 from bt_agents_language.reference.node_pages import node_pages
-from bt_agents_language.tools.schema.folder import FILE_KINDS
 from bt_agents_tools.cli.commands.explain import explain, explanation, print_page
 from tree_harness import TREES, VOCABULARY
 

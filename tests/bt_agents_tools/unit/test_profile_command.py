@@ -31,12 +31,12 @@ class Room:
         self.managed = ManagedLedger()
         self.scene_layer: Any = None
         self.asked: list[tuple[str, str]] = []
-        monkeypatch.setattr(command, "running_system", self._join)
+        monkeypatch.setattr(command, "connect", self._connect)
         monkeypatch.setattr(system, "manage_profiles", self._manage)
         monkeypatch.setenv("COLUMNS", "200")
 
     @contextmanager
-    def _join(self) -> Iterator[None]:
+    def _connect(self) -> Iterator[None]:
         yield None
 
     def _manage(self, _: Any, action: str, *, node: str = "feedback", **fields: Any) -> Any:
@@ -184,7 +184,7 @@ def test_a_refusal_is_said_in_its_own_words(room):
 
 def test_numbers_dates_and_heads_stay_whole_in_a_narrow_terminal(room, monkeypatch):
     room.managed.teach_layer("person/" + "somebody" * 9)
-    monkeypatch.setattr(command, "_WIDE", 80)
+    monkeypatch.setattr(command, "_NO_TERMINAL", 80)
     lines = room.run().output.splitlines()
     assert max(map(len, lines)) <= 80
     for head in ("revision", "feedbacks", "changed", "seem wrong", "age", "mood"):

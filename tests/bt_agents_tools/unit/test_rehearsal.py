@@ -15,7 +15,7 @@ from bt_agents_language.files.testing.scenarios import ScriptedEvent
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.events import EventKind
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
-from rehearsal_harness import rehearsed, said, scenario, told
+from rehearsal_harness import events_of, rehearsed, scenario, spoken_texts
 from tree_harness import SPACE, VOCABULARY, agent
 
 RULES = """
@@ -33,7 +33,7 @@ def test_a_text_takes_as_long_as_it_takes_to_say() -> None:
 
 def test_services_and_messages_take_no_time_and_other_actions_a_second() -> None:
     result = rehearsed("sequence: [light: green, sound: chirp, drive: gate 7, drive: gate 8]")
-    assert told(result, EventKind.BEGINS, EventKind.SENDS) == [
+    assert events_of(result, EventKind.BEGINS, EventKind.SENDS) == [
         (0.0, "light"),
         (0.0, "sound"),
         (0.0, "drive"),
@@ -54,7 +54,7 @@ def test_a_question_with_choices_is_answered_with_the_first() -> None:
           - say: ${answer}
         """
     )
-    assert said(result) == ["Which?", "bag"]
+    assert spoken_texts(result) == ["Which?", "bag"]
 
 
 def test_answers_come_in_turn_and_the_last_one_for_ever() -> None:
@@ -67,7 +67,7 @@ def test_answers_come_in_turn_and_the_last_one_for_ever() -> None:
         """,
         "answers: {ask: [one, two]}",
     )
-    assert said(result)[1::2] == ["one", "two", "two"]
+    assert spoken_texts(result)[1::2] == ["one", "two", "two"]
 
 
 def test_the_answer_of_a_path_counts_before_that_of_a_skill() -> None:
@@ -81,7 +81,7 @@ def test_the_answer_of_a_path_counts_before_that_of_a_skill() -> None:
         """,
         "answers: {ask: by skill, tree/2.ask: by path}",
     )
-    assert said(result)[1::2] == ["by skill", "by path"]
+    assert spoken_texts(result)[1::2] == ["by skill", "by path"]
 
 
 def test_words_that_are_no_choice_do_not_count_as_an_answer() -> None:
@@ -121,7 +121,7 @@ def test_a_skill_that_never_ends_is_stopped_by_its_timeout() -> None:
     result = rehearsed("drive: gate 7\ntimeout: 30 s", "answers: {drive: {ends: never}}")
     assert result.outcome is TreeOutcome.FAILED
     assert result.duration_s == 30.0
-    assert told(result, EventKind.STOPS, EventKind.GIVES_UP) == [
+    assert events_of(result, EventKind.STOPS, EventKind.GIVES_UP) == [
         (30.0, "timeout"),
         (30.0, "drive"),
     ]
@@ -131,7 +131,7 @@ def test_failures_are_told_before_what_follows_from_them() -> None:
     result = rehearsed(
         "drive: gate 7\non_failure: {say: Sorry.}", "answers: {drive: {ends: rejected}}"
     )
-    assert told(result, EventKind.BEGINS, EventKind.FAILS) == [
+    assert events_of(result, EventKind.BEGINS, EventKind.FAILS) == [
         (0.0, "drive"),
         (0.0, "drive"),
         (0.0, "say"),
@@ -201,7 +201,7 @@ def test_an_hour_of_talking_is_ticked_when_something_happens_only() -> None:
         head=RULES,
     )
     assert result.duration_s == pytest.approx(3600.0, rel=0.02)
-    assert len(said(result)) == 360
+    assert len(spoken_texts(result)) == 360
     assert result.ticks < 12 * 360
 
 
@@ -220,7 +220,7 @@ def test_a_mood_that_stays_down_gives_feedback_and_cancels_by_its_rule() -> None
     assert result.outcome is TreeOutcome.CANCELLED
     assert result.cancelled_by == "mood.change <= -1.0"
     assert result.feedback == (FeedbackKind.NEGATIVE,)
-    assert told(result, EventKind.FEEDBACK, EventKind.STOPS, EventKind.BEGINS)[1:] == [
+    assert events_of(result, EventKind.FEEDBACK, EventKind.STOPS, EventKind.BEGINS)[1:] == [
         (8.0, "negative: mood.change <= -1.0 held 2 s: mood 3 → 1.5"),
         (8.0, "say"),
         (8.0, "light"),
@@ -230,7 +230,7 @@ def test_a_mood_that_stays_down_gives_feedback_and_cancels_by_its_rule() -> None
 def test_a_rule_that_only_gives_feedback_lets_the_run_go_on() -> None:
     result = rehearsed("wait: 20 s", "during: [{after: 3 s, mood: 4}]", head=RULES)
     assert result.outcome is TreeOutcome.SUCCEEDED
-    assert told(result, EventKind.FEEDBACK) == [
+    assert events_of(result, EventKind.FEEDBACK) == [
         (5.0, "positive: mood.change >= 0.5 held 2 s: mood 3 → 4")
     ]
 
@@ -238,7 +238,7 @@ def test_a_rule_that_only_gives_feedback_lets_the_run_go_on() -> None:
 def test_a_mood_that_is_held_for_minutes_is_watched_without_ticking_the_tree() -> None:
     rules = "feedback:\n  - {when: mood.change <= -1.0, for: 10 min, give: negative}\n"
     result = rehearsed("wait: 1 h", "during: [{after: 1 min, mood: 1}]", head=rules)
-    assert told(result, EventKind.FEEDBACK)[0][0] == pytest.approx(660.0)
+    assert events_of(result, EventKind.FEEDBACK)[0][0] == pytest.approx(660.0)
     assert result.ticks < 12
 
 
@@ -262,7 +262,7 @@ def test_a_node_can_be_waited_for_before_something_happens() -> None:
         """,
     )
     assert result.outcome is TreeOutcome.SUCCEEDED
-    [(said_s, _), *_] = told(result, EventKind.WAITS)
+    [(said_s, _), *_] = events_of(result, EventKind.WAITS)
     assert result.duration_s == pytest.approx(said_s + 2.0)
 
 
@@ -271,7 +271,7 @@ def test_tunables_can_be_set_from_the_start_and_changed_meanwhile() -> None:
     assert rehearsed("wait: ${pause}", "tunables: {pause: 5 s}", head=head).duration_s == 5.0
     result = rehearsed("wait: ${pause}", "during: [{after: 2 s, tune: {pause: 30 s}}]", head=head)
     assert result.duration_s == 30.0
-    assert told(result, EventKind.TUNES) == [(2.0, "pause 30 s")]
+    assert events_of(result, EventKind.TUNES) == [(2.0, "pause 30 s")]
 
 
 def test_a_run_can_be_cancelled_from_outside() -> None:
@@ -295,7 +295,7 @@ def test_replaced_nodes_are_not_rehearsed() -> None:
           - say: Here we are.
     """
     result = rehearsed(tree, 'replace: {"tree/*.way*": succeed}')
-    assert (result.outcome, said(result)) == (TreeOutcome.SUCCEEDED, ["Here we are."])
+    assert (result.outcome, spoken_texts(result)) == (TreeOutcome.SUCCEEDED, ["Here we are."])
     assert [use.skill for use in result.uses] == ["say"]
     assert not any("way" in path for path in result.marks)
     assert rehearsed(tree, 'replace: {"**.way": fail}').outcome is TreeOutcome.FAILED
@@ -303,7 +303,7 @@ def test_replaced_nodes_are_not_rehearsed() -> None:
 
 def test_the_same_seed_gives_the_same_picks() -> None:
     tree = "repeat: 20\nrandom: [say: one, say: two, say: three]"
-    first, same, other = (said(rehearsed(tree, f"seed: {seed}")) for seed in (7, 7, 8))
+    first, same, other = (spoken_texts(rehearsed(tree, f"seed: {seed}")) for seed in (7, 7, 8))
     assert first == same
     assert first != other
 
@@ -313,7 +313,7 @@ def test_an_agent_that_does_not_bid_does_not_run_unless_it_is_told_to() -> None:
     nobody = scenario(spec, "person: false")
     assert rehearse(spec, SPACE, nobody).declined == "needs scene.person"
     assert rehearse(spec, SPACE, nobody).uses == ()
-    assert said(rehearse(spec, SPACE, nobody, force=True)) == ["Hello."]
+    assert spoken_texts(rehearse(spec, SPACE, nobody, force=True)) == ["Hello."]
 
 
 def test_what_a_tree_does_again_at_each_tick_is_done_again_while_it_waits() -> None:
@@ -337,7 +337,7 @@ def test_feedback_and_lines_of_the_log_are_told() -> None:
           - give_feedback: {kind: positive, reason: thanked}
         """
     )
-    assert told(result, EventKind.LOGS, EventKind.FEEDBACK) == [
+    assert events_of(result, EventKind.LOGS, EventKind.FEEDBACK) == [
         (0.0, "warning: age 3"),
         (0.0, "positive: the tree: thanked"),
     ]
@@ -372,7 +372,7 @@ tree:
         vocabulary,
     )
     result = rehearse(spec, SPACE, scenario(spec, "answers: {dance: 0.7}"))
-    assert said(result) == ["Thank you for 0.7."]
+    assert spoken_texts(result) == ["Thank you for 0.7."]
 
 
 def test_nodes_can_be_replaced_by_others_that_give_the_same_names_a_value() -> None:
@@ -396,7 +396,7 @@ def test_nodes_can_be_replaced_by_others_that_give_the_same_names_a_value() -> N
         head="tunables: {patience: {default: 3 s, min: 1 s, max: 9 s, description: d}}",
     )
     assert result.outcome is TreeOutcome.SUCCEEDED
-    assert said(result) == ["I would drive.", "Here we are, at home."]
+    assert spoken_texts(result) == ["I would drive.", "Here we are, at home."]
     assert result.duration_s > 3.0
     assert not {path for path in result.marks if "drive" in path and path.count("/") == 1}
 
@@ -418,7 +418,7 @@ def test_a_limit_that_is_reached_is_told_before_its_handling() -> None:
     result = rehearsed(
         "wait_for: live.mood > 4\ntimeout: 5 s\nretry: 2\non_failure: {log: nobody came}"
     )
-    assert told(result, EventKind.GIVES_UP, EventKind.LOGS) == [
+    assert events_of(result, EventKind.GIVES_UP, EventKind.LOGS) == [
         (5.0, "timeout"),
         (10.1, "timeout"),
         (10.1, "retry"),

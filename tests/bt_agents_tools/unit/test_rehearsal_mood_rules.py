@@ -6,14 +6,14 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_tools.rehearsal.events import EventKind
-from rehearsal_harness import rehearsed, told
+from rehearsal_harness import events_of, rehearsed
 
 
 def feedback(rule: str, *happenings: str) -> list[tuple[float, str]]:
     """Return when a rule fires, and why, in a run of 60 s."""
     during = "during: [" + ", ".join(f"{{{one}}}" for one in happenings) + "]\n"
     head = f"feedback: [{{give: positive, {rule}}}]\n"
-    return told(rehearsed("wait: 60 s", during, head=head), EventKind.FEEDBACK)
+    return events_of(rehearsed("wait: 60 s", during, head=head), EventKind.FEEDBACK)
 
 
 BETTER = "when: mood.change >= 0.5, for: 2 s"

@@ -27,7 +27,7 @@ def found(tree: str, expect: str, more: str = "", head: str = "") -> list[Assert
     spec = agent(tree, head)
     case = f"- {{name: x, scene: {{mood: 3}}, {more} expect: {{{expect}}}}}"
     [one] = cases_for(spec, case).cases
-    return list(run_case(spec, SPACE, one).findings)
+    return list(run_case(spec, SPACE, one).failures)
 
 
 @pytest.mark.parametrize(

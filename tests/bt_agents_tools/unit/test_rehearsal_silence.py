@@ -11,7 +11,7 @@ import pytest
 
 from bt_agents.engine.run import TreeOutcome
 from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
-from rehearsal_harness import rehearsed, said, told
+from rehearsal_harness import events_of, rehearsed, spoken_texts
 
 ROOT = Path(__file__).parents[3]
 
@@ -34,7 +34,7 @@ def test_a_silent_scene_layer_makes_the_live_scene_stale_after_the_lease() -> No
     result = story("wait_for: live.stale", "after: 2 s, scene_layer: silent")
     assert result.outcome is TreeOutcome.SUCCEEDED
     assert result.duration_s == pytest.approx(3.0, abs=0.01)
-    assert told(result, EventKind.SCENE) == [(2.0, "the scene layer is silent")]
+    assert events_of(result, EventKind.SCENE) == [(2.0, "the scene layer is silent")]
 
 
 def test_what_changes_in_silence_is_known_when_the_scene_layer_is_back() -> None:
@@ -75,10 +75,10 @@ def test_the_documented_tree_copes_with_a_stale_scene(
     happenings: tuple[str, ...], texts: list[str]
 ) -> None:
     result = story(documented_tree(), *happenings, more="answers: {drive: {after: 20 s}}\n")
-    assert (said(result), result.outcome) == (texts, TreeOutcome.SUCCEEDED)
+    assert (spoken_texts(result), result.outcome) == (texts, TreeOutcome.SUCCEEDED)
 
 
 def test_the_documented_tree_does_without_a_mood_that_is_stale_when_it_asks() -> None:
     rest = textwrap.indent(documented_tree(), "    ").strip()
     result = story(f"sequence:\n  - wait: 3 s\n  - {rest}", "after: 0 s, scene_layer: silent")
-    assert said(result)[0] == "Follow me."
+    assert spoken_texts(result)[0] == "Follow me."

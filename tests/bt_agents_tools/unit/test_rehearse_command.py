@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.main import bt_agents
-from bt_agents_tools.cli.scenario_options import happening_text
+from bt_agents_tools.cli.scenario_options import event_yaml
 from tree_harness import TREES, agent
 
 ROOT = TREES.parent
@@ -171,7 +171,7 @@ def test_an_agent_outside_of_a_trees_folder_says_where_it_belongs(tmp_path: Path
 )
 def test_what_happens_is_written_as_in_a_test_file(typed: str, text: str) -> None:
     head = "tunables: {patience: {default: 8 s, min: 2 s, max: 30 s, description: d}}"
-    assert happening_text(agent("wait: ${patience}", head), typed) == text
+    assert event_yaml(agent("wait: ${patience}", head), typed) == text
 
 
 def test_a_wrong_option_is_shown_as_it_was_typed() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from bt_agents_language.tools.drawing.boxes import BoxKind, box_of
@@ -17,7 +18,6 @@ from bt_agents_language.tools.drawing.layout import Placed, place
 from bt_agents_language.tools.drawing.mermaid import mermaid
 from bt_agents_language.tools.drawing.outline import outline
 from bt_agents_language.tools.drawing.svg import svg
-from bt_agents_language.yaml.renderers import columns
 from bt_agents_tools.cli.commands.show import show
 from tree_harness import SPACE, TREES, agent
 

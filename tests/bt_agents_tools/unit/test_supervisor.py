@@ -15,14 +15,14 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.launcher.backoff import Backoff
-from bt_agents_tools.launcher.log_file import LogFile
 from bt_agents_tools.launcher.supervisor import (
     LOOPBACK_PROFILE,
+    Backoff,
     Component,
+    LogFile,
     Supervisor,
-    keep_local,
-    reach_in_words,
+    discovery_text,
+    set_local_discovery,
 )
 
 HANG_S = 30.0
@@ -41,7 +41,7 @@ def test_the_wait_doubles_up_to_half_a_minute_and_begins_anew_after_a_minute_of_
     lives: list[float], waits: list[float]
 ) -> None:
     backoff = Backoff()
-    assert [backoff.ended(life) for life in lives] == waits
+    assert [backoff.next_wait(life) for life in lives] == waits
 
 
 UP_FOR_EVER = """
@@ -78,24 +78,24 @@ class Watched:
         return self.supervisor.log(name).read_text()
 
     def until(self, done: Callable[[list[str]], bool]) -> list[str]:
-        """Let it work until what it told is enough."""
-        told: list[str] = []
+        """Poll until the events so far are enough."""
+        events: list[str] = []
         end = time.monotonic() + HANG_S
-        while not done(told):
-            assert time.monotonic() < end, told
-            told += self.supervisor.keep_alive()
+        while not done(events):
+            assert time.monotonic() < end, events
+            events += self.supervisor.poll()
             time.sleep(0.01)
-        return told
+        return events
 
     def up(self, name: str, starts: int = 1) -> int:
         """Wait until a start of a component is up; return its pid."""
-        self.until(lambda _told: len(re.findall(r"pid \d+\n", self.said(name))) == starts)
+        self.until(lambda _events: len(re.findall(r"pid \d+\n", self.said(name))) == starts)
         return int(self.said(name).split()[-1])
 
     def end(self, name: str, pid: int) -> list[str]:
-        """Kill a component; return what is told of it."""
+        """Kill a component; return its events."""
         os.kill(pid, signal.SIGKILL)
-        return self.until(lambda told: bool(told))
+        return self.until(lambda events: bool(events))
 
 
 @pytest.fixture
@@ -104,28 +104,28 @@ def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched
     try:
         yield room
     finally:
-        for kept in room.supervisor._kept.values():
-            kept.process.kill()
-            kept.process.wait()
-            kept.close()
+        for one in room.supervisor._components.values():
+            one.process.kill()
+            one.process.wait()
+            one.close()
 
 
 def test_a_killed_component_is_started_again_after_a_wait_that_doubles(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     for starts, wait in enumerate(("0.5", "1", "2"), 1):
         pid = watched.up("agents", starts)
-        told = watched.end("agents", pid)
+        events = watched.end("agents", pid)
         log = watched.supervisor.log("agents")
-        assert told == [
+        assert events == [
             f"agents ended (killed by signal 9): starting it again in {wait} s (log: {log})",
             f"  agents: pid {pid}",
         ]
         watched.now += float(wait) - 0.01
-        assert watched.supervisor.keep_alive() == []
+        assert watched.supervisor.poll() == []
         assert watched.said("agents").count("pid ") == starts
         watched.now += 0.01 + 1.2
-        told = watched.until(lambda told: bool(told))
-        assert told == [f"agents is back after {float(wait) + 1.2:.1f} s"]
+        events = watched.until(lambda events: bool(events))
+        assert events == [f"agents is back after {float(wait) + 1.2:.1f} s"]
     assert re.findall("--- start [0-9]", watched.said("agents")) == [
         "--- start 2",
         "--- start 3",
@@ -137,7 +137,7 @@ def test_after_a_minute_of_life_the_wait_is_short_again(watched: Watched) -> Non
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     assert "again in 0.5 s" in watched.end("agents", watched.up("agents"))[0]
     watched.now += 0.5
-    watched.until(lambda told: bool(told))
+    watched.until(lambda events: bool(events))
     pid = watched.up("agents", 2)
     watched.now += 60.0
     assert "again in 0.5 s" in watched.end("agents", pid)[0]
@@ -150,52 +150,52 @@ def test_a_component_that_falls_silent_is_killed_after_ten_seconds_and_started_a
     supervisor.start(watched.write("agents", UP_FOR_EVER), watched.write("robot", UP_FOR_EVER))
     pid = watched.up("agents")
     watched.up("robot")
-    supervisor.keep_alive()
+    supervisor.poll()
     os.kill(pid, signal.SIGSTOP)
-    supervisor.hear("agents")
+    supervisor.on_heartbeat("agents")
     for _ in range(19):
         watched.now += 0.5
-        assert supervisor.keep_alive() == []
+        assert supervisor.poll() == []
     watched.now += 0.5
-    told = watched.until(lambda told: len(told) > 1)
-    assert told[0] == "agents hangs (no sign of life for 10 s): killing it"
-    assert told[1].startswith("agents ended (killed by signal 9): starting it again in 0.5 s")
-    supervisor.hear("agents")  # late, from the one that was killed
+    events = watched.until(lambda events: len(events) > 1)
+    assert events[0] == "agents hangs (no heartbeat for 10 s): killing it"
+    assert events[1].startswith("agents ended (killed by signal 9): starting it again in 0.5 s")
+    supervisor.on_heartbeat("agents")  # late, from the one that was killed
     for _ in range(60):
         watched.now += 0.5
-        supervisor.keep_alive()
+        supervisor.poll()
     assert watched.up("agents", 2) != pid
     assert "--- start" not in watched.said("robot")
 
 
-def test_a_sign_of_life_before_the_first_look_counts(watched: Watched) -> None:
+def test_a_heartbeat_before_the_first_poll_counts(watched: Watched) -> None:
     supervisor = watched.supervisor
     supervisor.start(watched.write("agents", UP_FOR_EVER))
     end = time.monotonic() + HANG_S
-    while supervisor._kept["agents"].heard is None:
+    while supervisor._components["agents"].last_heartbeat is None:
         assert time.monotonic() < end
-        supervisor.hear("agents")
+        supervisor.on_heartbeat("agents")
         time.sleep(0.01)
-    told = []
+    events = []
     for _ in range(20):
         watched.now += 0.5
-        told += supervisor.keep_alive()
-    assert told == ["agents hangs (no sign of life for 10 s): killing it"]
+        events += supervisor.poll()
+    assert events == ["agents hangs (no heartbeat for 10 s): killing it"]
 
 
 def test_silence_while_nobody_listened_is_no_reason_to_kill(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     watched.up("agents")
-    watched.supervisor.keep_alive()
-    watched.supervisor.hear("agents")
+    watched.supervisor.poll()
+    watched.supervisor.on_heartbeat("agents")
     watched.now += 3600.0
-    assert watched.supervisor.keep_alive() == []
+    assert watched.supervisor.poll() == []
     for _ in range(19):
         watched.now += 0.5
-        assert watched.supervisor.keep_alive() == []
+        assert watched.supervisor.poll() == []
     watched.now += 0.5
-    [hangs] = watched.supervisor.keep_alive()
-    assert hangs == "agents hangs (no sign of life for 10 s): killing it"
+    [hangs] = watched.supervisor.poll()
+    assert hangs == "agents hangs (no heartbeat for 10 s): killing it"
 
 
 UP_AND_GONE = """
@@ -208,31 +208,31 @@ def main():
 """
 
 
-def test_a_component_that_is_up_and_gone_while_it_is_looked_at_has_been_up(
+def test_a_component_that_is_up_and_gone_while_it_is_polled_has_been_up(
     watched: Watched, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("GO", str(tmp_path / "go"))
     watched.supervisor.start(watched.write("agents", UP_AND_GONE))
-    [kept] = watched.supervisor._kept.values()
-    take_ready = kept.take_ready
+    [one] = watched.supervisor._components.values()
+    poll_ready = one.poll_ready
 
-    def taken_just_before() -> bool:
-        up = take_ready()
+    def polled_just_before() -> bool:
+        up = poll_ready()
         (tmp_path / "go").touch()
-        kept.process.wait(HANG_S)
+        one.process.wait(HANG_S)
         return up
 
-    monkeypatch.setattr(kept, "take_ready", taken_just_before)
-    [ended] = watched.until(lambda told: bool(told))
+    monkeypatch.setattr(one, "poll_ready", polled_just_before)
+    [ended] = watched.until(lambda events: bool(events))
     assert "agents ended with exit code 1: starting it again in 0.5 s" in ended
 
 
-def test_a_component_that_cannot_start_at_first_is_an_error_with_its_words(
+def test_a_component_that_cannot_start_at_first_is_an_error_with_the_end_of_its_log(
     watched: Watched,
 ) -> None:
     watched.supervisor.start(watched.write("broken", BROKEN))
     with pytest.raises(BtAgentsError, match="broken ended with exit code 1") as caught:
-        watched.until(lambda told: bool(told))
+        watched.until(lambda events: bool(events))
     assert "error: scene.yaml is broken" in str(caught.value)
 
 
@@ -243,18 +243,18 @@ def test_what_was_up_once_is_tried_for_ever_even_when_it_cannot_start(watched: W
     watched.write("agents", BROKEN)
     for wait in ("1", "2", "4"):
         watched.now += 30.0
-        told = watched.until(lambda told: bool(told))
-        assert f"agents ended with exit code 1: starting it again in {wait} s" in told[0]
-        assert told[1:] == ["  agents: error: scene.yaml is broken"]
+        events = watched.until(lambda events: bool(events))
+        assert f"agents ended with exit code 1: starting it again in {wait} s" in events[0]
+        assert events[1:] == ["  agents: error: scene.yaml is broken"]
     watched.write("agents", UP_FOR_EVER)
     watched.now += 30.0
-    [back] = watched.until(lambda told: bool(told))
+    [back] = watched.until(lambda events: bool(events))
     assert back == "agents is back after 120.0 s"
 
 
-def test_a_component_that_is_not_to_last_is_an_error_when_it_ends(watched: Watched) -> None:
+def test_a_component_that_does_not_restart_is_an_error_when_it_ends(watched: Watched) -> None:
     component = watched.write("visitors", UP_FOR_EVER)
-    watched.supervisor.start(replace(component, lasting=False))
+    watched.supervisor.start(replace(component, restarts=False))
     pid = watched.up("visitors")
     with pytest.raises(BtAgentsError, match=r"visitors ended .killed by signal 9."):
         watched.end("visitors", pid)
@@ -267,27 +267,27 @@ def test_only_the_end_of_a_huge_log_is_read_and_nothing_of_an_earlier_start(
     with log.open(1) as file:
         file.write(b"of the first start\n")
     with log.open(2) as file:
-        assert log.last_words(5) == []
+        assert log.tail(5) == []
         file.write(b"x" * 1000 + b"\nsecond\n")
         file.flush()
-        assert log.last_words(1) == ["second"]
-        assert log.last_words(5)[0] == "x" * 500
+        assert log.tail(1) == ["second"]
+        assert log.tail(5)[0] == "x" * 500
         file.truncate(10**11)  # a hundred gigabytes of nothing
         file.seek(0, os.SEEK_END)
         file.write(b"\nlast\n")
     begin = time.monotonic()
-    assert log.last_words(1) == ["last"]
+    assert log.tail(1) == ["last"]
     assert time.monotonic() - begin < 1.0
 
 
-def test_a_process_that_ends_by_itself_is_named_with_its_last_words(tmp_path: Path) -> None:
+def test_a_process_that_ends_by_itself_is_named_with_the_end_of_its_log(tmp_path: Path) -> None:
     supervisor = Supervisor(tmp_path / "logs")
     supervisor.start(Component(name="broken", module="no_such_module"))
     try:
-        for kept in supervisor._kept.values():
-            kept.process.wait(20)
-        assert "broken ended with exit code 1" in supervisor.dead()
-        assert "No module named 'no_such_module'" in supervisor.dead()
+        for one in supervisor._components.values():
+            one.process.wait(20)
+        assert "broken ended with exit code 1" in supervisor.failure()
+        assert "No module named 'no_such_module'" in supervisor.failure()
     finally:
         assert supervisor.stop() == []
 
@@ -315,20 +315,20 @@ def test_parameters_win_over_those_of_a_file_which_comes_before_them() -> None:
 
 def test_traffic_stays_on_this_machine_unless_the_user_has_said_otherwise() -> None:
     environment: dict[str, str] = {}
-    keep_local(environment)
+    set_local_discovery(environment)
     whitelisted = {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(LOOPBACK_PROFILE),
     }
     assert environment == whitelisted
     assert "<address>127.0.0.1</address>" in LOOPBACK_PROFILE.read_text()
-    keep_local(environment)
+    set_local_discovery(environment)
     assert environment == whitelisted
-    assert reach_in_words(environment) == "this machine only"
+    assert discovery_text(environment) == "this machine only"
     own = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-    keep_local(own)
+    set_local_discovery(own)
     assert own == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-    assert reach_in_words(own) == "discovery range SUBNET"
+    assert discovery_text(own) == "discovery range SUBNET"
 
 
 @pytest.mark.parametrize(
@@ -342,9 +342,9 @@ def test_without_our_whitelist_the_range_keeps_traffic_on_this_machine(
     own: dict[str, str],
 ) -> None:
     environment = dict(own)
-    keep_local(environment)
+    set_local_discovery(environment)
     assert environment == {**own, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    assert reach_in_words(environment) == "this machine only"
+    assert discovery_text(environment) == "this machine only"
 
 
 def test_a_process_that_does_not_end_when_asked_is_killed(
@@ -360,7 +360,7 @@ def test_a_process_that_does_not_end_when_asked_is_killed(
     supervisor = Supervisor(tmp_path / "logs")
     supervisor.start(Component(name="deaf", module="deaf"))
     while "deaf" not in supervisor.log("deaf").read_text():
-        assert not supervisor.dead()
+        assert not supervisor.failure()
     assert supervisor.stop() == ["deaf"]
 
 
@@ -381,13 +381,13 @@ def test_a_process_that_needs_some_seconds_to_end_is_not_killed(
     supervisor = Supervisor(tmp_path / "logs")
     supervisor.start(Component(name="slow", module="slow"))
     while "slow" not in supervisor.log("slow").read_text():
-        assert not supervisor.dead()
+        assert not supervisor.failure()
     assert supervisor.stop() == []
 
 
 def test_every_process_is_put_into_the_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_NAMESPACE", "robot1")
-    keep_local(dict(os.environ))
+    set_local_discovery(dict(os.environ))
     assert "-r __ns:=/robot1" in " ".join(Component(name="a", module="b").command())
 
 
@@ -405,7 +405,7 @@ def test_every_process_is_put_into_the_namespace(monkeypatch: pytest.MonkeyPatch
 def test_an_environment_that_ros_does_not_know_is_refused_in_words(wrong: dict[str, str]) -> None:
     name, value = next(iter(wrong.items()))
     with pytest.raises(BtAgentsError, match=f"{name} is '{value}', expected"):
-        keep_local(dict(wrong))
+        set_local_discovery(dict(wrong))
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

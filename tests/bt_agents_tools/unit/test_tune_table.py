@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 
 from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
 from bt_agents_core.field_types import FieldType
 from bt_agents_tools.cli.tune_table import table
+from bt_agents_tools.client.tuning import ParameterState
 
 WORDS = "how long to wait for an answer, in the eyes of the person before the robot"
 PATIENCE = TunableParameter(
@@ -34,17 +35,15 @@ PLACE = replace(
 )
 
 
-@dataclass(frozen=True)
-class Stand:
-    parameter: TunableParameter
-    value: Setting
+def state(parameter: TunableParameter, value: Setting) -> ParameterState:
+    return ParameterState(parameter=parameter, value=value)
 
 
-STANDS = (Stand(PATIENCE, 8.0), Stand(TICK_RATE, 20.0), Stand(PLACE, ""))
+STATES = (state(PATIENCE, 8.0), state(TICK_RATE, 20.0), state(PLACE, ""))
 
 
 def test_each_agent_has_its_rows_behind_those_of_the_host() -> None:
-    assert list(table(STANDS, 10_000)) == [
+    assert list(table(STATES, 10_000)) == [
         "tick_rate   20   1 to 200     ticks of the running tree [1/s]",
         "ann",
         f"  patience  8 s  2 s to 30 s  {WORDS}",
@@ -53,20 +52,20 @@ def test_each_agent_has_its_rows_behind_those_of_the_host() -> None:
 
 
 def test_the_default_of_the_file_has_a_column_only_when_a_value_differs() -> None:
-    rows = list(table((Stand(PATIENCE, 12.0),), 10_000))
+    rows = list(table((state(PATIENCE, 12.0),), 10_000))
     assert rows[1] == f"  patience  12 s  file: 8 s  2 s to 30 s  {WORDS}"
 
 
 @pytest.mark.parametrize("width", [50, 60, 80, 120])
 def test_no_row_is_wider_than_the_terminal_and_no_word_is_lost(width: int) -> None:
-    rows = list(table((*STANDS, Stand(PATIENCE, 12.0)), width))
+    rows = list(table((*STATES, state(PATIENCE, 12.0)), width))
     assert max(map(len, rows)) <= width
     assert " ".join(" ".join(rows).split()).count(WORDS.split()[-1]) == 3
     assert all(row == "ann" or row.startswith(("  ", "tick_rate")) for row in rows)
 
 
 def test_a_description_without_room_has_lines_of_its_own() -> None:
-    rows = list(table((Stand(PATIENCE, 8.0),), 50))
+    rows = list(table((state(PATIENCE, 8.0),), 50))
     assert rows[:3] == [
         "ann",
         "  patience  8 s  2 s to 30 s",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback of trees: waited for a moment, resent until the feedback node has answered."""
+"""Feedback of trees: awaited for a moment, resent until the feedback node has answered."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STORED = "stored: the feedback node is away and gets it when it is back"
 
 
 class FeedbackRequests:
-    """Gives feedback in the name of running trees; none is lost while the feedback node is away.
+    """Requests for feedback of running trees; none is lost while the feedback node is away.
 
     Args:
         node: The host's node.
@@ -55,7 +55,7 @@ class FeedbackRequests:
         self.outbox = Outbox(node, client)
 
     def give(self, kind: FeedbackKind, values: Mapping[str, float], reason: str) -> FeedbackRun:
-        """Ask for a change of the running agent's profile; see ``World.give_feedback``."""
+        """Request a change of a profile; as :meth:`Environment.give_feedback`."""
         direct = kind is FeedbackKind.DIRECT
         request = GiveFeedback.Request(
             feedback_id=f"tree/{uuid.uuid4()}",

@@ -73,8 +73,8 @@ class GoalTrack:
     Args:
         goal: The goal or request.
         steady: A clock that never stands still [s].
-        last_beat: Returns when the server's heartbeat was last received [s], minus infinity for
-            never; None where there is no heartbeat.
+        last_heartbeat: Returns the time of the server's last heartbeat [s], minus infinity for
+            none so far; None where it has no heartbeat.
 
     Attributes:
         state: Its state for the leaf.
@@ -83,7 +83,7 @@ class GoalTrack:
     """
 
     def __init__(
-        self, goal: SkillGoal, steady: Clock, last_beat: Callable[[], float] | None = None
+        self, goal: SkillGoal, steady: Clock, last_heartbeat: Callable[[], float] | None = None
     ) -> None:
         self.state = GoalState.PENDING
         self.message = ""
@@ -93,7 +93,7 @@ class GoalTrack:
         self._within_s = goal.heartbeat.within_s if goal.heartbeat is not None else math.inf
         self._heartbeat_topic = goal.heartbeat.topic if goal.heartbeat is not None else ""
         self._steady = steady
-        self._last_beat = last_beat
+        self._last_heartbeat = last_heartbeat
         self._made_at = steady()
         self._sent_at: float | None = None
         self._accepted_at: float | None = None
@@ -181,11 +181,11 @@ class GoalTrack:
             return self._steady() + _SEARCH_S
         if self._accepted_at is None:
             return self._sent_at + self._timeouts.accept_s
-        beat_by = self._last_sign_of_life(self._accepted_at) + self._within_s
+        heartbeat_by = self._last_sign_of_life(self._accepted_at) + self._within_s
         if self._silent_since is not None:
-            beat_by = self._silent_since + SECOND_POLL_S
+            heartbeat_by = self._silent_since + SECOND_POLL_S
         answered_by = self._accepted_at + result_limit_s(self._kind, self._timeouts)
-        return min(beat_by, answered_by, self._steady() + _GRAPH_S)
+        return min(heartbeat_by, answered_by, self._steady() + _GRAPH_S)
 
     def _poll_server(self, now: float, accepted_at: float, server_there: bool) -> None:
         limit_s = result_limit_s(self._kind, self._timeouts)
@@ -210,14 +210,14 @@ class GoalTrack:
 
     def _silence(self, silent_s: float) -> str:
         text = f"no heartbeat for {silent_s:.1f} s"
-        if self._last_beat is not None and self._last_beat() == -math.inf:
+        if self._last_heartbeat is not None and self._last_heartbeat() == -math.inf:
             text += f", nor ever one on {self._heartbeat_topic}"
         return f"its server has gone silent ({text})"
 
     def _last_sign_of_life(self, accepted_at: float) -> float:
-        if self._last_beat is None:
+        if self._last_heartbeat is None:
             return accepted_at
-        return max(accepted_at, self._last_beat())
+        return max(accepted_at, self._last_heartbeat())
 
     def _give_up(self, state: GoalState, message: str) -> None:
         self._end(state, message)

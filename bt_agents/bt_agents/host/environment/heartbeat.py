@@ -30,7 +30,7 @@ class Heartbeats:
         self._subscriptions: dict[tuple[str, str], Any] = {}
 
     def subscribe(self, spec: HeartbeatSpec) -> Callable[[], float]:
-        """Return what returns when it was last received [s], minus infinity for never.
+        """Return a function for the time of the last one [s], minus infinity for never.
 
         Raises:
             Refused: ``UNKNOWN_TYPE``.

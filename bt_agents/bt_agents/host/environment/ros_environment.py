@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The world of trees over rclpy: goals, requests and topics that never block a tick."""
+"""The environment of trees over rclpy: goals, requests and topics that never block a tick."""
 
 from __future__ import annotations
 
@@ -89,14 +89,14 @@ class RosEnvironment:
         Args:
             specs: All nodes.
         """
-        clients, publishers, latched, beats = set(), set(), set(), set()
+        clients, publishers, latched, heartbeats = set(), set(), set(), set()
         for spec in specs:
             resources = type_of(spec).resources(spec)
             if (binding := resources.binding) is not None:
                 clients.add((binding.kind, binding.name, binding.type))
                 publishers.add((binding.name, binding.type))
                 if binding.heartbeat is not None:
-                    beats.add((binding.heartbeat.topic, binding.heartbeat.type))
+                    heartbeats.add((binding.heartbeat.topic, binding.heartbeat.type))
             if resources.topic is not None:
                 latched.add(resources.topic)
         in_use = self._deadlines.clients()
@@ -107,7 +107,7 @@ class RosEnvironment:
             self._node.destroy_publisher(self._publishers.pop(name))
         for name in self._latched.keys() - latched:
             self._latched.pop(name).close()
-        self._heartbeats.retain(beats)
+        self._heartbeats.retain(heartbeats)
 
     def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal or request.
@@ -120,8 +120,10 @@ class RosEnvironment:
         is_action = goal.kind is BindingKind.ACTION
         message = kind.Goal() if is_action else kind.Request()
         fill(message, goal.fields)
-        beat = self._heartbeats.subscribe(goal.heartbeat) if goal.heartbeat is not None else None
-        track = GoalTrack(goal, self._steady, beat)
+        last_heartbeat = (
+            self._heartbeats.subscribe(goal.heartbeat) if goal.heartbeat is not None else None
+        )
+        track = GoalTrack(goal, self._steady, last_heartbeat)
         run: RosGoalRun | RosRequest
         if is_action:
             run = RosGoalRun(

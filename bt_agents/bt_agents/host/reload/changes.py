@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What differs between two good versions of an agent, in words, and whether its tree does."""
+"""Difference between two good versions of an agent, as text, and whether it is in the tree."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import ellipsize
+from bt_agents_language.expression.quantities import format_quantity
 from bt_agents_language.files.agent_file import AgentFile
-from bt_agents_language.model.quantities import spoken
 from bt_agents_language.model.specs import AgentSpec, Tunable
 from bt_agents_language.tree.tree_fingerprint import difference
 
@@ -19,42 +19,42 @@ _DIGITS = 6
 
 @dataclass(frozen=True, kw_only=True)
 class AgentChange:
-    """What differs.
+    """Difference between two versions.
 
     Attributes:
-        words: For people; never empty.
-        structure: True when the tree, its clean-up or the names it uses differ, so that a running
-            tree cannot take the change.
+        text: Description for people; never empty.
+        changes_tree: True when the tree, its clean-up or the names it uses differ, so that a
+            running tree cannot take the change.
     """
 
-    words: str
-    structure: bool
+    text: str
+    changes_tree: bool
 
 
 def compare(before: AgentFile, after: AgentFile, space: SceneSpace) -> AgentChange:
-    """Return what differs between two good versions."""
+    """Return the difference between two good versions."""
     old, new = before.agent, after.agent
     assert old is not None
     assert new is not None
     tree = difference(before.prints[0], after.prints[0])
     clean_up = difference(before.prints[1], after.prints[1])
     typed = _types(old) != _types(new)
-    words = [f"tree changed: {tree}"] if tree else []
-    words += [f"on_cancel changed: {clean_up}"] if clean_up else []
-    words += _tunables(old, new)
+    parts = [f"tree changed: {tree}"] if tree else []
+    parts += [f"on_cancel changed: {clean_up}"] if clean_up else []
+    parts += _tunables(old, new)
     if old.learning_rate != new.learning_rate:
-        words.append(f"learning_rate: {old.learning_rate:g} → {new.learning_rate:g}")
-    words += [
+        parts.append(f"learning_rate: {old.learning_rate:g} → {new.learning_rate:g}")
+    parts += [
         f"profile {name}: {was:g} → {now:g}"
         for name, was, now in zip(space.names, old.profile, new.profile, strict=True)
         if was != now
     ]
-    words += [f"{key} changed" for key, was, now in _others(old, new) if was != now]
-    if not words:
+    parts += [f"{key} changed" for key, was, now in _others(old, new) if was != now]
+    if not parts:
         same = before.text == after.text
-        words = ["only places in files differ" if same else "only comments or layout changed"]
+        parts = ["only places in files differ" if same else "only comments or layout changed"]
     return AgentChange(
-        words=ellipsize("; ".join(words), _LONGEST), structure=bool(tree or clean_up or typed)
+        text=ellipsize("; ".join(parts), _LONGEST), changes_tree=bool(tree or clean_up or typed)
     )
 
 
@@ -72,18 +72,18 @@ def _tunables(old: AgentSpec, new: AgentSpec) -> Iterator[str]:
         if before.type is not after.type:
             yield f"{name} is a {after.type.value}, was a {before.type.value}"
         elif before.default != after.default:
-            yield f"{name}: {_written(before)} → {_written(after)}"
+            yield f"{name}: {_default_text(before)} → {_default_text(after)}"
         if _range(before) != _range(after):
             yield f"range of {name} changed"
         if before.description != after.description:
             yield f"description of {name} changed"
 
 
-def _written(tunable: Tunable) -> str:
+def _default_text(tunable: Tunable) -> str:
     value = tunable.default
     if isinstance(value, str | bool):
         return str(value).lower() if isinstance(value, bool) else f"'{value}'"
-    return spoken(value, tunable.type, _DIGITS)
+    return format_quantity(value, tunable.type, _DIGITS)
 
 
 def _range(tunable: Tunable) -> tuple[float | None, float | None, float]:

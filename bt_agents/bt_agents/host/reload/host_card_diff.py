@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is new on the card of a host since the one before, for people who watch it."""
+"""Diff of a host's cards: what has changed since the card before, as text for people."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _PLACE = re.compile(r"(.+?):(\d+)(?::\d+)?: error\b")
 
 
 class AgentOnCard(Protocol):
-    """One agent, as ``AgentCard.msg`` has it."""
+    """Fields of ``AgentCard.msg`` that are compared."""
 
     name: str
     version: int
@@ -23,7 +23,7 @@ class AgentOnCard(Protocol):
 
 
 class CardContent(Protocol):
-    """A host's card, as ``HostCard.msg`` has it."""
+    """Fields of ``HostCard.msg`` that are compared."""
 
     host: str
     host_instance: str
@@ -33,12 +33,12 @@ class CardContent(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class CardDifference:
-    """One thing that is new.
+    """Difference between two cards.
 
     Attributes:
-        text: For people.
-        agent: Whose version is new, so that its host can be asked what has changed; else empty.
-        is_error: True when somebody has to mend something.
+        text: Description for people.
+        agent: Agent with a new version, of which its host knows what has changed; else empty.
+        is_error: True when somebody has to fix something.
     """
 
     text: str
@@ -47,33 +47,33 @@ class CardDifference:
 
 
 class CardDiff:
-    """Compares each card with the one before of the same start of the same host."""
+    """Comparison of each card with the one before, of the same start of the same host."""
 
     def __init__(self) -> None:
         self._last: dict[str, CardContent] = {}
 
-    def take(self, card: CardContent) -> list[CardDifference]:
-        """Return what is new on a card; nothing on the first one of a host's start."""
+    def update(self, card: CardContent) -> list[CardDifference]:
+        """Return what has changed on a card; nothing for the first one of a host's start."""
         before = self._last.get(card.host)
         self._last[card.host] = card
         if before is None or before.host_instance != card.host_instance:
             return []
         had = {agent.name: agent for agent in before.agents}
         has = {agent.name: agent for agent in card.agents}
-        news = [
+        changed = [
             CardDifference(text=f"{name} does not bid any more") for name in had if name not in has
         ]
         if had:
             # A host that the market has just taken brings all of them.
-            news += [CardDifference(text=f"{name} bids now") for name in has if name not in had]
+            changed += [CardDifference(text=f"{name} bids now") for name in has if name not in had]
         for name in has:
             if name in had:
-                news += _of_agent(had[name], has[name])
-        return [*news, *_of_folder(before, card, has)]
+                changed += _of_agent(had[name], has[name])
+        return [*changed, *_of_folder(before, card, has)]
 
 
-def why_kept(agent: AgentOnCard) -> str:
-    """Return why an agent is not as its files say, in a few words; empty when it is."""
+def degraded_reason(agent: AgentOnCard) -> str:
+    """Return shortly why an agent is not as its files say; empty when it is."""
     if not agent.degraded:
         return ""
     first, *more = agent.problems
@@ -86,22 +86,24 @@ def why_kept(agent: AgentOnCard) -> str:
 
 def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
     name = now.name
-    news = []
+    changed = []
     if now.version != before.version:
-        news.append(CardDifference(text=f"{name}: version {now.version} in force", agent=name))
+        changed.append(CardDifference(text=f"{name}: version {now.version} in force", agent=name))
     if now.waiting and not before.waiting:
-        news.append(CardDifference(text=f"{name}: a newer version waits for the end of its run"))
+        changed.append(
+            CardDifference(text=f"{name}: a newer version waits for the end of its run")
+        )
     if now.degraded and list(now.problems) != list(before.problems):
-        news.append(CardDifference(text=_degraded(now), is_error=True))
+        changed.append(CardDifference(text=_degraded(now), is_error=True))
     if before.degraded and not now.degraded and now.version == before.version:
-        news.append(CardDifference(text=f"{name}: its file is good again"))
-    return news
+        changed.append(CardDifference(text=f"{name}: its file is good again"))
+    return changed
 
 
 def _degraded(now: AgentOnCard) -> str:
     first, *more = now.problems
     if _PLACE.match(first) is None:
-        # It is not broken: the agent leaves, or a good file could not be brought into force.
+        # The file is not broken: the agent leaves, or a version could not be brought into force.
         if first.startswith(f"{now.name}: "):
             return first
         return f"{now.name}: {first}; it leaves at the end of its run"
@@ -115,23 +117,23 @@ def _degraded(now: AgentOnCard) -> str:
 def _of_folder(
     before: CardContent, card: CardContent, agents: Mapping[str, AgentOnCard]
 ) -> list[CardDifference]:
-    told = {form for agent in agents.values() for form in _told(agent)}
-    known = {*before.problems, *told}
-    news = [
+    reported = {form for agent in agents.values() for form in _reported_forms(agent)}
+    known = {*before.problems, *reported}
+    changed = [
         CardDifference(text=problem, is_error=True)
         for problem in card.problems
         if problem not in known
     ]
-    own = {form for agent in before.agents for form in _told(agent)}
+    own = {form for agent in before.agents for form in _reported_forms(agent)}
     gone = [one for one in before.problems if one not in own and one not in card.problems]
-    mended = _files(gone) - _files([*card.problems, *own])
+    fixed = _files(gone) - _files([*card.problems, *own])
     over = [f"no longer: {one}" for one in gone if _PLACE.match(one) is None]
-    texts = [*(f"{file} is good again" for file in sorted(mended)), *over]
-    return [*news, *(CardDifference(text=one) for one in texts)]
+    texts = [*(f"{file} is good again" for file in sorted(fixed)), *over]
+    return [*changed, *(CardDifference(text=one) for one in texts)]
 
 
-def _told(agent: AgentOnCard) -> Iterator[str]:
-    """Yield the problems of an agent as they stand on its card and on that of its host."""
+def _reported_forms(agent: AgentOnCard) -> Iterator[str]:
+    """Yield the problems of an agent in the forms of its own card and of its host's card."""
     for line in agent.problems:
         yield line
         yield f"{agent.name}: {line}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads again what has changed in a trees folder, and keeps everything else as it was."""
+"""Incremental re-read of a trees folder: unchanged files and agents stay the same objects."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from bt_agents_language.files.folder_reader import (
 )
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.model.plugins import installed_plugins
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
+from bt_agents_language.nodes.symbols import SymbolTable
 
 FILE_CHANGED = "file changed"
 NEW_FILE = "new file"
@@ -32,12 +32,12 @@ LIBRARY_CHANGED = "library changed"
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFiles:
-    """A folder as it was read last, and what its agents were read with.
+    """Trees folder as it was read last, with the inputs of its agents.
 
     Attributes:
         trees: The folder.
         libraries: Its libraries.
-        broken_skills: What is wrong with the skills; the last good ones stay meanwhile.
+        broken_skills: Errors of the skills; the last good ones stay meanwhile.
     """
 
     trees: Trees
@@ -46,7 +46,7 @@ class KnownFiles:
 
 
 def known_files(trees: Trees) -> KnownFiles:
-    """Return a folder that was just read."""
+    """Return the known files of a folder that was just read."""
     return KnownFiles(trees=trees, libraries=_libraries(trees, trees.vocabulary))
 
 
@@ -61,12 +61,12 @@ def reread(
     Files and agents that say the same as before are the same objects as before.
 
     Args:
-        before: What is known.
+        before: State of the last reading.
         listed: Every YAML file of the folder.
         changed: Those that may differ from what was read, and those that are gone.
         pause: Called before each file is read; may raise to give up.
     """
-    return _Pass(before, listed, changed, pause).result()
+    return _Reading(before, listed, changed, pause).result()
 
 
 def adopted(before: KnownFiles, file: AgentFile) -> KnownFiles:
@@ -81,8 +81,8 @@ def is_agent_file(folder: Path, path: Path) -> bool:
     return path.parent == folder / "agents" and not path.name.endswith(TEST_SUFFIXES)
 
 
-class _Pass:
-    """One time of reading."""
+class _Reading:
+    """One incremental reading."""
 
     def __init__(
         self,
@@ -100,7 +100,7 @@ class _Pass:
         self._skills_changed = False
 
     def result(self) -> KnownFiles:
-        """Read."""
+        """Return the state after it; the same object when nothing differs."""
         before, trees = self._before, self._before.trees
         texts = self._texts()
         self._differing = frozenset(
@@ -122,7 +122,7 @@ class _Pass:
         return replace(before, trees=replace(renewed, texts=texts, problems=problems))
 
     def _texts(self) -> Mapping[Path, str | None]:
-        """Return what the files with skills and libraries say now."""
+        """Return the current texts of the files with skills and libraries."""
         texts = dict(self._before.trees.texts)
         for path in self._changed:
             first = path.relative_to(self._folder).parts[0]
@@ -181,12 +181,12 @@ class _Pass:
         after = read_agent_file(path, libraries, cause=cause)
         if before is None:
             return replace(after, cause=NEW_FILE)
-        if _says_the_same(before, after):
+        if _is_same(before, after):
             return before
         if before.text != after.text:
             after = replace(after, cause=FILE_CHANGED)
         if before.agent is not None and after.agent is not None:
-            # Worked out here, where nobody waits for it.
+            # Computed here, where nobody waits for it.
             assert before.prints
             assert after.prints
         return after
@@ -212,7 +212,7 @@ def _with_files(
     )
 
 
-def _says_the_same(before: AgentFile, after: AgentFile) -> bool:
+def _is_same(before: AgentFile, after: AgentFile) -> bool:
     return (before.text, before.agent, _lines(before)) == (after.text, after.agent, _lines(after))
 
 

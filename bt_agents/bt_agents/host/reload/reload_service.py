@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Has agents changed while the host is at work: files are read beside it, changes act between."""
+"""Reload service of a host: a thread reads changed files, their effects run between callbacks."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from typing import Any
 from rclpy.node import Node
 
 from bt_agents.host.reload.folder_watch import FileWrite, FolderWatch, WatchStopped
-from bt_agents.host.reload.reload_actions import ReloadEffect
 from bt_agents.host.reload.version_history import Version
-from bt_agents.host.reload.versions import AgentVersions
+from bt_agents.host.reload.versions import AgentVersions, ReloadEffect
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import PERIOD_S
@@ -26,31 +25,34 @@ from bt_agents_ros.messages import seconds
 from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
 
-_TURN_S = 0.05
-_SLICE_S = 0.02
-"""How long agents are changed before other callbacks have their turn [s]."""
+_BUSY_PERIOD_S = 0.05
+"""Period of the timer while something is under way [s]."""
 
-_GIVE_WAY_S = 0.0005
+_SLICE_S = 0.02
+"""Time for changing agents before other callbacks run [s]."""
+
+_YIELD_S = 0.0005
 """Sleep of the reading thread before each file, in which the tree is ticked [s]."""
 
 ANSWER_LIMIT_S = 20.0
-"""How long a request waits until files are read and their agents changed [s]."""
+"""Longest time that a request waits until files are read and their agents changed [s]."""
 
 
 @dataclass(eq=False, kw_only=True)
 class Request:
-    """Somebody waits until files are read, and all that is new in them has been dealt with.
+    """Request to read files, answered when all their effects have been executed.
 
     Attributes:
-        done: Called once, when it is over.
-        words: What has changed, one entry an agent.
-        agents: The agents that these are about.
-        error: Why it did not work; empty when it did.
+        done: Called once, at the end.
+        deadline: Steady time at which it is answered at the latest [s].
+        changes: Descriptions of what has changed.
+        agents: Names of the agents that have changed.
+        error: Reason of a failure; empty for none.
     """
 
     done: Callable[[Request], None]
     deadline: float
-    words: list[str] = field(default_factory=list)
+    changes: list[str] = field(default_factory=list)
     agents: set[str] = field(default_factory=set)
     error: str = ""
 
@@ -58,22 +60,22 @@ class Request:
 @dataclass(frozen=True, kw_only=True)
 class _Reading:
     job: Job[Any]
-    take: Callable[[Any], None]
+    handle: Callable[[Any], None]
     request: Request | None
 
 
 class ReloadService:
-    """Watches the trees folder of a host, and says what is to be done with which agent.
+    """Watch of the trees folder of a host, which executes what changes of files lead to.
 
-    One thread looks at the files, for which it may take its time. Its results are taken here in
-    the order in which they were asked for, and no callback of the host is held up by them.
+    One thread polls and reads the files, however long that takes. Its results are handled on the
+    executor's thread in the order of the requests, in slices that block no other callback.
 
     Args:
         node: The host's node.
-        versions: The versions of its agents.
+        versions: Versions of its agents.
         runs: Its action.
-        apply: Does what an effect says.
-        applied: Called after one or more effects, and when the folder as a whole has news.
+        apply: Executes an effect.
+        applied: Called after one or more effects, and when the folder as a whole has changed.
     """
 
     def __init__(
@@ -90,36 +92,38 @@ class ReloadService:
         self._runs = runs
         self._apply = apply
         self._applied = applied
-        self._watch = FolderWatch(versions.trees, lambda: time.sleep(_GIVE_WAY_S))
+        self._watch = FolderWatch(versions.trees, lambda: time.sleep(_YIELD_S))
         self._thread = WorkerThread("reload")
         self._readings: deque[_Reading] = deque()
         self._unsettled: deque[str] = deque()
         self._effects: list[ReloadEffect] = []
-        self._news = False
+        self._updated = False
         self._requests: list[Request] = []
-        self._next_look = time.monotonic() + PERIOD_S
-        self._trouble = ""
+        self._next_poll = time.monotonic() + PERIOD_S
+        self._last_error = ""
         what = "take changed files of agents over by itself"
-        self._on = bool(declare_and_watch(node, "reload", True, describe(what), self._switch))
+        self._enabled = bool(
+            declare_and_watch(node, "reload", True, describe(what), self._set_enabled)
+        )
         runs.on_end(lambda goal, _result: self.run_ended(goal.agent))
-        self._timer = steady_timer(node, PERIOD_S, self._turn)
+        self._timer = steady_timer(node, PERIOD_S, self._on_timer)
 
     def close(self) -> None:
-        """Stop reading; nothing is waited for."""
+        """Stop reading, without waiting for the thread."""
         self._watch.stop()
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def run_ended(self, agent: str) -> None:
-        """Change the agent whose run has ended, when something waits for that."""
-        effect = self.versions.ended(agent)
+        """Execute what has waited for the end of an agent's run."""
+        effect = self.versions.run_ended(agent)
         if effect is not None:
-            self._do(effect)
-            self._tell()
+            self._execute(effect)
+            self._report_effects()
 
-    def look_now(self, done: Callable[[Request], None]) -> None:
-        """Look at the files as they are, and call back when all that is new is dealt with."""
+    def poll_now(self, done: Callable[[Request], None]) -> None:
+        """Read changed files at once, and call back when all their effects are executed."""
         request = self._request(done)
-        self._read(lambda: self._watch.look(settle=False), self._take_look, request)
+        self._read(lambda: self._watch.poll(settle=False), self._handle_poll, request)
 
     def roll_back(self, name: str, version: Version, done: Callable[[Request], None]) -> None:
         """Write an earlier version into its file and bring it into force; call back then."""
@@ -127,18 +131,18 @@ class ReloadService:
         file = self.versions.file(name).file
         texts = {one.file.text for one in self.versions.versions(name) if one.file.text}
 
-        def take(written: FileWrite) -> None:
+        def handle(written: FileWrite) -> None:
             now = self._now()
             running = self._runs.running
-            self._do(self.versions.roll_back(name, version, written.file, running, now))
-            if written.words:
-                request.words.append(written.words)
-            self.take(written.trees)
+            self._execute(self.versions.roll_back(name, version, written.file, running, now))
+            if written.text:
+                request.changes.append(written.text)
+            self.update(written.trees)
 
-        self._read(lambda: self._watch.write(file, version.file, texts), take, request)
+        self._read(lambda: self._watch.write(file, version.file, texts), handle, request)
 
-    def take(self, trees: Trees) -> None:
-        """Take the folder as it was read; agents that do not fit into one slice follow later."""
+    def update(self, trees: Trees) -> None:
+        """Handle a folder that was read; agents that do not fit into one slice follow later."""
         before = self.versions.trees
         log = self._node.get_logger()
         known = {broken.error.lines for broken in before.broken}
@@ -151,8 +155,8 @@ class ReloadService:
         for problem in trees.plugin_problems:
             if problem not in before.plugin_problems:
                 log.warning(f"a node of a package is left out: {problem}")
-        self._unsettled.extend(self.versions.take(trees))
-        self._news = True
+        self._unsettled.extend(self.versions.update(trees))
+        self._updated = True
         self._settle()
 
     def _settle(self) -> None:
@@ -161,56 +165,56 @@ class ReloadService:
             name = self._unsettled.popleft()
             effect = self.versions.settle(name, self._runs.running, self._now())
             if effect is not None:
-                self._do(effect)
+                self._execute(effect)
             if time.monotonic() >= end:
                 break
-        self._tell()
+        self._report_effects()
 
-    def _do(self, effect: ReloadEffect) -> None:
+    def _execute(self, effect: ReloadEffect) -> None:
         log = self._node.get_logger()
         try:
             self._apply(effect)
         except Exception as error:
-            log.error(f"{effect.words}: this failed:\n{traceback.format_exc()}")
+            log.error(f"{effect.text}: this failed:\n{traceback.format_exc()}")
             effect = self.versions.failed(effect, f"{type(error).__name__}: {error}")
             for request in self._requests:
-                request.error = "; ".join(filter(None, (request.error, effect.words)))
-        if effect.bad:
-            log.warning(effect.words)
+                request.error = "; ".join(filter(None, (request.error, effect.text)))
+        if effect.is_error:
+            log.warning(effect.text)
         else:
-            log.info(effect.words)
+            log.info(effect.text)
         self._effects.append(effect)
         for request in self._requests:
-            request.words.append(effect.words)
+            request.changes.append(effect.text)
             request.agents.add(effect.name)
 
-    def _tell(self) -> None:
-        """Tell of what has been done, once nothing is left; whoever has asked is answered."""
+    def _report_effects(self) -> None:
+        """Report the executed effects, once no agent is left to settle."""
         if self._unsettled:
             return
         effects, self._effects = self._effects, []
-        news, self._news = self._news, False
-        if effects or news:
+        updated, self._updated = self._updated, False
+        if effects or updated:
             self._applied(effects)
 
     def _set_timer(self) -> None:
-        """Turn soon while something is under way, else when the files are looked at again."""
+        """Wake soon while something is under way, else for the next poll."""
         now = time.monotonic()
         busy = self._readings or self._unsettled or self._requests
-        wait_s = _TURN_S if busy else max(_TURN_S, self._next_look - now)
+        wait_s = _BUSY_PERIOD_S if busy else max(_BUSY_PERIOD_S, self._next_poll - now)
         self._timer.timer_period_ns = round(wait_s * 1e9)
         self._timer.reset()
 
-    def _turn(self) -> None:
+    def _on_timer(self) -> None:
         now = time.monotonic()
         if self._unsettled:
             self._settle()
         while self._readings and not self._unsettled and self._readings[0].job.done():
             self._finish(self._readings.popleft())
-        if now >= self._next_look and not (self._readings or self._unsettled):
-            self._next_look = now + PERIOD_S
-            if self._on:
-                self._read(self._watch.look, self._take_look, None)
+        if now >= self._next_poll and not (self._readings or self._unsettled):
+            self._next_poll = now + PERIOD_S
+            if self._enabled:
+                self._read(self._watch.poll, self._handle_poll, None)
         for request in list(self._requests):
             if not self._unsettled and not self._is_awaited(request):
                 self._end(request)
@@ -221,34 +225,36 @@ class ReloadService:
 
     def _finish(self, reading: _Reading) -> None:
         try:
-            reading.take(reading.job.result())
-            self._trouble = ""
+            reading.handle(reading.job.result())
+            self._last_error = ""
         except WatchStopped:
             return
         except Exception as error:
-            self._report(error, reading.request)
+            self._report_error(error, reading.request)
 
-    def _report(self, error: Exception, request: Request | None) -> None:
-        trouble = (
+    def _report_error(self, error: Exception, request: Request | None) -> None:
+        message = (
             str(error) if isinstance(error, BtAgentsError) else f"{type(error).__name__}: {error}"
         )
         if request is not None:
-            request.error = trouble
-        # The next look meets the same trouble half a second later.
-        if trouble != self._trouble:
-            self._trouble = trouble
-            words = "".join(traceback.format_exception(error))
-            self._node.get_logger().error(f"the agents could not be read again:\n{words}")
+            request.error = message
+        # The next poll meets the same error half a second later.
+        if message != self._last_error:
+            self._last_error = message
+            report = "".join(traceback.format_exception(error))
+            self._node.get_logger().error(f"the agents could not be read again:\n{report}")
 
     def _read(
-        self, work: Callable[[], Any], take: Callable[[Any], None], request: Request | None
+        self, work: Callable[[], Any], handle: Callable[[Any], None], request: Request | None
     ) -> None:
-        self._readings.append(_Reading(job=self._thread.submit(work), take=take, request=request))
+        self._readings.append(
+            _Reading(job=self._thread.submit(work), handle=handle, request=request)
+        )
         self._set_timer()
 
-    def _take_look(self, trees: Trees | None) -> None:
+    def _handle_poll(self, trees: Trees | None) -> None:
         if trees is not None:
-            self.take(trees)
+            self.update(trees)
 
     def _request(self, done: Callable[[Request], None]) -> Request:
         request = Request(done=done, deadline=time.monotonic() + ANSWER_LIMIT_S)
@@ -265,5 +271,5 @@ class ReloadService:
     def _now(self) -> float:
         return seconds(self._node.get_clock().now().to_msg())
 
-    def _switch(self, on: bool) -> None:
-        self._on = on
+    def _set_enabled(self, enabled: bool) -> None:
+        self._enabled = enabled

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The texts from which the agents in force can be made again, on a machine without the folder."""
+"""Source bundle: texts from which the agents in force can be made again on another machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bt_agents_core.field_types import INTERFACE_FOLDERS
 from bt_agents_language.files.folder_reader import text_of
 
 HOST = "host.json"
-"""Name of the text with what the reader was told besides: ``robot`` and installed ``packages``."""
+"""Name of the text with the reader's other inputs: ``robot`` and installed ``packages``."""
 
 MARKET = "market.yaml"
 
@@ -22,10 +22,10 @@ _TYPE = re.compile(rf"\b([a-z][a-z0-9_]*)/(?:{'|'.join(INTERFACE_FOLDERS.values(
 
 @dataclass(frozen=True, kw_only=True)
 class SourceBundle:
-    """What the agents in force are made from.
+    """Texts of the agents in force.
 
     Attributes:
-        files: Path relative to the trees folder → what it says; :data:`HOST` is no file there.
+        files: Path relative to the trees folder → text; :data:`HOST` is no file there.
         versions: Name of an agent → its version in force.
     """
 
@@ -33,12 +33,12 @@ class SourceBundle:
     versions: dict[str, int]
 
 
-def texts(versions: AgentVersions, has_package: Callable[[str], bool]) -> SourceBundle:
-    """Return what the agents in force are made from.
+def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -> SourceBundle:
+    """Return the texts of the agents in force.
 
     Args:
-        versions: The versions of all agents.
-        has_package: Tells whether a ROS package is installed; bindings depend on that.
+        versions: Versions of all agents.
+        has_package: Returns whether a ROS package is installed; bindings depend on that.
     """
     trees = versions.trees
     files = {
@@ -51,7 +51,7 @@ def texts(versions: AgentVersions, has_package: Callable[[str], bool]) -> Source
         files[MARKET] = market
     in_force = {}
     for name in versions.names():
-        number = in_force[name] = versions.standing(name).version
+        number = in_force[name] = versions.status(name).version
         file = next(one.file for one in versions.versions(name) if one.number == number)
         if file.text is not None:
             files[file.file.relative_to(trees.folder).as_posix()] = file.text

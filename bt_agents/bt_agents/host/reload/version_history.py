@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The good versions of one agent's file, and how the agent stands."""
+"""Version history of one agent: the good versions of its file, and its status."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from dataclasses import dataclass, field
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.model.specs import AgentSpec
 
-KEPT = 50
-"""Good versions of an agent that can be rolled back to."""
+MAX_VERSIONS = 50
+"""Good versions of an agent that are stored for a roll back."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Version:
-    """One good version of an agent.
+    """Good version of an agent.
 
     Attributes:
         number: Counts up from 1.
         file: Text and agent.
-        cause: Why there is this version, in words.
-        change: What differs from the version before, in words.
-        stamp: When it was read [s].
+        cause: What made this version, as text.
+        change: Difference from the version before, as text.
+        stamp: Time of reading [s].
     """
 
     number: int
@@ -32,19 +32,19 @@ class Version:
 
     @property
     def agent(self) -> AgentSpec:
-        """The agent."""
+        """Agent of the file, which is a good one."""
         assert self.file.agent is not None
         return self.file.agent
 
 
 @dataclass(frozen=True, kw_only=True)
 class AgentStatus:
-    """How an agent stands.
+    """Status of an agent.
 
     Attributes:
         version: Number of the version in force.
         waiting: True when another one comes into force at the end of its run.
-        removal_reason: Why it goes at the end of its run; empty when it stays.
+        removal_reason: Why it is removed at the end of its run; empty when it stays.
         problems: Why its file is not in force, one line each; empty when it is.
     """
 
@@ -56,44 +56,44 @@ class AgentStatus:
 
 @dataclass(kw_only=True, slots=True)
 class VersionHistory:
-    """The versions of one agent.
+    """Versions of one agent.
 
     Attributes:
-        current: The one in force.
-        seen: Its file as it was read last.
-        kept: Those that can be rolled back to, oldest first.
-        waiting: The one that comes into force at the end of its run; None for none.
-        removal_reason: Why it goes at the end of its run; empty when it stays.
+        current: Version in force.
+        last_read: Its file as it was read last, good or broken.
+        versions: Those that can be rolled back to, oldest first.
+        waiting: Version that comes into force at the end of its run; None for none.
+        removal_reason: Why it is removed at the end of its run; empty when it stays.
         problems: Why its file is not in force, one line each; empty when it is.
     """
 
     current: Version
-    seen: AgentFile
-    kept: list[Version] = field(default_factory=list)
+    last_read: AgentFile
+    versions: list[Version] = field(default_factory=list)
     waiting: Version | None = None
     removal_reason: str = ""
     problems: tuple[str, ...] = ()
 
     @property
     def newest(self) -> Version:
-        """The one that waits, else the one in force."""
+        """Version that waits, else the one in force."""
         return self.waiting or self.current
 
-    def keep(self, version: Version) -> Version:
-        """Put a version on the shelf; the oldest goes, but never the one in force."""
-        self.kept.append(version)
-        while len(self.kept) > KEPT:
-            oldest = next(one for one in self.kept if one is not self.current)
-            self.kept.remove(oldest)
+    def add(self, version: Version) -> Version:
+        """Add a version; the oldest is dropped, but never the one in force."""
+        self.versions.append(version)
+        while len(self.versions) > MAX_VERSIONS:
+            oldest = next(one for one in self.versions if one is not self.current)
+            self.versions.remove(oldest)
         return version
 
 
-def first_versions(file: AgentFile, stamp: float) -> VersionHistory:
-    """Return the versions of an agent that is new here.
+def new_history(file: AgentFile, stamp: float) -> VersionHistory:
+    """Return the history of an agent that is new here, with one version.
 
     Args:
-        file: What its file says.
-        stamp: When it was read [s].
+        file: Its file, which is good.
+        stamp: Time of reading [s].
     """
     version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp)
-    return VersionHistory(current=version, seen=file, kept=[version])
+    return VersionHistory(current=version, last_read=file, versions=[version])

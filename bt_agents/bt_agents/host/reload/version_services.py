@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What others can ask of a host about the versions of its agents."""
+"""Services of a host for reloading, listing and rolling back versions of agents."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Sequence
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
 from bt_agents.host.reload.reload_service import ReloadService, Request
-from bt_agents.host.reload.report import problems_of, report
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.errors import Refused
@@ -21,12 +20,12 @@ from bt_agents_ros.messages import to_time
 
 
 class ReloadServices:
-    """Serves ``~/reload``, ``~/versions`` and ``~/roll_back``.
+    """Services ``~/reload``, ``~/versions`` and ``~/roll_back``.
 
     Args:
         node: The host's node.
-        reloading: Does what is asked for.
-        runs: The host's action, whose run is cancelled for who does not want to wait.
+        reloading: Executes the requests.
+        runs: The host's action, whose run is cancelled for a request with ``now``.
     """
 
     def __init__(self, node: Node, reloading: ReloadService, runs: RunServer) -> None:
@@ -34,7 +33,7 @@ class ReloadServices:
         self._reloading = reloading
         self._versions: AgentVersions = reloading.versions
         self._runs = runs
-        # An answer that is awaited holds up the others of its group, and nothing else.
+        # A request that is awaited delays the others of its group, and nothing else.
         one_at_a_time = MutuallyExclusiveCallbackGroup()
         for kind, name, answer in (
             (ReloadAgents, "~/reload", self._reload),
@@ -49,26 +48,24 @@ class ReloadServices:
         self, asked: ReloadAgents.Request, response: ReloadAgents.Response
     ) -> ReloadAgents.Response:
         done = Future(executor=self._node.executor)
-        self._reloading.look_now(done.set_result)
+        self._reloading.poll_now(done.set_result)
         request: Request = await done
-        problems = problems_of(self._versions.trees)
+        problems = self._versions.folder_problems()
         response.accepted = not (request.error or problems)
-        changed = [request.error] if request.error else list(request.words)
-        hurried = self._hurry(asked.now, self._runs.running)
-        waits = "" if hurried else self._waits_unsaid(request.agents)
-        response.message = "\n".join(report([*changed, *hurried], waits, problems))
-        return response
-
-    def _waits_unsaid(self, changed: Collection[str]) -> str:
-        """Return what waits for the end of the run, unless what has changed says so already."""
+        changes = [request.error] if request.error else list(request.changes)
         running = self._runs.running
-        return "" if running in changed else self._versions.waits(running)
+        cancelled = self._cancel_for_waiting(asked.now, running)
+        # The description of a changed agent names what waits for the end of its run.
+        is_named = running in request.agents and not request.error
+        waiting = "" if cancelled or is_named else self._versions.waiting_text(running)
+        response.message = "\n".join(reload_lines([*changes, *cancelled], waiting, problems))
+        return response
 
     async def _roll_back(
         self, asked: RollBack.Request, response: RollBack.Response
     ) -> RollBack.Response:
         try:
-            version = self._versions.wanted(asked.agent, asked.version)
+            version = self._versions.find(asked.agent, asked.version)
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
@@ -79,8 +76,9 @@ class ReloadServices:
             response.code, response.message = "NOT_DONE", request.error
             return response
         response.accepted = True
-        hurried = self._hurry(asked.now and self._runs.running == asked.agent, asked.agent)
-        response.message = "\n".join([*request.words, *hurried])
+        now = asked.now and self._runs.running == asked.agent
+        cancelled = self._cancel_for_waiting(now, asked.agent)
+        response.message = "\n".join([*request.changes, *cancelled])
         return response
 
     def _list(
@@ -88,13 +86,13 @@ class ReloadServices:
     ) -> ListVersions.Response:
         try:
             versions = self._versions.versions(asked.agent)
-            standing = self._versions.standing(asked.agent)
+            status = self._versions.status(asked.agent)
         except Refused as refused:
             response.message = refused.reason
             return response
         response.accepted = True
-        response.message = f"version {standing.version} of {asked.agent} is in force"
-        if standing.waiting:
+        response.message = f"version {status.version} of {asked.agent} is in force"
+        if status.waiting:
             response.message += f", {versions[-1].number} waits for the end of its run"
         response.versions = [
             Version(
@@ -102,17 +100,33 @@ class ReloadServices:
                 version=one.number,
                 cause=one.cause,
                 change=one.change,
-                current=one.number == standing.version,
-                waiting=standing.waiting and one is versions[-1],
+                current=one.number == status.version,
+                waiting=status.waiting and one is versions[-1],
             )
             for one in versions
         ]
         return response
 
-    def _hurry(self, now: bool, agent: str) -> list[str]:
-        """Cancel the run that something waits for, if that is wanted; return this in words."""
-        waits = self._versions.waits(agent) if now else ""
-        if not waits:
+    def _cancel_for_waiting(self, now: bool, agent: str) -> list[str]:
+        """Cancel the run that a version waits for, if ``now``; return the lines that say so."""
+        waiting = self._versions.waiting_text(agent) if now else ""
+        if not waiting:
             return []
-        self._runs.cancel(f"{waits}, and somebody wants it now")
-        return [f"{waits}: the run of {agent} is cancelled for it"]
+        self._runs.cancel(f"{waiting}, and somebody wants it now")
+        return [f"{waiting}: the run of {agent} is cancelled for it"]
+
+
+def reload_lines(changes: Sequence[str], waiting: str, problems: Sequence[str]) -> list[str]:
+    """Return the lines of an answer to a reload.
+
+    Args:
+        changes: Descriptions of what has changed.
+        waiting: Description of what waits for the end of the run; empty for nothing.
+        problems: Lines about what somebody has to fix; those that a change quotes are left out.
+    """
+    lines = list(changes)
+    if waiting:
+        lines.append(f"{waiting} for the end of the run; 'bt-agents reload --now' cancels it")
+    text = "\n".join(lines)
+    lines += [problem for problem in problems if problem not in text]
+    return lines or ["nothing has changed"]

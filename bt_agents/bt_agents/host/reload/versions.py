@@ -1,150 +1,195 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decides per agent which version of its file is in force, which one waits, and what is kept."""
+"""State machine of agent versions: changed files in, effects on agents out."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from dataclasses import dataclass
+from enum import Enum
 
 from bt_agents.host.reload.changes import compare
-from bt_agents.host.reload.reload_actions import ReloadAction, ReloadEffect
 from bt_agents.host.reload.version_history import (
     AgentStatus,
     Version,
     VersionHistory,
-    first_versions,
+    new_history,
 )
 from bt_agents_core.errors import Refused
+from bt_agents_language.diagnostics.renderers import as_hinted_lines
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_language.yaml.renderers import as_hinted_lines
+from bt_agents_language.model.specs import AgentSpec
 
-_DEPARTED_KEPT = 100
+_MAX_REMOVED = 100
+
+
+class ReloadAction(Enum):
+    """Action on an agent that follows from a change of files."""
+
+    ADD = "add"
+    REMOVE = "remove"
+    REPLACE_TREE = "replace"
+    """The next run has another tree."""
+    UPDATE_VALUES = "update"
+    """The tree is the same; other values are set at once, also during a run."""
+    REPORT = "report"
+    """Nothing is done; people are told."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReloadEffect:
+    """Effect of a change of files on one agent.
+
+    Attributes:
+        action: What is to be done.
+        name: The agent.
+        agent: Its new specification; None when there is nothing to bring into force.
+        text: Description for people.
+        is_error: True when somebody has to fix something.
+    """
+
+    action: ReloadAction
+    name: str
+    text: str
+    agent: AgentSpec | None = None
+    is_error: bool = False
 
 
 class AgentVersions:
-    """The versions of all agents of a host.
+    """Versions of all agents of a host.
 
     Args:
-        trees: The folder as it was read at the start.
-        stamp: When that was [s].
+        trees: Trees folder as it was read at the start.
+        stamp: Time of that reading [s].
 
     Attributes:
-        trees: The folder as it was taken last.
+        trees: Trees folder as it was read last.
     """
 
     def __init__(self, trees: Trees, stamp: float) -> None:
         self.trees = trees
-        self._good = _good(trees)
+        self._good_files = _good_files(trees)
         self._space = trees.scene.space
-        self._shelves: dict[str, VersionHistory] = {}
-        self._departed: OrderedDict[str, VersionHistory] = OrderedDict()
-        for name, file in self._good.items():
-            self._shelves[name] = first_versions(file, stamp)
+        self._histories: dict[str, VersionHistory] = {}
+        self._removed: OrderedDict[str, VersionHistory] = OrderedDict()
+        for name, file in self._good_files.items():
+            self._histories[name] = new_history(file, stamp)
 
-    def take(self, trees: Trees) -> list[str]:
-        """Take the folder as it is now; return the agents that are to be settled, in order."""
+    def update(self, trees: Trees) -> list[str]:
+        """Store the folder as it was read now; return the agents to settle, in order."""
         self.trees = trees
-        self._good = _good(trees)
-        gone = [name for name in self._shelves if name not in self._good]
-        affected = [name for name in gone if self._is_news(name)]
-        for name, file in self._good.items():
-            shelf = self._shelves.get(name)
-            if shelf is None or shelf.seen is not file or shelf.problems or shelf.removal_reason:
+        self._good_files = _good_files(trees)
+        gone = [name for name in self._histories if name not in self._good_files]
+        affected = [name for name in gone if self._is_new(name)]
+        for name, file in self._good_files.items():
+            history = self._histories.get(name)
+            if (
+                history is None
+                or history.last_read is not file
+                or history.problems
+                or history.removal_reason
+            ):
                 affected.append(name)
         return affected
 
     def settle(self, name: str, running: str, stamp: float) -> ReloadEffect | None:
-        """Decide what becomes of an agent; None when nothing changes.
+        """Return the effect of the last reading on an agent; None when nothing changes.
 
         Args:
             name: The agent.
             running: The agent whose tree runs; empty for none.
             stamp: Now [s].
         """
-        shelf, file = self._shelves.get(name), self._good.get(name)
+        history, file = self._histories.get(name), self._good_files.get(name)
         if file is None:
-            return self._without(name, shelf, running) if shelf is not None else None
-        if shelf is None:
+            return self._without_good_file(name, history, running) if history is not None else None
+        if history is None:
             return self._add(name, file, stamp)
-        return self._renew(name, shelf, file, running, stamp)
+        return self._update(name, history, file, running, stamp)
 
-    def ended(self, name: str) -> ReloadEffect | None:
-        """Decide what becomes of an agent whose run has ended; None when nothing waits for it."""
-        shelf = self._shelves.get(name)
-        if shelf is None:
+    def run_ended(self, name: str) -> ReloadEffect | None:
+        """Return what has waited for the end of an agent's run; None for nothing."""
+        history = self._histories.get(name)
+        if history is None:
             return None
-        if shelf.removal_reason:
-            return self._remove(name, shelf, shelf.removal_reason)
-        if shelf.waiting is None:
+        if history.removal_reason:
+            return self._remove(name, history, history.removal_reason)
+        if history.waiting is None:
             return None
-        shelf.current, shelf.waiting = shelf.waiting, None
-        return self._in_force(name, shelf.current, ReloadAction.REPLACE_TREE)
+        history.current, history.waiting = history.waiting, None
+        return self._bring_into_force(name, history.current, ReloadAction.REPLACE_TREE)
 
     def failed(self, effect: ReloadEffect, error: str) -> ReloadEffect:
-        """Take back a version that could not be brought into force; return what to tell.
+        """Take back a version that could not be brought into force; return what to report instead.
 
         It is tried again when the folder is read the next time.
 
         Args:
-            effect: What could not be done.
-            error: Why, in words.
+            effect: Effect that could not be executed.
+            error: Reason, as text.
         """
         name = effect.name
-        shelf = self._shelves.get(name)
-        words = f"{effect.words}; this failed: {error}"
-        if shelf is not None and effect.act is ReloadAction.ADD:
-            del self._shelves[name]
-            if len(shelf.kept) > 1:
-                self._departed[name] = shelf
-            words = f"{name}: version {shelf.current.number} could not be added: {error}"
-        elif shelf is not None and effect.agent is not None:
-            number = shelf.current.number
-            shelf.kept.remove(shelf.current)
-            shelf.current = shelf.kept[-1]
-            words = (
+        history = self._histories.get(name)
+        text = f"{effect.text}; this failed: {error}"
+        if history is not None and effect.action is ReloadAction.ADD:
+            del self._histories[name]
+            if len(history.versions) > 1:
+                self._removed[name] = history
+            text = f"{name}: version {history.current.number} could not be added: {error}"
+        elif history is not None and effect.agent is not None:
+            number = history.current.number
+            history.versions.remove(history.current)
+            history.current = history.versions[-1]
+            text = (
                 f"{name}: version {number} could not be brought into force, version "
-                f"{shelf.current.number} stays: {error}"
+                f"{history.current.number} stays: {error}"
             )
-            shelf.problems = (words,)
-        return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words, bad=True)
+            history.problems = (text,)
+        return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text, is_error=True)
 
-    def standing(self, name: str) -> AgentStatus:
-        """Return how an agent stands."""
-        shelf = self._shelves[name]
+    def status(self, name: str) -> AgentStatus:
+        """Return the status of an agent."""
+        history = self._histories[name]
         return AgentStatus(
-            version=shelf.current.number,
-            waiting=shelf.waiting is not None,
-            removal_reason=shelf.removal_reason,
-            problems=shelf.problems,
+            version=history.current.number,
+            waiting=history.waiting is not None,
+            removal_reason=history.removal_reason,
+            problems=history.problems,
         )
 
-    def waits(self, name: str) -> str:
-        """Return what waits for the end of the run of an agent, in words; empty for nothing."""
-        shelf = self._shelves.get(name)
-        if shelf is None:
+    def waiting_text(self, name: str) -> str:
+        """Return as text what waits for the end of an agent's run; empty for nothing."""
+        history = self._histories.get(name)
+        if history is None:
             return ""
-        if shelf.waiting is not None:
-            return f"version {shelf.waiting.number} of {name} waits"
-        return f"{name} leaves" if shelf.removal_reason else ""
+        if history.waiting is not None:
+            return f"version {history.waiting.number} of {name} waits"
+        return f"{name} leaves" if history.removal_reason else ""
+
+    def folder_problems(self) -> list[str]:
+        """Return what somebody has to fix in the folder, one line each."""
+        broken = (one.error.diagnostics for one in self.trees.broken)
+        lines = (line for found in broken for line in as_hinted_lines(found))
+        return [*lines, *self.trees.problems]
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all agents that have a version in force."""
-        return tuple(self._shelves)
+        return tuple(self._histories)
 
     def versions(self, name: str) -> tuple[Version, ...]:
-        """Return the versions of an agent that are kept, oldest first.
+        """Return the stored versions of an agent, oldest first.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``.
         """
-        return tuple(self._shelf(name).kept)
+        return tuple(self._history(name).versions)
 
     def file(self, name: str) -> AgentFile:
         """Return the file of an agent as it was read last."""
-        return self._shelf(name).seen
+        return self._history(name).last_read
 
-    def wanted(self, name: str, number: int) -> Version:
-        """Return the version that a roll back asks for.
+    def find(self, name: str, number: int) -> Version:
+        """Return a version to roll back to.
 
         Args:
             name: The agent.
@@ -153,35 +198,35 @@ class AgentVersions:
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_VERSION``, ``SAME_VERSION``, or ``NO_FILE``.
         """
-        shelf = self._shelf(name)
-        if shelf.removal_reason:
+        history = self._history(name)
+        if history.removal_reason:
             raise Refused(
                 "NO_FILE",
-                f"{name} leaves at the end of its run ({shelf.removal_reason}); put it back",
+                f"{name} leaves at the end of its run ({history.removal_reason}); put it back",
             )
-        known = [one.number for one in shelf.kept]
+        known = [one.number for one in history.versions]
         if number == 0:
-            number = max((n for n in known if n < shelf.current.number), default=0)
+            number = max((n for n in known if n < history.current.number), default=0)
             if not number:
                 raise Refused(
                     "UNKNOWN_VERSION",
-                    f"{name} has no version before {shelf.current.number}; nothing has changed "
+                    f"{name} has no version before {history.current.number}; nothing has changed "
                     "since the start of the host",
                 )
-        version = next((one for one in shelf.kept if one.number == number), None)
+        version = next((one for one in history.versions if one.number == number), None)
         if version is None:
             raise Refused(
                 "UNKNOWN_VERSION",
                 f"{name} has no version {number}; there are {', '.join(map(str, known))}",
             )
-        newest = shelf.newest
+        newest = history.newest
         if (version.file.text, version.agent) == (newest.file.text, newest.agent):
             if newest is not version:
                 raise Refused(
                     "SAME_VERSION", f"version {number} of {name} says the same as {newest.number}"
                 )
-            if not shelf.problems and shelf.seen.text == version.file.text:
-                waits = "waits already" if shelf.waiting else "is in force already"
+            if not history.problems and history.last_read.text == version.file.text:
+                waits = "waits already" if history.waiting else "is in force already"
                 raise Refused("SAME_VERSION", f"version {number} of {name} {waits}")
         return version
 
@@ -192,65 +237,69 @@ class AgentVersions:
 
         Args:
             name: The agent.
-            version: See :meth:`wanted`.
+            version: See :meth:`find`.
             file: Its file, written with this version; None when it could not be written.
             running: The agent whose tree runs; empty for none.
             stamp: Now [s].
 
         Raises:
-            Refused: As in :meth:`wanted`; the agent may have changed since then.
+            Refused: As in :meth:`find`; the agent may have changed since then.
         """
-        self.wanted(name, version.number)
-        shelf = self._shelf(name)
+        self.find(name, version.number)
+        history = self._history(name)
         if file is not None:
-            shelf.seen, shelf.problems = file, ()
-            self._good[name] = file
-        if version is shelf.newest:
-            words = f"{name}: version {version.number} stays"
-            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
+            history.last_read, history.problems = file, ()
+            self._good_files[name] = file
+        if version is history.newest:
+            text = f"{name}: version {version.number} stays"
+            return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
         file = file or version.file
-        return self._newer(name, shelf, file, f"roll back to {version.number}", running, stamp)
+        return self._add_version(
+            name, history, file, f"roll back to {version.number}", running, stamp
+        )
 
-    def _shelf(self, name: str) -> VersionHistory:
-        if name not in self._shelves:
-            known = ", ".join(sorted(self._shelves)) or "none"
+    def _history(self, name: str) -> VersionHistory:
+        if name not in self._histories:
+            known = ", ".join(sorted(self._histories)) or "none"
             raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
-        return self._shelves[name]
+        return self._histories[name]
 
-    def _is_news(self, name: str) -> bool:
-        """Return whether it is new how an agent stands that has no good file."""
-        shelf = self._shelves[name]
+    def _is_new(self, name: str) -> bool:
+        """Return whether the status of an agent without a good file has changed."""
+        history = self._histories[name]
         problems = self._problems(name)
-        return problems != shelf.problems if problems else not shelf.removal_reason
+        return problems != history.problems if problems else not history.removal_reason
 
     def _problems(self, name: str) -> tuple[str, ...]:
-        """Return what is wrong with the file that an agent comes from; empty when it is gone."""
+        """Return the errors of the file that an agent comes from; none when it is gone."""
         holder = self.trees.holders.get(name)
         for file in self.trees.files:
             if file.file == holder and file.error is not None:
                 return as_hinted_lines(file.error.diagnostics)
         return ()
 
-    def _without(self, name: str, shelf: VersionHistory, running: str) -> ReloadEffect | None:
+    def _without_good_file(
+        self, name: str, history: VersionHistory, running: str
+    ) -> ReloadEffect | None:
         problems = self._problems(name)
         if problems:
-            shelf.problems = problems
+            history.problems = problems
             more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-            stays = f"version {shelf.current.number} stays in force"
-            if shelf.waiting is not None:
-                stays = f"version {shelf.waiting.number} still waits for the end of its run"
-            words = f"{name}: {shelf.seen.file.name} is broken, {stays}: {problems[0]}{more}"
-            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words, bad=True)
-        reason = self._why_gone(name, shelf)
+            stays = f"version {history.current.number} stays in force"
+            if history.waiting is not None:
+                stays = f"version {history.waiting.number} still waits for the end of its run"
+            text = f"{name}: {history.last_read.file.name} is broken, {stays}: {problems[0]}{more}"
+            return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text, is_error=True)
+        reason = self._removal_reason(name, history)
         if name != running:
-            return self._remove(name, shelf, reason)
-        shelf.removal_reason, shelf.waiting = reason, None
-        shelf.problems = (reason,)
-        words = f"{name}: {reason}; it leaves at the end of its run"
-        return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
+            return self._remove(name, history, reason)
+        history.removal_reason, history.waiting = reason, None
+        history.problems = (reason,)
+        text = f"{name}: {reason}; it leaves at the end of its run"
+        return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
 
-    def _why_gone(self, name: str, shelf: VersionHistory) -> str:
-        file = shelf.seen.file
+    def _removal_reason(self, name: str, history: VersionHistory) -> str:
+        file = history.last_read.file
         now = next((one for one in self.trees.files if one.file == file), None)
         if now is None:
             return f"its file {file} is gone"
@@ -258,86 +307,90 @@ class AgentVersions:
             return f"{file.name} calls it '{now.agent.name}' now"
         return f"it has none of the tags {', '.join(self.trees.tags)} any more"
 
-    def _remove(self, name: str, shelf: VersionHistory, reason: str) -> ReloadEffect:
-        del self._shelves[name]
-        shelf.removal_reason, shelf.problems = "", ()
-        self._departed[name] = shelf
-        while len(self._departed) > _DEPARTED_KEPT:
-            self._departed.popitem(last=False)
-        return ReloadEffect(act=ReloadAction.REMOVE, name=name, words=f"{name}: removed, {reason}")
-
-    def _add(self, name: str, file: AgentFile, stamp: float) -> ReloadEffect:
-        shelf = self._departed.pop(name, None)
-        if shelf is None:
-            shelf = first_versions(file, stamp)
-            words = f"{name}: new agent from {file.file.name}, version 1 in force"
-        else:
-            shelf.seen = file
-            if not _same(shelf.current.file, file):
-                shelf.current = self._version(shelf, file, "file is back", stamp)
-            words = f"{name}: back again, version {shelf.current.number} in force"
-        self._shelves[name] = shelf
+    def _remove(self, name: str, history: VersionHistory, reason: str) -> ReloadEffect:
+        del self._histories[name]
+        history.removal_reason, history.problems = "", ()
+        self._removed[name] = history
+        while len(self._removed) > _MAX_REMOVED:
+            self._removed.popitem(last=False)
         return ReloadEffect(
-            act=ReloadAction.ADD, name=name, agent=shelf.current.agent, words=words
+            action=ReloadAction.REMOVE, name=name, text=f"{name}: removed, {reason}"
         )
 
-    def _renew(
-        self, name: str, shelf: VersionHistory, file: AgentFile, running: str, stamp: float
+    def _add(self, name: str, file: AgentFile, stamp: float) -> ReloadEffect:
+        history = self._removed.pop(name, None)
+        if history is None:
+            history = new_history(file, stamp)
+            text = f"{name}: new agent from {file.file.name}, version 1 in force"
+        else:
+            history.last_read = file
+            if not _same(history.current.file, file):
+                history.current = self._new_version(history, file, "file is back", stamp)
+            text = f"{name}: back again, version {history.current.number} in force"
+        self._histories[name] = history
+        return ReloadEffect(
+            action=ReloadAction.ADD, name=name, agent=history.current.agent, text=text
+        )
+
+    def _update(
+        self, name: str, history: VersionHistory, file: AgentFile, running: str, stamp: float
     ) -> ReloadEffect | None:
-        mended = bool(shelf.problems)
-        shelf.seen, shelf.problems, shelf.removal_reason = file, (), ""
-        if _same(shelf.newest.file, file):
-            if not mended:
+        had_problems = bool(history.problems)
+        history.last_read, history.problems, history.removal_reason = file, (), ""
+        if _same(history.newest.file, file):
+            if not had_problems:
                 return None
-            words = f"{name}: {file.file.name} is good again, version {shelf.newest.number} stays"
-            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
-        if shelf.waiting is not None and _same(shelf.current.file, file):
-            dropped, shelf.waiting = shelf.waiting, None
-            words = (
-                f"{name}: version {shelf.current.number} stays in force, {dropped.number} does "
+            text = f"{name}: {file.file.name} is good again, version {history.newest.number} stays"
+            return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
+        if history.waiting is not None and _same(history.current.file, file):
+            dropped, history.waiting = history.waiting, None
+            text = (
+                f"{name}: version {history.current.number} stays in force, {dropped.number} does "
                 "not wait any more"
             )
-            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
-        return self._newer(name, shelf, file, file.cause, running, stamp)
+            return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
+        return self._add_version(name, history, file, file.cause, running, stamp)
 
-    def _newer(
+    def _add_version(
         self,
         name: str,
-        shelf: VersionHistory,
+        history: VersionHistory,
         file: AgentFile,
         cause: str,
         running: str,
         stamp: float,
     ) -> ReloadEffect:
-        version = self._version(shelf, file, cause, stamp)
-        structure = compare(shelf.current.file, file, self._space).structure
-        if structure and name == running:
-            shelf.waiting = version
-            words = (
+        version = self._new_version(history, file, cause, stamp)
+        changes_tree = compare(history.current.file, file, self._space).changes_tree
+        if changes_tree and name == running:
+            history.waiting = version
+            text = (
                 f"{name}: version {version.number} waits for the end of its run ({version.change})"
             )
-            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
-        shelf.current, shelf.waiting = version, None
-        return self._in_force(
-            name, version, ReloadAction.REPLACE_TREE if structure else ReloadAction.UPDATE_VALUES
+            return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
+        history.current, history.waiting = version, None
+        return self._bring_into_force(
+            name,
+            version,
+            ReloadAction.REPLACE_TREE if changes_tree else ReloadAction.UPDATE_VALUES,
         )
 
-    def _version(
-        self, shelf: VersionHistory, file: AgentFile, cause: str, stamp: float
+    def _new_version(
+        self, history: VersionHistory, file: AgentFile, cause: str, stamp: float
     ) -> Version:
-        change = compare(shelf.newest.file, file, self._space).words
-        number = shelf.kept[-1].number + 1
-        return shelf.keep(
+        change = compare(history.newest.file, file, self._space).text
+        number = history.versions[-1].number + 1
+        return history.add(
             Version(number=number, file=file, cause=cause, change=change, stamp=stamp)
         )
 
-    def _in_force(self, name: str, version: Version, act: ReloadAction) -> ReloadEffect:
-        words = f"{name}: version {version.number} in force ({version.change})"
-        return ReloadEffect(act=act, name=name, agent=version.agent, words=words)
+    def _bring_into_force(self, name: str, version: Version, action: ReloadAction) -> ReloadEffect:
+        text = f"{name}: version {version.number} in force ({version.change})"
+        return ReloadEffect(action=action, name=name, agent=version.agent, text=text)
 
 
-def _good(trees: Trees) -> dict[str, AgentFile]:
-    """Return the files of the wanted agents by name."""
+def _good_files(trees: Trees) -> dict[str, AgentFile]:
+    """Return the good files of the agents that this host has, by name."""
     wanted = {agent.name for agent in trees.agents}
     return {
         file.agent.name: file

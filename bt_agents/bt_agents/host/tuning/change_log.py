@@ -87,8 +87,8 @@ class ChangeLog:
 
     Args:
         path: Made, with its folder, when it is not there. A damaged file is set aside.
-        disk: Does one thing after the other, in a thread of its own.
-        report: Takes a line for the log.
+        disk: Executor with one thread for the disk.
+        report: Writes a line into the log of the host.
 
     Attributes:
         problems: What was wrong with the file when it was opened, one entry a problem.
@@ -296,11 +296,11 @@ class ChangeLog:
         return found
 
     def _problem(self, what: str) -> None:
-        words = f"{self._path}: {what}; it is left out"
-        if words in self.problems:
+        text = f"{self._path}: {what}; it is left out"
+        if text in self.problems:
             return
         if len(self.problems) < _MOST_PROBLEMS:
-            self.problems.append(words)
+            self.problems.append(text)
         elif len(self.problems) == _MOST_PROBLEMS:
             self.problems.append(f"{self._path}: and more that cannot be read")
 

@@ -75,7 +75,7 @@ class TuningRevision:
 
 
 Possible = Callable[[str, Setting], bool]
-"""Tells whether the parameter of this name can have this value now."""
+"""Returns whether the parameter of this name can have this value now."""
 
 
 class TuningHistory:

@@ -22,7 +22,7 @@ from bt_agents.host.tuning.presets import Presets, check_name
 from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, same, shown_value
 from bt_agents_core.errors import Refused
 from bt_agents_core.text import quote
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 
 FILE = "file"
 """Author of what a changed file has set."""
@@ -51,11 +51,11 @@ class ParameterStore:
     """Tunable parameters whose changes are checked and logged here before anything acts on them.
 
     Args:
-        log: Where changes are written before they count; None keeps them in memory.
+        log: Log in which changes are written before they count; None for none.
         presets: Values under names; only ``disk`` changes them.
-        disk: Does one thing after the other, in a thread of its own.
+        disk: Executor with one thread for the disk.
         now: Returns the time [s since 1970].
-        report: Takes a line for the log of the host.
+        report: Writes a line into the log of the host.
 
     Attributes:
         values: Current value of each parameter, by name.
@@ -116,7 +116,7 @@ class ParameterStore:
         override = self._overrides.by_name.get(parameter.name)
         if override is not None and same(override.value, parameter.default):
             self._overrides.clear(parameter.name)
-            self._store(lambda log: log.clear(parameter.name), must_be_stored=False)
+            self._write_log(lambda log: log.clear(parameter.name), must_be_stored=False)
 
     def add(self, parameter: TunableParameter, value: Setting) -> None:
         """Add a parameter with its value."""
@@ -249,13 +249,13 @@ class ParameterStore:
             number=self.history.revision + 1, stamp=self._now(), cause=cause, changes=changes
         )
         defaults = {change.name: self._parameters[change.name].default for change in changes}
-        self._store(lambda log: log.append(revision, defaults), must_be_stored=must_be_stored)
+        self._write_log(lambda log: log.append(revision, defaults), must_be_stored=must_be_stored)
         self._overrides.add(revision, defaults)
         for change in changes:
             self.values[change.name] = change.after
         return revision
 
-    def _store(self, write: Callable[[ChangeLog], None], *, must_be_stored: bool) -> None:
+    def _write_log(self, write: Callable[[ChangeLog], None], *, must_be_stored: bool) -> None:
         if self._log is None:
             return
         try:
@@ -290,9 +290,9 @@ class ParameterStore:
         """
         preset = self.presets.get(name)
         values = {
-            o: self._parameters[o].read(text)
-            for o, text in preset.items()
-            if o in self._parameters
+            key: self._parameters[key].read(text)
+            for key, text in preset.items()
+            if key in self._parameters
         }
         if not values:
             raise Refused(

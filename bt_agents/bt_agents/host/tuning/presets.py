@@ -9,8 +9,8 @@ from pathlib import Path
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.tools.formatting.scalar_style import quoted
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
 
@@ -27,12 +27,12 @@ Preset = Mapping[str, str]
 
 
 class Presets:
-    """Presets of a host, on the disk before they count.
+    """Presets of a host, stored on the disk before they count.
 
     One thread may change them, and others read them meanwhile.
 
     Args:
-        file: Where they are kept; None keeps them in memory.
+        file: YAML file; None for presets in memory.
 
     Attributes:
         problem: Report of what is wrong with the file; empty when it can be used.

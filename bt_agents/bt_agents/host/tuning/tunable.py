@@ -11,8 +11,8 @@ from enum import Enum
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import quote
-from bt_agents_language.model import quantities
-from bt_agents_language.model.quantities import MAX_DURATION_S, QuantityError, spoken
+from bt_agents_language.expression import quantities
+from bt_agents_language.expression.quantities import MAX_DURATION_S, QuantityError, format_quantity
 from bt_agents_language.model.specs import AgentSpec, Tunable
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.scalars import boolean
@@ -158,7 +158,7 @@ class TunableParameter:
         if low is not None and high is not None and not low <= value <= high:
             raise Refused(
                 "OUT_OF_RANGE",
-                f"{self.name} is {spoken(value, self.type, _DIGITS)}, expected "
+                f"{self.name} is {format_quantity(value, self.type, _DIGITS)}, expected "
                 f"{self.format(low)} to {self.format(high)}",
             )
         if not self.step or low is None or value == high:
@@ -167,9 +167,9 @@ class TunableParameter:
         if abs(steps - round(steps)) > _STEP_TOLERANCE:
             raise Refused(
                 "OFF_STEP",
-                f"{self.name} is {spoken(value, self.type, _DIGITS)}, expected "
+                f"{self.name} is {format_quantity(value, self.type, _DIGITS)}, expected "
                 f"{self.format(low)} and then steps of {self.format(self.step)}; the nearest is "
-                f"{spoken(low + round(steps) * self.step, self.type, _DIGITS)}",
+                f"{format_quantity(low + round(steps) * self.step, self.type, _DIGITS)}",
             )
 
     def _limits(self) -> str:
@@ -190,10 +190,10 @@ def format_value(value: Setting, field_type: FieldType) -> str:
         return value
     read = _QUANTITIES.get(field_type)
     if read is None:
-        short = spoken(value, field_type)
+        short = format_quantity(value, field_type)
         return short if float(short) == value else repr(value)
     for digits in (6, 9, 12, 15, 16, 17):
-        text = spoken(value, field_type, digits)
+        text = format_quantity(value, field_type, digits)
         if not math.isfinite(value) or read(text) == value:
             return text
     return f"{value!r} {_UNITS[field_type]}"

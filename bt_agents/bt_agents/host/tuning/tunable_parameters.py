@@ -35,7 +35,7 @@ from bt_agents_ros.parameters import describe
 from bt_agents_ros.timers import steady_timer
 
 ROS_PARAMETER = "ros parameter"
-"""Author of what is set without a name."""
+"""Author of a change without a name."""
 
 PRESETS = "presets.yaml"
 """Beside the file of the tunings."""
@@ -52,7 +52,7 @@ class TunableParameters:
 
     Args:
         node: The host's node.
-        roster: Its agents; their values are changed between two ticks.
+        registry: Its agents; their values are changed between two ticks.
         changed: Called a moment after learning rates were tuned.
         set_rate: Called with the ticks a second.
         tunings: File in which tunings outlive the host; empty keeps them in memory.
@@ -61,19 +61,19 @@ class TunableParameters:
     def __init__(
         self,
         node: Node,
-        roster: AgentRegistry,
+        registry: AgentRegistry,
         changed: Callable[[], None],
         *,
         set_rate: Callable[[float], None] = lambda _hertz: None,
         tunings: str = "",
     ) -> None:
         self._node = node
-        self._roster = roster
+        self._registry = registry
         self._changed = changed
         self._set_rate = set_rate
         self._disk = WorkerThread("tunings")
-        self._jobs = FuturePoller(node)
-        self._board = self._open(tunings)
+        self._poller = FuturePoller(node)
+        self._store = self._open(tunings)
         self._cause = TuningCause(author=ROS_PARAMETER)
         self._recorded: TuningRevision | None = None
         self._refusal: Refused | None = None
@@ -82,12 +82,12 @@ class TunableParameters:
         self._flush_due = False
         self._publish_timer = steady_timer(node, _PUBLISHED_AFTER_S, self._publish)
         self._declare_together((TICK_RATE,))
-        self._set_rate(float(self._board.values[TICK_RATE.name]))
-        for member in roster.members.values():
+        self._set_rate(float(self._store.values[TICK_RATE.name]))
+        for member in registry.members.values():
             self.add(member)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
-        self._server = TuneServer(node, self._board, self.set, self._jobs)
+        self._server = TuneServer(node, self._store, self.set, self._poller)
 
     def _open(self, tunings: str) -> ParameterStore:
         log = self._node.get_logger()
@@ -110,13 +110,13 @@ class TunableParameters:
     def add(self, member: HostedAgent) -> None:
         """Declare the parameters of an agent, with what was tuned before."""
         self._declare_together(parameters_of(member.spec))
-        self._fill(member)
+        self._copy_values(member)
         self._infos_due = True
         self._publish_soon()
 
     def remove(self, name: str) -> None:
         """Undeclare the parameters of an agent."""
-        for parameter in self._board.of(name):
+        for parameter in self._store.of(name):
             self._undeclare(parameter)
         self._infos_due = True
         self._publish_soon()
@@ -131,17 +131,17 @@ class TunableParameters:
             member: The agent; its mapping of tunables is changed in place.
             spec: The new file.
         """
-        old = {parameter.name: parameter for parameter in self._board.of(spec.name)}
+        old = {parameter.name: parameter for parameter in self._store.of(spec.name)}
         new = {parameter.name: parameter for parameter in parameters_of(spec)}
         for name, parameter in old.items():
             if name not in new or new[name].type is not parameter.type:
                 self._undeclare(parameter)
-        self._declare_together([k for name, k in new.items() if not self._board.has(name)])
+        self._declare_together([one for name, one in new.items() if not self._store.has(name)])
         wanted: dict[str, Setting] = {}
         for name, parameter in new.items():
             if name not in old or old[name].type is not parameter.type or old[name] == parameter:
                 continue
-            value = self._board.replace(parameter)
+            value = self._store.replace(parameter)
             self._node.set_descriptor(
                 name, _descriptor(parameter), Parameter(name, value=value).get_parameter_value()
             )
@@ -156,7 +156,7 @@ class TunableParameters:
         member.spec = spec
         if member.revision == 0 and spec.profile != member.profile:
             member.profile = spec.profile
-        self._fill(member)
+        self._copy_values(member)
         self._infos_due = True
         self._publish_soon()
 
@@ -166,7 +166,7 @@ class TunableParameters:
         Raises:
             Refused: With the reason why nothing is set.
         """
-        self._board.check(values)
+        self._store.check(values)
         self._cause, self._recorded, self._refusal = cause, None, None
         try:
             result = self._node.set_parameters_atomically(
@@ -180,7 +180,7 @@ class TunableParameters:
 
     def close(self) -> None:
         """Release the file."""
-        self._board.close()
+        self._store.close()
         self._disk.shutdown()
 
     def _declare_together(
@@ -188,16 +188,16 @@ class TunableParameters:
     ) -> None:
         overruled: dict[str, Start] = {}
         for parameter in parameters:
-            start = self._board.start(parameter)
+            start = self._store.start(parameter)
             value = self._declare(parameter, start.value)
-            self._board.add(parameter, value)
+            self._store.add(parameter, value)
             if start.overruled is not None and value == start.value:
                 overruled[parameter.name] = start
-        revision = self._board.overrule(overruled)
+        revision = self._store.overrule(overruled)
         if revision is not None:
             self._flush_due = True
             self._node.get_logger().warning(
-                f"tuned before, but not in force: {self._board.format_changes(revision.changes)}: "
+                f"tuned before, but not in force: {self._store.format_changes(revision.changes)}: "
                 f"{revision.cause.reason}"
             )
 
@@ -218,27 +218,29 @@ class TunableParameters:
 
     def _undeclare(self, parameter: TunableParameter) -> None:
         self._node.undeclare_parameter(parameter.name)
-        self._board.remove(parameter.name)
+        self._store.remove(parameter.name)
 
-    def _fill(self, member: HostedAgent) -> None:
+    def _copy_values(self, member: HostedAgent) -> None:
         """Copy the values of its parameters to a member; the mapping stays the same object."""
-        own = self._board.of(member.spec.name)
-        values = {k.key: self._board.values[k.name] for k in own if k.kind is TunableKind.TUNABLE}
+        own = self._store.of(member.spec.name)
+        values = {
+            one.key: self._store.values[one.name] for one in own if one.kind is TunableKind.TUNABLE
+        }
         for key in [*member.tunables]:
             if key not in values:
                 del member.tunables[key]
         member.tunables.update(values)
-        rate = self._board.values[f"{member.spec.name}.learning_rate"]
+        rate = self._store.values[f"{member.spec.name}.learning_rate"]
         member.learning_rate = float(rate)
 
     def _check(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         """Check and record what is to be set."""
-        values = {p.name: p.value for p in parameters if self._board.has(p.name)}
+        values = {p.name: p.value for p in parameters if self._store.has(p.name)}
         if not values:
             return SetParametersResult(successful=True)
         try:
-            self._board.check(values)
-            self._recorded = self._board.record(
+            self._store.check(values)
+            self._recorded = self._store.record(
                 values, self._cause, must_be_stored=self._cause.author != FILE
             )
         except Refused as refused:
@@ -249,11 +251,11 @@ class TunableParameters:
 
     def _apply(self, parameters: list[Parameter[Any]]) -> None:
         for one in parameters:
-            if not self._board.has(one.name):
+            if not self._store.has(one.name):
                 continue
-            parameter = self._board.parameter(one.name)
+            parameter = self._store.parameter(one.name)
             value = one.value
-            member = self._roster.members.get(parameter.agent)
+            member = self._registry.members.get(parameter.agent)
             if parameter.kind is TunableKind.TICK_RATE:
                 self._set_rate(float(value))
             elif member is None:
@@ -274,22 +276,22 @@ class TunableParameters:
         self._flush()
         if self._infos_due:
             self._infos_due = False
-            self._server.publish_infos(["", *self._roster.members])
+            self._server.publish_infos(["", *self._registry.members])
         self._server.publish_tunings()
         if self._cards_due:
             self._cards_due = False
             self._changed()
 
     def _flush(self) -> None:
-        job = self._board.flush() if self._flush_due else None
+        job = self._store.flush() if self._flush_due else None
         self._flush_due = False
         if job is not None:
-            self._jobs.watch(job, self._flushed)
+            self._poller.watch(job, self._report_flush)
 
-    def _flushed(self, trouble: str) -> None:
-        if trouble:
+    def _report_flush(self, error: str) -> None:
+        if error:
             self._node.get_logger().error(
-                f"what was tuned is in force, but a power cut may undo it: {trouble}"
+                f"what was tuned is in force, but a power cut may undo it: {error}"
             )
 
 

@@ -30,25 +30,25 @@ SOMEBODY = "somebody"
 
 _LONGEST_AUTHOR = 60
 
-Found = tuple[TuningRevision, Mapping[str, Setting]]
+FoundRevision = tuple[TuningRevision, Mapping[str, Setting]]
 """A revision to take back or make again, and the values to set for it."""
 
-Set = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | None]
+SetTogether = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Done:
+class _ActionResult:
     """Result of an action.
 
     Attributes:
         message: For people.
         revision: What has come into force.
-        saving: Ends when a preset is saved, or not: it counts only then.
+        job: Saves or removes a preset, which counts only when it has ended.
     """
 
     message: str
     revision: TuningRevision | None = None
-    saving: Job[Any] | None = None
+    job: Job[Any] | None = None
 
 
 class TuneServer:
@@ -56,27 +56,27 @@ class TuneServer:
 
     Args:
         node: The host's node.
-        board: Its tunable parameters.
-        set_together: Sets values, or refuses all of them.
-        jobs: Says when the disk has what was tuned.
+        store: Its tunable parameters.
+        set_together: Sets values, all or none.
+        poller: Polls the jobs of the disk.
     """
 
     def __init__(
-        self, node: Node, board: ParameterStore, set_together: Set, jobs: FuturePoller
+        self, node: Node, store: ParameterStore, set_together: SetTogether, poller: FuturePoller
     ) -> None:
         self._node = node
-        self._board = board
+        self._store = store
         self._set_together = set_together
-        self._jobs = jobs
+        self._poller = poller
         self._shown: dict[tuple[int, str], Tuning] = {}
         self._tunings = node.create_publisher(Tunings, "~/tunings", qos.FACT)
         self._tunables = node.create_publisher(Tunables, "~/tunables", qos.FACT)
-        # One that waits for the disk holds up no other.
+        # A request that waits for the disk blocks no other.
         group = ReentrantCallbackGroup()
         node.create_service(
             Tune, "~/tune", self._tune, qos_profile=qos.SERVICE, callback_group=group
         )
-        self._actions: dict[int, Callable[[Any, str, str], _Done]] = {
+        self._actions: dict[int, Callable[[Any, str, str], _ActionResult]] = {
             Tune.Request.SET: self._set,
             Tune.Request.UNDO: self._undo,
             Tune.Request.REDO: self._redo,
@@ -90,13 +90,13 @@ class TuneServer:
         self._tunables.publish(
             Tunables(
                 host=self._node.get_fully_qualified_name(),
-                tunables=[info_to_msg(one) for agent in agents for one in self._board.of(agent)],
+                tunables=[info_to_msg(one) for agent in agents for one in self._store.of(agent)],
             )
         )
 
     def publish_tunings(self) -> None:
         """Publish the last changes, what an undo or redo would do, and the presets."""
-        history = self._board.history
+        history = self._store.history
         shown = {(r.number, c.name): (r, c) for r, c in history.shown}
         self._shown = {
             key: self._shown.get(key) or self._message(*one) for key, one in shown.items()
@@ -109,25 +109,25 @@ class TuneServer:
                 host=self._node.get_fully_qualified_name(),
                 revision=history.revision,
                 tunings=list(self._shown.values()),
-                undo=self._next(self._board.undo),
-                redo=self._next(self._board.redo),
+                undo=self._format_next(self._store.undo),
+                redo=self._format_next(self._store.redo),
                 presets=[
                     Preset(name=name, names=list(values), values=list(values.values()))
-                    for name, values in self._board.presets.by_name.items()
+                    for name, values in self._store.presets.by_name.items()
                 ],
             )
         )
 
-    def _next(self, find: Callable[[tuple[str, ...]], Found]) -> str:
+    def _format_next(self, find: Callable[[tuple[str, ...]], FoundRevision]) -> str:
         try:
             revision, values = find(())
         except Refused:
             return ""
         changes = (
-            TuningChange(name=name, before=self._board.values[name], after=value)
+            TuningChange(name=name, before=self._store.values[name], after=value)
             for name, value in values.items()
         )
-        return f"{self._board.format_changes(changes)} (revision {revision.number})"
+        return f"{self._store.format_changes(changes)} (revision {revision.number})"
 
     def _message(self, revision: TuningRevision, change: TuningChange) -> Tuning:
         return Tuning(
@@ -136,15 +136,15 @@ class TuneServer:
             author=revision.cause.author,
             reason=revision.cause.reason,
             name=change.name,
-            before=self._board.format_value(change.name, change.before),
-            after=self._board.format_value(change.name, change.after),
+            before=self._store.format_value(change.name, change.before),
+            after=self._store.format_value(change.name, change.after),
         )
 
     async def _tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
         try:
             done = self._act(request)
-            if done.saving is not None:
-                await self._saved(done.saving)
+            if done.job is not None:
+                await self._wait_until_saved(done.job)
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
@@ -156,14 +156,15 @@ class TuneServer:
         response.accepted = True
         response.message = done.message
         if done.revision is not None:
-            response.tunings = [self._message(done.revision, o) for o in done.revision.changes]
-            flushed = self._board.flush()
-            trouble = await self._trouble(flushed) if flushed is not None else ""
-            if trouble:
-                response.message += f"; it is in force, but a power cut may undo it: {trouble}"
+            revision = done.revision
+            response.tunings = [self._message(revision, one) for one in revision.changes]
+            flushed = self._store.flush()
+            failure = await self._error_of(flushed) if flushed is not None else ""
+            if failure:
+                response.message += f"; it is in force, but a power cut may undo it: {failure}"
         return response
 
-    def _act(self, request: Tune.Request) -> _Done:
+    def _act(self, request: Tune.Request) -> _ActionResult:
         act = self._actions.get(request.action)
         if act is None:
             raise Refused(
@@ -174,37 +175,39 @@ class TuneServer:
         author = checked_line(request.author, "the author", _LONGEST_AUTHOR) or SOMEBODY
         return act(request, author, checked_line(request.reason, "the reason"))
 
-    async def _trouble(self, job: Job[Any]) -> str:
-        """Wait for a job; return what went wrong, empty for nothing."""
+    async def _error_of(self, job: Job[Any]) -> str:
+        """Wait for a job; return its error as text, empty for none."""
         ended = Future(executor=self._node.executor)
-        self._jobs.watch(job, ended.set_result)
-        trouble: str = await ended
-        return trouble
+        self._poller.watch(job, ended.set_result)
+        error: str = await ended
+        return error
 
-    async def _saved(self, job: Job[Any]) -> None:
+    async def _wait_until_saved(self, job: Job[Any]) -> None:
         """Wait until a preset is saved.
 
         Raises:
             Refused: It is not.
         """
-        trouble = await self._trouble(job)
+        error = await self._error_of(job)
         if not job.done():
-            raise Refused("NOT_KEPT", f"the preset is {trouble}; look at the presets in a while")
+            raise Refused("NOT_KEPT", f"the preset is {error}; look at the presets in a while")
         job.result()
         self.publish_tunings()
 
-    def _set(self, request: Any, author: str, reason: str) -> _Done:
-        values = self._board.read(request.names, request.values)
+    def _set(self, request: Any, author: str, reason: str) -> _ActionResult:
+        values = self._store.read(request.names, request.values)
         revision = self._set_together(values, TuningCause(author=author, reason=reason))
-        return _Done(message=self._summary(revision), revision=revision)
+        return _ActionResult(message=self._summary(revision), revision=revision)
 
-    def _undo(self, request: Any, author: str, reason: str) -> _Done:
-        return self._take_back(TuningAction.UNDO, self._board.undo(request.agents), author, reason)
+    def _undo(self, request: Any, author: str, reason: str) -> _ActionResult:
+        return self._take_back(TuningAction.UNDO, self._store.undo(request.agents), author, reason)
 
-    def _redo(self, request: Any, author: str, reason: str) -> _Done:
-        return self._take_back(TuningAction.REDO, self._board.redo(request.agents), author, reason)
+    def _redo(self, request: Any, author: str, reason: str) -> _ActionResult:
+        return self._take_back(TuningAction.REDO, self._store.redo(request.agents), author, reason)
 
-    def _take_back(self, action: TuningAction, found: Found, author: str, reason: str) -> _Done:
+    def _take_back(
+        self, action: TuningAction, found: FoundRevision, author: str, reason: str
+    ) -> _ActionResult:
         old, values = found
         cause = TuningCause(
             author=author,
@@ -214,24 +217,28 @@ class TuneServer:
         )
         revision = self._set_together(values, cause)
         message = f"{action.value} of revision {old.number}: {self._summary(revision)}"
-        return _Done(message=message, revision=revision)
+        return _ActionResult(message=message, revision=revision)
 
-    def _apply(self, request: Any, author: str, reason: str) -> _Done:
-        values, gone = self._board.preset(request.preset)
+    def _apply(self, request: Any, author: str, reason: str) -> _ActionResult:
+        values, gone = self._store.preset(request.preset)
         name = f"preset {quote(request.preset)}"
         revision = self._set_together(values, TuningCause(author=author, reason=reason or name))
         left_out = f"; left out, as it is not here any more: {', '.join(gone)}" if gone else ""
-        return _Done(message=f"{name}: {self._summary(revision)}{left_out}", revision=revision)
+        return _ActionResult(
+            message=f"{name}: {self._summary(revision)}{left_out}", revision=revision
+        )
 
-    def _save(self, request: Any, _author: str, _reason: str) -> _Done:
-        count, saving = self._board.save(request.preset, request.agents)
-        return _Done(message=f"preset {quote(request.preset)} keeps {count} values", saving=saving)
+    def _save(self, request: Any, _author: str, _reason: str) -> _ActionResult:
+        count, job = self._store.save(request.preset, request.agents)
+        return _ActionResult(
+            message=f"preset {quote(request.preset)} keeps {count} values", job=job
+        )
 
-    def _forget(self, request: Any, _author: str, _reason: str) -> _Done:
-        saving = self._board.forget(request.preset)
-        return _Done(message=f"preset {quote(request.preset)} is forgotten", saving=saving)
+    def _forget(self, request: Any, _author: str, _reason: str) -> _ActionResult:
+        job = self._store.forget(request.preset)
+        return _ActionResult(message=f"preset {quote(request.preset)} is forgotten", job=job)
 
     def _summary(self, revision: TuningRevision | None) -> str:
         if revision is None or not revision.changes:
             return "everything stands so already"
-        return f"{self._board.format_changes(revision.changes)} (revision {revision.number})"
+        return f"{self._store.format_changes(revision.changes)} (revision {revision.number})"

@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
-from bt_agents_language.yaml.diagnostics import did_you_mean
 
 _PIECE = re.compile(r"\*\*/|\*\*|\*|[^*]+")
 _MEANING = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*"}

@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from bt_agents_language.expression.expressions import parse_expression
+from bt_agents_language.fields.scope import NameScope, mood_names, scene_names
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED
-from bt_agents_language.model.scope import NameScope, mood_names, scene_names
 from bt_agents_language.model.specs import NodeSpec, Tunable, iter_nodes
-from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.check import CHECK
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.assigned_names import AssignedNames
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES

@@ -8,6 +8,11 @@ from dataclasses import dataclass, replace
 
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.interfaces import read_ros_name
+from bt_agents_language.fields.scene_values import read_values
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.values import is_plain, plain, read_value
 from bt_agents_language.files.testing.path_patterns import is_path, matches, nodes_of, path_hint
 from bt_agents_language.files.testing.replacement_reader import AT_ONCE, ReplacementReader
 from bt_agents_language.files.testing.scenarios import (
@@ -18,14 +23,16 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedAnswer,
     ScriptedEvent,
 )
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, SkillSpec
+from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.yaml.field_tables import (
     ANY,
     BOOLEAN,
     DURATION,
     FIELDS,
     ROS_NAME,
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -34,24 +41,9 @@ from bt_agents_language.model.file_kinds import (
     KeyTable,
     SceneValues,
     Several,
+    WordChoice,
     integer,
 )
-from bt_agents_language.model.interfaces import read_ros_name
-from bt_agents_language.model.scene_values import read_values
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import (
-    AgentSpec,
-    ListValue,
-    Literal,
-    MapValue,
-    NodeSpec,
-    SkillSpec,
-    Value,
-)
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.model.values import read_value
-from bt_agents_language.nodes.catalogue import NODE_TYPES
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
@@ -65,7 +57,7 @@ _ANSWER = KeyTable(
         FieldDecl("gives", ANY, "Value of the first output."),
         FieldDecl("outputs", Entries(ANY, "outputs and values", keys=Key.ANY), "Output → value."),
         FieldDecl("fails", TEXT, "It fails, for this reason."),
-        FieldDecl("ends", Choice(_ENDS), "How else it ends."),
+        FieldDecl("ends", WordChoice(_ENDS), "How else it ends."),
         FieldDecl("after", DURATION, "How long it takes."),
     ),
 )
@@ -85,7 +77,7 @@ _HAPPENING = KeyTable(
         FieldDecl("person", BOOLEAN, "Whether the person is there from now on."),
         FieldDecl(
             "scene_layer",
-            Choice(tuple(_SILENT)),
+            WordChoice(tuple(_SILENT)),
             "Silent: from now on nothing new is known of the scene.",
         ),
         FieldDecl("publish", _MESSAGE, "A message arrives."),
@@ -117,7 +109,7 @@ SCENARIO = KeyTable(
         ),
         FieldDecl(
             "replace",
-            Entries(Either((Choice(tuple(AT_ONCE)), FIELDS)), "paths and nodes", keys=Key.ANY),
+            Entries(Either((WordChoice(tuple(AT_ONCE)), FIELDS)), "paths and nodes", keys=Key.ANY),
             "Path of a node → what stands in for it.",
         ),
         FieldDecl("during", Items(_HAPPENING), "What happens during the run."),
@@ -217,16 +209,15 @@ class ScenarioReader:
         value = read_value(self._reading, node, field_type, NameScope({}), what)
         if value is None:
             return None
-        try:
-            return _plain(value)
-        except ValueError:
-            self._reading.error(
-                "bad-reference",
-                node,
-                f"{what}: a test has no names to put into '${{…}}'",
-                "write the value itself",
-            )
-            return None
+        if is_plain(value):
+            return plain(value)
+        self._reading.error(
+            "bad-reference",
+            node,
+            f"{what}: a test has no names to put into '${{…}}'",
+            "write the value itself",
+        )
+        return None
 
     def _person_of(self, scene: MappingNode) -> bool | None:
         node = None if "person" in self._space.names else scene.get("person")
@@ -383,7 +374,7 @@ class ScenarioReader:
 
     def _values(self, fields: MappingReader, names: Iterable[str]) -> dict[str, float]:
         entries = tuple(
-            # A slip in a name is reported already; it is read as the one that is meant.
+            # A misspelt name is reported already; it is read as the one that is meant.
             MappingEntry(key=replace(fields.keys[name], text=name), value=fields.nodes[name])
             for name in names
             if name in fields.nodes
@@ -453,14 +444,3 @@ def _without_person(scene: MappingNode) -> MappingNode:
 
 def _text(node: Node) -> str:
     return node.text if isinstance(node, Scalar) else "this"
-
-
-def _plain(value: Value) -> Plain:
-    match value:
-        case Literal():
-            return value.value
-        case ListValue():
-            return tuple(_plain(item) for item in value.items)
-        case MapValue():
-            return {key: _plain(item) for key, item in value.items.items()}
-    raise ValueError

@@ -11,6 +11,7 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.testing.scenario_reader import SCENARIO, ScenarioReader
 from bt_agents_language.files.testing.scenarios import (
     SPOKEN,
@@ -30,12 +31,14 @@ from bt_agents_language.files.testing.scenarios import (
     Visits,
     Within,
 )
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.model.mood_rule import MoodAction
+from bt_agents_language.model.specs import AgentSpec, SkillSpec
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.yaml.field_tables import (
     ANY,
     BOOLEAN,
     DURATION,
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -45,11 +48,8 @@ from bt_agents_language.model.file_kinds import (
     KeyTable,
     Several,
     Value,
+    WordChoice,
 )
-from bt_agents_language.model.mood_rule import MoodAction
-from bt_agents_language.model.specs import AgentSpec, SkillSpec
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
@@ -91,11 +91,11 @@ _EXPECT = KeyTable(
         FieldDecl("does_not", Several(_USE), "Skills that it does not use."),
         FieldDecl("visited", Several(TEXT), "Paths of nodes that are ticked."),
         FieldDecl("not_visited", Several(TEXT), "Paths of nodes that are never ticked."),
-        FieldDecl("ends", Choice(OUTCOMES), "How the run ends."),
+        FieldDecl("ends", WordChoice(OUTCOMES), "How the run ends."),
         FieldDecl("because", TEXT, "Words of the reason why it ended."),
         FieldDecl("within", DURATION, "The longest time that it may take."),
         FieldDecl(
-            "feedback", Several(Choice(tuple(_KINDS))), "The feedback that is given, in order."
+            "feedback", Several(WordChoice(tuple(_KINDS))), "The feedback that is given, in order."
         ),
         FieldDecl(
             "cancelled_by",

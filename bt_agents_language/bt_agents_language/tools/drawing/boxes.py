@@ -11,11 +11,11 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.node_type import Children, Content, Role
 from bt_agents_language.model.specs import Literal, NodeSpec, Value
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.node_type import Children, Content, Role
 from bt_agents_language.nodes.skill import SKILL
-from bt_agents_language.tools.drawing.shown_values import LONGEST_TEXT, shown_value
+from bt_agents_language.tools.drawing.value_format import LONGEST_TEXT, format_value
 
 
 class BoxKind(Enum):
@@ -139,7 +139,7 @@ def _interface(spec: NodeSpec, longest_text: int) -> list[str]:
     if spec.skill is None or spec.skill.binding is None or type_of(spec) is SKILL:
         return []
     binding = spec.skill.binding
-    written = shown_value(binding.fields, longest_text=longest_text)
+    written = format_value(binding.fields, longest_text=longest_text)
     fields = [written] if binding.fields.items else []
     return [f"{binding.name} ({binding.type})", *fields]
 
@@ -216,7 +216,7 @@ def _is_default(value: Value | Expression, field: _Field | None) -> bool:
 
 def _text(value: Value | Expression, field: _Field | None, longest_text: int) -> str:
     if field is None:
-        return shown_value(value, longest_text=longest_text)
+        return format_value(value, longest_text=longest_text)
     if field.words and isinstance(value, Literal) and isinstance(value.value, str):
         return value.value
-    return shown_value(value, field.type, longest_text)
+    return format_value(value, field.type, longest_text)

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind
 from bt_agents_language.tools.drawing.outline import head, packed
-from bt_agents_language.yaml.renderers import columns
 
 LINE = 17.0
 """Height of a line of text [px]; all lengths here are pixels."""

@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from bt_agents_core.scene import SceneSpace
+from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
-from bt_agents_language.tools.drawing.shown_values import shown_profile, shown_tunable
-from bt_agents_language.yaml.renderers import columns
+from bt_agents_language.tools.drawing.value_format import format_profile, format_tunable
 
 SIGNS = {
     BoxKind.COMPOSITE: "▼",
@@ -66,9 +66,9 @@ def head_lines(agent: AgentSpec, space: SceneSpace, width: int) -> list[str]:
         width: Columns that a line should not be wider than.
     """
     entries: dict[str, Sequence[str]] = {
-        "profile": [shown_profile(agent.profile, space)],
+        "profile": [format_profile(agent.profile, space)],
         "requires": [agent.requires.text] if agent.requires is not None else [],
-        "tunables": _joined([shown_tunable(one) for one in agent.tunables], ","),
+        "tunables": _joined([format_tunable(one) for one in agent.tunables], ","),
         "missing": _joined(agent.unoffered, ";"),
     }
     return [

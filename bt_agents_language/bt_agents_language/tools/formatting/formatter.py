@@ -8,18 +8,19 @@ from dataclasses import dataclass
 from typing import TypeGuard
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.tools.formatting.block_scalars import reindented, reindented_block
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.tools.formatting.comments import Comment, blank_before, find_comments
-from bt_agents_language.tools.formatting.equivalence import same_meaning
 from bt_agents_language.tools.formatting.node_order import ordered_nodes
 from bt_agents_language.tools.formatting.scalar_style import (
     fits_one_line,
     in_one_line,
-    keeps_quotes,
     key_in_one_line,
+    needs_quotes,
     quoted,
+    reindented,
+    reindented_block,
 )
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.scalars import value_type
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import (
     Mapping,
@@ -59,6 +60,24 @@ def format_source(source: Source) -> str:
             "write its keys as short words without line breaks"
         )
     return text
+
+
+def same_meaning(one: Node, other: Node) -> bool:
+    """Return whether two documents say the same; the keys of a mapping may be in another order."""
+    match one, other:
+        case Scalar(), Scalar():
+            return one.text == other.text and value_type(one) is value_type(other)
+        case Sequence(), Sequence():
+            return len(one.items) == len(other.items) and all(
+                map(same_meaning, one.items, other.items)
+            )
+        case Mapping(), Mapping():
+            values = {entry.key.text: entry.value for entry in other.entries}
+            return len(one.entries) == len(values) and all(
+                entry.key.text in values and same_meaning(entry.value, values[entry.key.text])
+                for entry in one.entries
+            )
+    return False
 
 
 def _read(source: Source) -> Node:
@@ -108,20 +127,14 @@ class _Writer:
         return "\n".join(self._with_trailing_comments()) + "\n"
 
     def _block(self, node: Mapping | Sequence, indent: int, outside: int) -> None:
-        """Write a list or mapping over several lines.
-
-        Args:
-            node: The list or mapping.
-            indent: Spaces before its lines.
-            outside: Column of the list or mapping around it in the source, from 0.
-        """
+        """Write a list or mapping over several lines."""
         column = node.position.column - 1
         if isinstance(node, Mapping):
             for entry in self._order.get(node.span, node.entries):
                 self._flush(entry.key.span[0], indent)
                 self._entry(entry, indent, column)
         else:
-            keep = keeps_quotes(node.items, flow=False)
+            keep = needs_quotes(node.items, flow=False)
             for item in node.items:
                 self._flush(_first(item), indent)
                 self._dashes = (self._dashes or " " * indent) + "- "
@@ -134,7 +147,7 @@ class _Writer:
 
     def _entry(self, entry: MappingEntry, indent: int, column: int) -> None:
         key, value = entry.key, entry.value
-        head = f"{key_in_one_line(key, self._written(key))}:"
+        head = f"{key_in_one_line(key, self._source_text(key))}:"
         blank = blank_before(self._source, key.span[0])
         if self._is_block(value, indent + len(head) + 1):
             self._open(head, indent, key.span[1], blank)
@@ -194,7 +207,7 @@ class _Writer:
             text = self._flow(node)
             assert text is not None
             return [text]
-        written = self._written(node)
+        written = self._source_text(node)
         if node.style in ("|", ">"):
             block = reindented_block(written, node.text, indent, parent)
             return block if block is not None else [quoted(node.text)]
@@ -209,7 +222,7 @@ class _Writer:
             case Scalar():
                 return self._flow_scalar(node, keep_quotes=False)
             case Sequence():
-                keep = keeps_quotes(node.items, flow=True)
+                keep = needs_quotes(node.items, flow=True)
                 parts = [
                     self._flow_scalar(item, keep_quotes=keep)
                     if isinstance(item, Scalar)
@@ -227,11 +240,11 @@ class _Writer:
 
     def _flow_entry(self, entry: MappingEntry) -> str | None:
         value = self._flow(entry.value)
-        key = key_in_one_line(entry.key, self._written(entry.key))
+        key = key_in_one_line(entry.key, self._source_text(entry.key))
         return None if value is None else f"{key}: {value}"
 
     def _flow_scalar(self, scalar: Scalar, *, keep_quotes: bool) -> str | None:
-        written = self._written(scalar)
+        written = self._source_text(scalar)
         if not fits_one_line(scalar, written):
             return None
         return in_one_line(scalar, written, flow=True, keep_quotes=keep_quotes)
@@ -313,7 +326,7 @@ class _Writer:
                 lines[number] = lines[number].ljust(width) + self._trailing_comments[number].text
         return lines
 
-    def _written(self, scalar: Scalar) -> str:
+    def _source_text(self, scalar: Scalar) -> str:
         return self._source.text[slice(*scalar.span)]
 
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
-from bt_agents_language.model.node_type import Children, Content, NodeType
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
+from bt_agents_language.nodes.node_type import Children, Content, NodeType
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 

@@ -8,6 +8,7 @@ import re
 
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
+_ESCAPED_SPACE = re.compile(r"(?<!\\)[ \t]+$")
 _WORDS = re.compile(r"[^\W\d_][\w/-]*(?:[ .][\w/-]+)*")
 _REFERENCE = re.compile(r"\$\{[\w.]+\}")
 _TRAPS = frozenset(
@@ -65,7 +66,7 @@ def fits_one_line(scalar: Scalar, written: str) -> bool:
     return scalar.style not in ("|", ">") and not ("\n" in written and "\n" in scalar.text)
 
 
-def keeps_quotes(items: tuple[Node, ...], *, flow: bool) -> bool:
+def needs_quotes(items: tuple[Node, ...], *, flow: bool) -> bool:
     """Return whether one item of a list needs its quotes, so that the others keep theirs too."""
     return any(
         isinstance(item, Scalar) and item.style in ("'", '"') and not droppable(item, flow=flow)
@@ -78,3 +79,59 @@ def _in_quotes(scalar: Scalar, written: str) -> str:
     if scalar.style == '"' and "\n" not in written:
         return written
     return quoted(scalar.text)
+
+
+def reindented(written: str, indent: int) -> list[str]:
+    """Return the lines of a plain or quoted text, all but the first indented.
+
+    Args:
+        written: The text as it stands in the file, its quotes included.
+        indent: Spaces before every line but the first.
+    """
+    first, *others = written.split("\n")
+    strip = _without_space if written.startswith('"') else str.rstrip
+    lines = [strip(first)]
+    for number, other in enumerate(others, start=2):
+        line = other.lstrip(" \t")
+        line = line if number > len(others) else strip(line)
+        lines.append(" " * indent + line if line else "")
+    return lines
+
+
+def reindented_block(written: str, text: str, indent: int, parent: int) -> list[str] | None:
+    """Return the lines of a text block (``|`` or ``>``), the line with the sign first.
+
+    Args:
+        written: The block as it stands in the file.
+        text: What it says.
+        indent: Spaces before every line but the first.
+        parent: Indentation of the list or mapping that it stands in.
+
+    Returns:
+        The lines, or None when the block holds only blank lines, which quotes show better.
+    """
+    if not text.strip(" \n"):
+        return None
+    lines = written.split("\n")[1:]
+    first = next(line for line in lines if line.strip(" "))
+    # What the text keeps of the indentation of its first line does not count as indentation.
+    start = len(text) - len(text.lstrip(" \n"))
+    kept = start - (text.rfind("\n", 0, start) + 1)
+    base = len(first) - len(first.lstrip(" ")) - kept
+    content = [line[base:] for line in lines]
+    while not content[-1]:
+        content.pop()
+    ends = len(text) - len(text.rstrip("\n"))
+    chomping = "-" if ends == 0 else "" if ends == 1 else "+"
+    first_shown = next(line for line in content if line)
+    indicator = str(indent - parent) if first_shown[0] in " \t" else ""
+    return [
+        f"{written[0]}{indicator}{chomping}",
+        *(" " * indent + line if line else "" for line in content),
+        *[""] * (ends - 1),
+    ]
+
+
+def _without_space(line: str) -> str:
+    """Return a line of a double-quoted text without the spaces at its end that mean nothing."""
+    return _ESCAPED_SPACE.sub("", line)

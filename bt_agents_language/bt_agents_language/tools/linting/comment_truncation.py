@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 
 from bt_agents_core.diagnostic import Diagnostic, Severity
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 

@@ -10,15 +10,27 @@ from itertools import chain
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.text import quote
+from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.testing.scenarios import SPOKEN
-from bt_agents_language.gc_pause import gc_paused
-from bt_agents_language.model.endings import Unreached
-from bt_agents_language.model.node_type import NodeType, Role, Waits
-from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, UnusedInput, iter_nodes
+from bt_agents_language.model.specs import (
+    AgentSpec,
+    Computed,
+    ListValue,
+    Literal,
+    MapValue,
+    NodeSpec,
+    Reference,
+    Text,
+    UnusedInput,
+    Value,
+    iter_nodes,
+)
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.endings import Unreached
+from bt_agents_language.nodes.node_type import NodeType, Role, Waits
 from bt_agents_language.tools.linting.outcomes import endless, every_outcome
-from bt_agents_language.tools.linting.reads import names_read, texts_of
 
 _PATIENCE = 20
 """Oftener than that nobody wants to hear the same."""
@@ -155,8 +167,8 @@ def _busy_repeats(tree: _Tree) -> Found:
 
 def _two_voices(tree: _Tree) -> Found:
     for spec in tree.where(lambda one: one.concurrent):
-        spoken = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
-        first, *others = [one for one in spoken if one is not None] or [spec]
+        voices = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
+        first, *others = [one for one in voices if one is not None] or [spec]
         for other in others:
             yield _at(
                 other,
@@ -184,7 +196,7 @@ def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
         (node, match)
         for node in nodes
         if node.fields
-        for text in texts_of(node)
+        for text in _texts(node)
         if "$" in text or "{" in text
         for match in _UNMARKED.finditer(text)
     ]
@@ -224,7 +236,7 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
             return
         # The trees of a library see its own names only.
         if node.position.file == agent.file:
-            unread.difference_update(names_read(node))
+            unread.difference_update(_names_read(node))
     for tunable in agent.tunables:
         if tunable.name in unread:
             yield _warning(
@@ -246,6 +258,44 @@ _RULES: tuple[Callable[[_Tree], Found], ...] = (
 )
 
 
+def _names_read(spec: NodeSpec) -> Iterator[str]:
+    values: list[Value | Expression] = [*spec.fields.values()]
+    # The interface of a ROS leaf stands in the tree; that of a skill names the skill's inputs.
+    binding = spec.skill.binding if spec.skill is not None else None
+    if binding is not None and type_of(spec).interface is not None:
+        values.append(binding.fields)
+        if binding.succeed_when is not None:
+            values.append(binding.succeed_when)
+    for value in _parts(values):
+        match value:
+            case Expression(names=names) | Computed(expression=Expression(names=names)):
+                yield from names
+            case Reference(name=name):
+                yield name
+
+
+def _texts(spec: NodeSpec) -> Iterator[str]:
+    for value in _parts(spec.fields.values()):
+        text = value.value if isinstance(value, Literal) else value
+        if isinstance(text, str):
+            yield text
+
+
+def _parts(values: Iterable[Value | Expression]) -> Iterator[Value | Expression | str]:
+    """Yield values and all that is in them; a plain piece of a text as it is."""
+    waiting: list[Value | Expression | str] = [*values]
+    while waiting:
+        value = waiting.pop()
+        yield value
+        match value:
+            case Text(parts=parts):
+                waiting += parts
+            case ListValue(items=items):
+                waiting += items
+            case MapValue(items=entries):
+                waiting += entries.values()
+
+
 def _speaks(spec: NodeSpec) -> bool:
     return spec.skill is not None and spec.skill.name in SPOKEN
 
@@ -262,7 +312,7 @@ def _unreached(one: Unreached) -> Diagnostic:
     # A branch has no key of its own.
     is_branch = type_of(one.node).role is Role.BRANCH
     key = one.node.children[0] if is_branch else one.node
-    return _at(key, "never-reached", f"this is never done: {one.why}", one.hint)
+    return _at(key, "never-reached", f"this is never done: {one.reason}", one.hint)
 
 
 def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:

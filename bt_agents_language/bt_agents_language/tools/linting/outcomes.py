@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bt_agents_language.model.endings import EITHER, Outcomes
-from bt_agents_language.model.node_type import FOREVER, Role
 from bt_agents_language.model.specs import Literal, NodeSpec, iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.endings import EITHER, Outcomes
+from bt_agents_language.nodes.node_type import FOREVER, Role
 
 _FOREVER = Literal(value=FOREVER)
 

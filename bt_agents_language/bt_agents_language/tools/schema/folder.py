@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of files, and their JSON Schemas for one trees folder."""
+"""JSON Schemas of the kinds of files, for one trees folder."""
 
 from __future__ import annotations
 
@@ -9,24 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from bt_agents_language.files.agent_reader import AGENT
-from bt_agents_language.files.experiment_reader import EXPERIMENT
+from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.libraries import LIBRARY, FolderLibraries
-from bt_agents_language.files.market_reader import MARKET
-from bt_agents_language.files.scene_reader import SCENE, read_scene
-from bt_agents_language.files.script_reader import SCRIPT
-from bt_agents_language.files.testing.test_reader import TEST
-from bt_agents_language.model.file_kinds import FileKind
-from bt_agents_language.model.node_type import NodeType
-from bt_agents_language.model.symbols import ImportProblem, SymbolTable
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.nodes.node_type import NodeType
+from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.tools.schema.node_schemas import node_definitions
 from bt_agents_language.tools.schema.value_schemas import Schema
-
-FILE_KINDS: Mapping[str, FileKind] = {
-    kind.name: kind for kind in (AGENT, LIBRARY, TEST, SCENE, MARKET, SCRIPT, EXPERIMENT)
-}
-"""Kinds of files by name."""
 
 _WITH_TREES = (AGENT, LIBRARY)
 

@@ -6,8 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_language.model.file_kinds import (
-    Choice,
+from bt_agents_language.fields.scope import mood_names, scene_names
+from bt_agents_language.tools.schema import value_schemas
+from bt_agents_language.tools.schema.value_schemas import Schema, described, mapping
+from bt_agents_language.yaml.field_tables import (
     Either,
     Entries,
     FieldDecl,
@@ -17,16 +19,14 @@ from bt_agents_language.model.file_kinds import (
     Key,
     KeyTable,
     Needs,
-    SceneNames,
+    SceneNameList,
     SceneValues,
     Several,
     Shared,
     Single,
     Value,
+    WordChoice,
 )
-from bt_agents_language.model.scope import mood_names, scene_names
-from bt_agents_language.tools.schema import value_schemas
-from bt_agents_language.tools.schema.value_schemas import Schema, described, mapping
 from bt_agents_language.yaml.typed_reader import FORMAT
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -123,7 +123,7 @@ class SchemaGenerator:
         match declared:
             case Single():
                 return self._single(declared)
-            case Choice():
+            case WordChoice():
                 return {"enum": list(declared.words)}
             case Items():
                 schema = _array(self.value(declared.item))
@@ -139,7 +139,7 @@ class SchemaGenerator:
                 return self._entries(declared)
             case SceneValues():
                 return self._scene_values(declared)
-            case SceneNames():
+            case SceneNameList():
                 names: Schema = {"enum": list(self._space.names)}
                 return {"anyOf": [{"const": declared.every}, _array(names)]}
             case Shared():

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType
-from bt_agents_language.model.server_timeouts import HEARTBEAT, TIMEOUTS
+from bt_agents_language.fields.server_timeouts import HEARTBEAT, TIMEOUTS
 from bt_agents_language.model.specs import FieldSpec, SkillSpec
-from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType
 from bt_agents_language.nodes.skill import SKILL
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.node_pages import NodePage, node_page
 from bt_agents_language.tools.schema import value_schemas
 from bt_agents_language.tools.schema.generator import table_schema
@@ -23,8 +23,8 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
     """Return the definitions that a schema with trees needs.
 
     A node is one mapping with every key that may stand in it, not one alternative for each kind:
-    so an editor offers all keys at once, and a slip in one field is reported there instead of as
-    a node that fits no alternative.
+    so an editor offers all keys at once, and a mistake in one field is reported there, not as a
+    node that fits no alternative.
     """
     nodes = {
         **{key: _type(one, vocabulary.space) for key, one in vocabulary.node_types.items()},
@@ -185,7 +185,7 @@ def _leaf(
 ) -> Schema:
     """Return the schema of fields in a mapping, or of the main one as a scalar.
 
-    Both stand in one schema where that is possible, which gives one clear message a slip.
+    Both stand in one schema where that is possible, which gives one clear message a mistake.
 
     Args:
         key: The word that they stand behind.

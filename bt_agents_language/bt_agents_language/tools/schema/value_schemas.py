@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TypeAlias
 
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_language.model.units import ANGLE, LENGTH, TIME
+from bt_agents_language.expression.units import ANGLE, LENGTH, TIME
 from bt_agents_language.reference.node_pages import TYPE_WORDS
 
 Schema: TypeAlias = dict[str, object]

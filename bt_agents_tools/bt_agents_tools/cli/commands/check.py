@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents check`: every problem of a trees folder, without a robot and even without ROS."""
+"""Command `bt-agents check`: problems of a trees folder, without a robot, even without ROS."""
 
 from __future__ import annotations
 
@@ -15,11 +15,17 @@ from bt_agents_core.diagnostic import Severity
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import changes, poll
 from bt_agents_core.trees_folder import enclosing_folder, find_trees
+from bt_agents_language.diagnostics.renderers import (
+    as_annotation,
+    as_json,
+    as_text,
+    count,
+    wants_colour,
+)
+from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.folder_reader import SUFFIXES
-from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.tools.folder_check import Checked, check_folder
-from bt_agents_language.yaml.renderers import as_annotation, as_json, as_text, count, wants_colour
-from bt_agents_tools.cli.constants import counted
+from bt_agents_tools.cli.formatting import counted
 
 
 @click.command()

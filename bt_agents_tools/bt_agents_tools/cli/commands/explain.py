@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents explain`: the page of the reference about one word or one code, in the terminal."""
+"""Command `bt-agents explain`: page of the reference about a word or a code, in the terminal."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import quote
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_language.model.plugins import installed_plugins
+from bt_agents_language.diagnostics.collection import nearest
+from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.model.specs import SubtreeSpec
-from bt_agents_language.model.symbols import ImportProblem, SymbolTable
-from bt_agents_language.reference.codes.table import Code, codes
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
+from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
+from bt_agents_language.reference.codes import Code, codes
 from bt_agents_language.reference.file_pages import FilePage, file_pages, file_words
 from bt_agents_language.reference.node_pages import (
     FieldEntry,
@@ -33,11 +35,10 @@ from bt_agents_language.reference.node_pages import (
     subtree_page,
 )
 from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
-from bt_agents_language.tools.schema.folder import FILE_KINDS, folder_vocabulary
-from bt_agents_language.yaml.diagnostics import nearest
+from bt_agents_language.tools.schema.folder import folder_vocabulary
 
-_WORDS_WIDTH = 34
-"""Columns for what may be written, so that what it means has room beside it."""
+_FORM_WIDTH = 34
+"""Columns for the form, so that its meaning has room beside it."""
 
 Part = Text | Table | Padding
 """A part of a page; a text that must not be wrapped has ``no_wrap``."""
@@ -80,7 +81,7 @@ def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
 
     Args:
         word: Any word of the language or code, as written or as a report shows it.
-        vocabulary: The words that there are.
+        vocabulary: Nodes, skills and subtrees of the trees folder.
 
     Raises:
         BtAgentsError: There is no such word.
@@ -103,10 +104,10 @@ def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
     in_files = file_pages(plain)
     if in_files:
         return (part for one in in_files for part in _file(one))
-    # A word that could be either is rather a node that somebody has typed than a key or a code.
-    words = [one.key for one in node_pages(vocabulary)] + [*TOPICS]
-    words += (one.name for _, one in subtrees)
-    near = next(filter(None, (nearest(plain, of) for of in (words, file_words(), codes()))), None)
+    # A misspelt node is likelier than a misspelt key or code.
+    names = [one.key for one in node_pages(vocabulary)] + [*TOPICS]
+    names += (one.name for _, one in subtrees)
+    near = next(filter(None, (nearest(plain, of) for of in (names, file_words(), codes()))), None)
     hint = f"did you mean '{near}'?" if near else "'bt-agents explain' lists all"
     raise BtAgentsError(f"there is no word or code {quote(plain)}; {hint}")
 
@@ -122,7 +123,7 @@ def _subtrees(vocabulary: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
 
 
 def _vocabulary(directory: str) -> SymbolTable:
-    """Return the words of a trees folder, without one those of the language itself.
+    """Return the symbols of a trees folder, without one those of the language itself.
 
     Raises:
         BtAgentsError: A folder is named and cannot be used.
@@ -187,10 +188,10 @@ def _topic(page: ReferenceTopic) -> Iterable[Part]:
         if heading:
             yield Text(f"{heading}:\n")
         table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
-        if any(means for _, means in rows):
-            table.add_column(style="cyan", max_width=_WORDS_WIDTH)
-        for words, means in rows:
-            table.add_row(*map(Text, filter(None, (words, means))))
+        if any(meaning for _, meaning in rows):
+            table.add_column(style="cyan", max_width=_FORM_WIDTH)
+        for form, meaning in rows:
+            table.add_row(*map(Text, filter(None, (form, meaning))))
         yield Padding(table, (0, 0, 1, 2))
     yield Text(page.note)
     yield Text("\nExample:")

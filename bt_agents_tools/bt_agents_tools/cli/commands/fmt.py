@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents fmt`: YAML files in one canonical style, so that diffs show what was meant."""
+"""Command `bt-agents fmt`: YAML files in one canonical style, for diffs without noise."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents keep`: write-back of tuned values into the agents' files."""
+"""Command `bt-agents keep`: write-back of tuned values into the agents' files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.source import Source, read_source
-from bt_agents_tools.cli.connection import host_of, hosts, running_system
+from bt_agents_tools.cli.connection import connect, find_host, find_hosts
 from bt_agents_tools.client.write_back import TunedValue, default_text, write_defaults
 
 if TYPE_CHECKING:
@@ -46,10 +46,10 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
     Only those values change in the files; comments, order and quotes stay. tick_rate belongs to
     no agent and is not kept.
     """
-    with running_system() as observer:
+    with connect() as observer:
         edits = [
             edit
-            for host in sorted({host_of(observer, a) for a in agents} or hosts(observer))
+            for host in sorted({find_host(observer, a) for a in agents} or find_hosts(observer))
             for edit in _edits(observer, host, agents, profile)
         ]
     if not edits:
@@ -72,11 +72,12 @@ def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) 
     """Return the checked edits of the files of one host."""
     from bt_agents_tools.client import tuning
 
+    kinds = {TunableKind.TUNABLE, TunableKind.LEARNING_RATE}
+    if profile:
+        kinds.add(TunableKind.PROFILE)
     tuned: dict[str, list[TunedValue]] = {}
     for state in tuning.parameters(observer, host, agents):
-        kept = state.parameter.kind in (TunableKind.TUNABLE, TunableKind.LEARNING_RATE)
-        kept = kept or (profile and state.parameter.kind is TunableKind.PROFILE)
-        if kept and state.value != state.parameter.default:
+        if state.parameter.kind in kinds and state.value != state.parameter.default:
             one = TunedValue(parameter=state.parameter, value=state.value)
             tuned.setdefault(state.parameter.agent, []).append(one)
     if not tuned:
@@ -116,7 +117,7 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[TunedValue]) -> _Edit:
 
 
 def _default(source: Source, parameter: TunableParameter) -> str:
-    """Return a default as a file writes it, or as it counts without a line."""
+    """Return a default as a file spells it, formatted when the file leaves it out."""
     return default_text(source, parameter) or shown_value(parameter, parameter.default)
 
 
@@ -128,11 +129,5 @@ def _text(path: Path) -> str:
 
 
 def _diff(edit: _Edit) -> str:
-    name = str(edit.path)
-    lines = difflib.unified_diff(
-        edit.before.splitlines(keepends=True),
-        edit.after.splitlines(keepends=True),
-        name,
-        name,
-    )
-    return "".join(lines)
+    before, after = (text.splitlines(keepends=True) for text in (edit.before, edit.after))
+    return "".join(difflib.unified_diff(before, after, str(edit.path), str(edit.path)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents moods`: how the mood of the person went while each node of a tree was running."""
+"""Command `bt-agents moods`: mood of the person during each node of a run."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import format_known
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, running_system
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_SETTLE_S = 0.3
+_COLLECT_S = 0.3
 
 
 @click.command()
@@ -30,7 +30,7 @@ def moods(agent: str, round_number: int) -> None:
 
     Without an AGENT it is the last run of all.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         traces = system.mood_traces(observer)
@@ -43,10 +43,10 @@ def moods(agent: str, round_number: int) -> None:
                 if agent in ("", trace.agent) and round_number in (0, trace.round)
             ]
 
-        observer.turn_until(lambda: bool(found()), FIND_LIMIT_S)
-        observer.turn_until(lambda: False, _SETTLE_S)
+        observer.spin_until(lambda: bool(found()), FIND_LIMIT_S)
+        observer.spin_until(lambda: False, _COLLECT_S)
         if not found():
-            raise BtAgentsError(_nothing(agent, round_number, traces))
+            raise BtAgentsError(_not_found(agent, round_number, traces))
         trace = found()[-1]
         names = _names(observer, trees, trace.agent)
         when = time.strftime("%H:%M:%S", time.localtime(trace.stamp.sec))
@@ -55,7 +55,7 @@ def moods(agent: str, round_number: int) -> None:
         Console().print(mood_table(trace, names))
 
 
-def _nothing(agent: str, round_number: int, traces: list[Any]) -> str:
+def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
     whose = f" of {agent}" if agent else ""
     where = f" in round {round_number}" if round_number else ""
     kept = ", ".join(f"{trace.agent} (round {trace.round})" for trace in traces)
@@ -64,7 +64,7 @@ def _nothing(agent: str, round_number: int, traces: list[Any]) -> str:
 
 
 def _names(observer: Observer, trees: dict[tuple[str, str], str], agent: str) -> dict[str, str]:
-    observer.turn_until(lambda: any(of == agent for of, _ in trees), FIND_LIMIT_S)
+    observer.spin_until(lambda: any(of == agent for of, _ in trees), FIND_LIMIT_S)
     return {path: name for (of, path), name in trees.items() if of == agent}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents new`: a first file that works, in a new trees folder if there is none yet."""
+"""Command `bt-agents new`: a first file that works, in a new trees folder if there is none yet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import SUFFIXES, read_trees
-from bt_agents_language.tools.templates import new_agent, new_library, new_test
+from bt_agents_language.tools.templates.first_files import new_agent, new_library, new_test
 from bt_agents_language.yaml.typed_reader import MAX_NAME
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -55,7 +55,7 @@ def new(name: str, directory: Path, kind: str) -> None:
         if taken is not None:
             raise BtAgentsError(f"there is an agent '{name}' already: {taken.file}")
         text = new_agent(name, str(directory), str(files[0]), trees.scene, skills)
-        # A scene so odd that this fails is better told now than by a file with errors.
+        # Fails for a scene so odd that the new file would have errors.
         read_agent_text(text, str(files[0]), trees.vocabulary)
         _write(files[0], _schema(directory, kind) + text)
         test = new_test(name, str(files[1]), trees.scene, skills)

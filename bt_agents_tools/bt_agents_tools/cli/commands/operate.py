@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of operators: pin, unpin, veto, allow, award, and preview."""
+"""Commands of operators to the market: pin, unpin, veto, allow, award, and preview."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
-from bt_agents_tools.cli.decisions import heard_decisions, names_of_scenes, show_decision
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
+from bt_agents_tools.cli.decisions import last_decisions, names_of_scenes, show_decision
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -28,14 +28,14 @@ _person = click.option(
 @_reason
 def pin(agent: str, reason: str) -> None:
     """Let only AGENT bid, until it is unpinned."""
-    _operate("pin", agent, reason)
+    _operate("PIN", agent, reason)
 
 
 @click.command()
 @_reason
 def unpin(reason: str) -> None:
     """Let all agents bid again."""
-    _operate("unpin", "", reason)
+    _operate("UNPIN", "", reason)
 
 
 @click.command()
@@ -43,7 +43,7 @@ def unpin(reason: str) -> None:
 @_reason
 def veto(agent: str, reason: str) -> None:
     """Let AGENT bid no more, and stop it when it runs."""
-    _operate("veto", agent, reason)
+    _operate("VETO", agent, reason)
 
 
 @click.command()
@@ -51,7 +51,7 @@ def veto(agent: str, reason: str) -> None:
 @_reason
 def allow(agent: str, reason: str) -> None:
     """Let AGENT bid again after a veto."""
-    _operate("allow", agent, reason)
+    _operate("ALLOW", agent, reason)
 
 
 @click.command()
@@ -66,15 +66,15 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
     Without values it is the last scene. With values, what is not named is as in the last scene,
     or missing.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import market
 
-        scene, names = None, names_of_scenes(heard_decisions(observer))
+        scene, names = None, names_of_scenes(last_decisions(observer))
         if values or label or person is not None:
             scene = _scene(observer, values, f"award-{uuid.uuid4().hex[:8]}", person, label)
-            names.take(scene)
-        answer = market.operate(observer, "award", agent=agent, reason=reason, scene=scene)
-        click.echo(names.in_words(accepted(answer, "the marketplace").message))
+            names.add(scene)
+        answer = market.operate(observer, "AWARD", agent=agent, reason=reason, scene=scene)
+        click.echo(names.with_names(accepted(answer, "the marketplace").message))
 
 
 @click.command()
@@ -87,7 +87,7 @@ def preview(values: Assignments, strategy: str, person: bool | None) -> None:
     For example: bt-agents preview age=4 mood=2 --strategy ucb. What is not named is as in the last
     scene, or missing.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import market
 
         scene = None
@@ -97,11 +97,11 @@ def preview(values: Assignments, strategy: str, person: bool | None) -> None:
         show_decision(accepted(answer, "the marketplace").auction)
 
 
-def _operate(act: str, agent: str, reason: str) -> None:
-    with running_system() as observer:
+def _operate(action: str, agent: str, reason: str) -> None:
+    with connect() as observer:
         from bt_agents_tools.client import market
 
-        answer = market.operate(observer, act, agent=agent, reason=reason)
+        answer = market.operate(observer, action, agent=agent, reason=reason)
         click.echo(accepted(answer, "the marketplace").message)
 
 
@@ -111,24 +111,24 @@ def _scene(
     """Return the last scene with some values changed.
 
     Raises:
-        BtAgentsError: There is no such parameter, or nobody says which there are.
+        BtAgentsError: There is no such parameter, or no node publishes which there are.
     """
     from bt_agents_tools.client import market
 
-    auctions = heard_decisions(observer)
-    observer.turn_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
-    like = auctions[-1].scene if auctions else None
-    names = _parameters(observer, like)
+    auctions = last_decisions(observer)
+    observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
+    last = auctions[-1].scene if auctions else None
+    names = _parameters(observer, last)
     unknown = next((name for name, _ in values if name not in names), None)
     if unknown is not None:
         hint = did_you_mean(unknown, names) or "no node says which there are"
         raise BtAgentsError(f"no scene parameter '{unknown}'; {hint}")
     return market.scene_of(
-        observer, names, dict(values), scene_id=scene_id, like=like, person=person, label=label
+        observer, names, dict(values), scene_id=scene_id, last=last, person=person, label=label
     )
 
 
-def _parameters(observer: Observer, like: Any) -> list[str]:
-    if like is not None:
-        return [value.name for value in like.values]
+def _parameters(observer: Observer, last: Any) -> list[str]:
+    if last is not None:
+        return [value.name for value in last.values]
     return list(observer.profiles.parameters) if observer.profiles is not None else []

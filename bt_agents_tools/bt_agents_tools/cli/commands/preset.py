@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents preset`: named values that are applied together."""
+"""Command `bt-agents preset`: named values that are applied together."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.commands.tune import ask_host, user
-from bt_agents_tools.cli.connection import host_of, hosts, running_system
-from bt_agents_tools.cli.constants import counted
+from bt_agents_tools.cli.connection import connect, find_host, find_hosts
+from bt_agents_tools.cli.formatting import counted
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -25,7 +25,7 @@ def preset(context: click.Context) -> None:
     Without a command it lists the presets.
     """
     if context.invoked_subcommand is None:
-        with running_system() as observer:
+        with connect() as observer:
             found = list(_presets(observer))
             if not found:
                 click.echo("no preset yet; 'bt-agents preset save NAME' makes one")
@@ -40,12 +40,12 @@ def preset(context: click.Context) -> None:
 @click.argument("agents", nargs=-1, metavar="[AGENT]...")
 def save(name: str, agents: tuple[str, ...]) -> None:
     """Keep the tunables and learning rates of AGENTs, or of all, under a NAME."""
-    with running_system() as observer:
+    with connect() as observer:
         by_host: dict[str, list[str]] = {}
         for agent in agents:
-            by_host.setdefault(host_of(observer, agent), []).append(agent)
-        for host, named in (by_host or {host: [] for host in hosts(observer)}).items():
-            ask_host(observer, host, "save", preset=name, agents=named)
+            by_host.setdefault(find_host(observer, agent), []).append(agent)
+        for host, named in (by_host or {host: [] for host in find_hosts(observer)}).items():
+            ask_host(observer, host, "SAVE", preset=name, agents=named)
 
 
 @preset.command()
@@ -54,25 +54,25 @@ def save(name: str, agents: tuple[str, ...]) -> None:
 @click.option("--author", default=user, show_default="you", help="Who makes the change.")
 def apply(name: str, reason: str, author: str) -> None:
     """Give the values of the preset NAME, all or none."""
-    with running_system() as observer:
+    with connect() as observer:
         for host in _hosts_with(observer, name):
-            ask_host(observer, host, "apply", preset=name, reason=reason, author=author)
+            ask_host(observer, host, "APPLY", preset=name, reason=reason, author=author)
 
 
 @preset.command()
 @click.argument("name")
 def forget(name: str) -> None:
     """Remove the preset NAME."""
-    with running_system() as observer:
+    with connect() as observer:
         for host in _hosts_with(observer, name):
-            ask_host(observer, host, "forget", preset=name)
+            ask_host(observer, host, "FORGET", preset=name)
 
 
 @preset.command()
 @click.argument("name")
 def show(name: str) -> None:
     """Show the values of the preset NAME."""
-    with running_system() as observer:
+    with connect() as observer:
         found = [one for one in _presets(observer) if one.name == name]
         if not found:
             raise BtAgentsError(f"no preset '{name}'; 'bt-agents preset' lists them")
@@ -84,14 +84,14 @@ def show(name: str) -> None:
 def _presets(observer: Observer) -> Iterable[Any]:
     from bt_agents_tools.client import tuning
 
-    return [one for host in hosts(observer) for one in tuning.tunings(observer, host).presets]
+    return [one for host in find_hosts(observer) for one in tuning.tunings(observer, host).presets]
 
 
 def _hosts_with(observer: Observer, name: str) -> list[str]:
-    """Return the hosts that have a preset; all of them when none has, so that they say so."""
+    """Return the hosts that have a preset; all when none has, so that their answers say so."""
     from bt_agents_tools.client import tuning
 
-    every = hosts(observer)
+    every = find_hosts(observer)
     found = [
         host
         for host in every

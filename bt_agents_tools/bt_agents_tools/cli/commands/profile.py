@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents profile`: inspect, undo, reset, export, import, forget and check profiles."""
+"""Command `bt-agents profile`: inspect, undo, reset, export, import, forget and check profiles."""
 
 from __future__ import annotations
 
-import importlib
 import json
 import re
 import sys
@@ -18,21 +17,21 @@ from rich.markup import escape
 from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_language.model.quantities import QuantityError, duration
+from bt_agents_language.expression.quantities import QuantityError, duration
 from bt_agents_tools.cli.commands.tune import user
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
-from bt_agents_tools.cli.constants import KINDS, counted
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
+from bt_agents_tools.cli.formatting import KINDS, counted
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_WIDE = 10_000
+_NO_TERMINAL = 10_000
 _FOLDED = ("agent", "for", "what", "from", "change", "why")
 _DAYS = re.compile(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)")
 _BARE = re.compile(r"[\d.]+")
 _DAY_S = 86_400.0
-_SCENE_LAYER_S = 1.0
-_MOST_PROBLEMS = 20
+_FIND_SCENE_LAYER_S = 1.0
+_MAX_PROBLEMS = 20
 
 _layer = click.option(
     "--layer",
@@ -79,7 +78,7 @@ def show(agent: str) -> None:
 @click.option("--json", "as_json", is_flag=True, help="As JSON, with everything that is known.")
 def history(agent: str, layer: str, as_json: bool) -> None:
     """List the revisions of an AGENT's profile, the oldest first, and why there is each."""
-    with running_system() as observer:
+    with connect() as observer:
         answer = _manage(observer, "HISTORY", agent=agent, layer=layer)
     if as_json:
         click.echo(answer.document)
@@ -110,7 +109,7 @@ def undo(agent: str, layer: str, author: str, reason: str) -> None:
 
     Again and again it goes further back. It is a new revision; nothing is lost.
     """
-    _do("UNDO", agent=agent, layer=layer, author=author, reason=reason)
+    _manage_and_print("UNDO", agent=agent, layer=layer, author=author, reason=reason)
 
 
 @profile.command()
@@ -120,7 +119,7 @@ def undo(agent: str, layer: str, author: str, reason: str) -> None:
 @_reason
 def reset(agent: str, layer: str, author: str, reason: str) -> None:
     """Bring back the profile of an AGENT's file, as a new revision."""
-    _do("RESET", agent=agent, layer=layer, author=author, reason=reason)
+    _manage_and_print("RESET", agent=agent, layer=layer, author=author, reason=reason)
 
 
 @profile.command()
@@ -129,7 +128,7 @@ def reset(agent: str, layer: str, author: str, reason: str) -> None:
 @click.option("--layer", default="", help="Of one person or place only, such as person/anna.")
 def export(file: Path, agent: str, layer: str) -> None:
     """Write what was learned into a FILE, as JSON."""
-    with running_system() as observer:
+    with connect() as observer:
         answer = _manage(observer, "EXPORT", agent=agent, layer=layer)
     try:
         with file.open("x", encoding="utf-8") as opened:
@@ -152,7 +151,7 @@ def import_(file: Path, author: str, reason: str) -> None:
         document = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BtAgentsError(f"{file}: it cannot be read: {error}") from None
-    _do("IMPORT", document=document, author=author, reason=reason)
+    _manage_and_print("IMPORT", document=document, author=author, reason=reason)
 
 
 @profile.command()
@@ -167,7 +166,7 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
     It cannot be undone, so it shows which they are and asks first.
     """
     age = _age(older)
-    with running_system() as observer:
+    with connect() as observer:
         if not yes:
             known = json.loads(_manage(observer, "HISTORY").document)["profiles"]
             old = [one for one in known if _is_old(one, age, agent, kind or "")]
@@ -186,7 +185,6 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
 
 
 def _is_old(one: Mapping[str, Any], age_s: float, agent: str, kind: str) -> bool:
-    """Return True for a profile that is to expire."""
     asked = one["layer"].startswith(kind) and agent in ("", one["agent"])
     return bool(one["layer"]) and asked and one["stamp"] < time.time() - age_s
 
@@ -205,28 +203,28 @@ def forget(layer: str, agent: str, yes: bool, author: str) -> None:
     if not yes:
         whose = agent or "all agents"
         click.confirm(f"forget what {whose} learned for {layer}, for ever?", abort=True)
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
-        learned = system.manage_profiles(
+        from_ledger = system.manage_profiles(
             observer, "FORGET", agent=agent, layer=layer, author=author
         )
-        seen = None
+        from_scene_layer = None
         if not agent:
-            seen = system.manage_profiles(
+            from_scene_layer = system.manage_profiles(
                 observer,
                 "FORGET",
                 node="scene_layer",
-                find_s=_SCENE_LAYER_S,
+                find_s=_FIND_SCENE_LAYER_S,
                 layer=layer,
                 author=author,
             )
-    if seen is not None:
-        click.echo(f"scene layer: {seen.message}")
-    if seen is not None and seen.accepted and learned is not None and not learned.accepted:
-        click.echo(f"ledger: {learned.message}")
-        sys.exit(0 if learned.code == "UNKNOWN_LAYER" else 1)
-    click.echo(accepted(learned, "the feedback node").message)
+    if from_scene_layer is not None:
+        click.echo(f"scene layer: {from_scene_layer.message}")
+        if from_scene_layer.accepted and from_ledger is not None and not from_ledger.accepted:
+            click.echo(f"ledger: {from_ledger.message}")
+            sys.exit(0 if from_ledger.code == "UNKNOWN_LAYER" else 1)
+    click.echo(accepted(from_ledger, "the feedback node").message)
 
 
 @profile.command()
@@ -236,15 +234,17 @@ def check(file: Path) -> None:
 
     A feedback node may have it open. The exit code is 1 when something is wrong.
     """
-    report = _ledger("file").inspect(str(file))
+    from feedback_node.ledger.file import inspect
+
+    report = inspect(str(file))
     good = f"{report.good} revisions are as they were written"
     if report.forgotten:
         good += f", {report.forgotten} of them without their content, which was forgotten"
     click.echo(f"{file}: {good}")
     if report.problems:
-        for problem in report.problems[:_MOST_PROBLEMS]:
+        for problem in report.problems[:_MAX_PROBLEMS]:
             click.echo(f"LEDGER_CORRUPT: {problem}", err=True)
-        if (more := len(report.problems) - _MOST_PROBLEMS) > 0:
+        if (more := len(report.problems) - _MAX_PROBLEMS) > 0:
             click.echo(f"and {counted(more, 'problem')} more", err=True)
         click.echo(
             f"'bt-agents profile recover {file} NEW' copies the good ones into a new file",
@@ -263,12 +263,14 @@ def recover(file: Path, new: Path) -> None:
     missing. FILE is not changed. Move it away, with its -wal and -shm, and put NEW in its place;
     or give the feedback node NEW as its parameter 'ledger'.
     """
-    count = _ledger("recovery").recover(str(file), str(new))
+    from feedback_node.ledger import recovery
+
+    count = recovery.recover(str(file), str(new))
     click.echo(f"{count} revisions copied to {new}")
 
 
 def _show(agent: str) -> None:
-    with running_system() as observer:
+    with connect() as observer:
         answer = _manage(observer, "EXPORT" if agent else "HISTORY", agent=agent)
     profiles = json.loads(answer.document)["profiles"]
     if not profiles:
@@ -300,14 +302,9 @@ def _manage(observer: Observer, action: str, **fields: Any) -> Any:
     return accepted(answer, "the feedback node")
 
 
-def _do(action: str, **fields: Any) -> None:
-    with running_system() as observer:
+def _manage_and_print(action: str, **fields: Any) -> None:
+    with connect() as observer:
         click.echo(_manage(observer, action, **fields).message)
-
-
-def _ledger(module: str) -> Any:
-    """Return a module of the ledger, which belongs to the feedback node."""
-    return importlib.import_module(f"feedback_node.ledger.{module}")
 
 
 def _age(text: str) -> float:
@@ -316,18 +313,18 @@ def _age(text: str) -> float:
     Raises:
         Refused: ``BAD_AGE``.
     """
-    bad = f"--older {text}: "
+    option = f"--older {text}"
     if text.strip().startswith("-"):
-        raise Refused("BAD_AGE", f"{bad}expected more than 0, for example 90d or 12 h")
+        raise Refused("BAD_AGE", f"{option}: expected more than 0, for example 90d or 12 h")
     if _BARE.fullmatch(text.strip()):
-        raise Refused("BAD_AGE", f"{bad}a number without a unit; write 90d, 2w or 12 h")
+        raise Refused("BAD_AGE", f"{option}: a number without a unit; write 90d, 2w or 12 h")
     days = _DAYS.fullmatch(text.strip())
     if days:
         return float(days[1]) * _DAY_S * (7 if days[2].startswith("w") else 1)
     try:
         return duration(text)
     except QuantityError as error:
-        raise Refused("BAD_AGE", f"{bad}{error}; for example 90d or 12 h") from None
+        raise Refused("BAD_AGE", f"{option}: {error}; for example 90d or 12 h") from None
 
 
 def _plain(text: str) -> str:
@@ -345,7 +342,7 @@ def _table(*columns: str) -> Table:
 def _print(table: Table) -> None:
     console = Console()
     if not console.is_terminal:
-        console = Console(width=_WIDE)
+        console = Console(width=_NO_TERMINAL)
     console.print(table, highlight=False)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents rehearse`: an agent's tree in the terminal, on a virtual clock."""
+"""Command `bt-agents rehearse`: an agent's tree in the terminal, on a virtual clock."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from bt_agents_language.files.testing.test_reader import read_scenario_text, rea
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.cli.named_agent import named_agent
 from bt_agents_tools.cli.prompts import InteractiveAnswers
-from bt_agents_tools.cli.scenario_options import scenario_words
-from bt_agents_tools.rehearsal.assertions import findings
+from bt_agents_tools.cli.scenario_options import scenario_yaml
+from bt_agents_tools.rehearsal import rehearsal
+from bt_agents_tools.rehearsal.assertions import failed_assertions
 from bt_agents_tools.rehearsal.events import Event, Rehearsed
-from bt_agents_tools.rehearsal.rehearsal import rehearse as play
 from bt_agents_tools.rehearsal.rehearsal_scenes import awarded
 from bt_agents_tools.rehearsal.suite import TreesFolders
 from bt_agents_tools.rehearsal.transcript import WIDTH, ending, lines, table, tuned_text
@@ -43,7 +43,7 @@ Examples:
 
 
 @click.command(epilog=_EXAMPLES)
-@click.argument("words", nargs=-1, metavar="AGENT")
+@click.argument("arguments", nargs=-1, metavar="AGENT")
 @click.option("--dir", "directory", default="", help="The trees folder in which AGENT is.")
 @click.option("--scene", multiple=True, metavar="NAME=VALUE ...", help="The scene: age=4 mood=3.")
 @click.option("--script", metavar="FILE[:CASE]", default="", help="A case of a test file.")
@@ -55,7 +55,7 @@ Examples:
 @click.option("--ticks", is_flag=True, help="Show every change of every node.")
 @click.option("--realtime", is_flag=True, help="Let the time pass as it would.")
 def rehearse(
-    words: tuple[str, ...],
+    arguments: tuple[str, ...],
     directory: str,
     scene: tuple[str, ...],
     script: str,
@@ -72,7 +72,7 @@ def rehearse(
     The time is virtual. What is not said is answered as is likely; -i asks you instead. Exit code
     1 when the run fails or does not end.
     """
-    agents = [word for word in words if "=" not in word]
+    agents = [one for one in arguments if "=" not in one]
     if len(agents) > 1 or not (agents or script):
         raise click.UsageError("name one agent, or a test file")
     agent = agents[0] if agents else ""
@@ -80,32 +80,34 @@ def rehearse(
         agent, script = "", agent
     trees, spec, case = _material(agent, script, directory)
     space = trees.scene.space
-    said_words = scenario_words(
+    options = scenario_yaml(
         spec,
-        # More values than the first of --scene come in as words of their own.
-        scene=(*scene, *(word for word in words if "=" in word)),
+        # --scene takes only the first of its values; the others come as arguments.
+        scene=(*scene, *(one for one in arguments if "=" in one)),
         tunables=tune,
         answers=answer,
-        happenings=at,
+        events=at,
         seed=seed,
     )
     try:
-        said = read_scenario_text(said_words.text, _OPTIONS, spec, trees.vocabulary)
+        from_options = read_scenario_text(options.text, _OPTIONS, spec, trees.vocabulary)
     except ReadError as error:
-        explained = said_words.explained(error)
+        explained = options.explained(error)
         raise BtAgentsError(f"an option cannot be understood\n{explained}") from None
-    scenario = _joined(case.scenario if case is not None else None, said, seed)
+    scenario = _joined(case.scenario if case is not None else None, from_options, seed)
     console = Console(highlight=False)
     width = min(max(console.width, WIDTH), 120)
-    typist = InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
+    interactive_answers = (
+        InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
+    )
     console.print(_heading(spec, scenario, space, case), soft_wrap=True)
-    rehearsed = play(
+    rehearsed = rehearsal.rehearse(
         spec,
         space,
         scenario,
         on_event=_printer(console, width, ticks, realtime),
-        typist=typist,
-        prompt=typist.happening if typist is not None else None,
+        answer_source=interactive_answers,
+        prompt=interactive_answers.event if interactive_answers is not None else None,
         force=True,
     )
     sys.exit(_close(console, rehearsed, case))
@@ -114,7 +116,7 @@ def rehearse(
 def _material(
     agent: str, script: str, directory: str
 ) -> tuple[Trees, AgentSpec, AgentTestCase | None]:
-    """Return the trees, the agent and the case that are meant."""
+    """Return the trees, the agent and the case that the arguments name."""
     case: AgentTestCase | None = None
     trees: Trees | None = None
     spec: AgentSpec | None = None
@@ -147,36 +149,36 @@ def _chosen(cases: Iterable[AgentTestCase], name: str, file: str) -> AgentTestCa
     raise BtAgentsError(f"{which} '{name}' in their names in {file}; there are\n{known}")
 
 
-def _joined(first: Scenario | None, said: Scenario, seed: int | None) -> Scenario:
-    """Return a case's scenario with what the options say instead or on top."""
+def _joined(first: Scenario | None, options: Scenario, seed: int | None) -> Scenario:
+    """Return a case's scenario with the options instead or on top."""
     if first is None:
-        return said
+        return options
     return replace(
         first,
-        scene={**first.scene, **said.scene},
-        person=first.person and said.person,
-        tunables={**first.tunables, **said.tunables},
+        scene={**first.scene, **options.scene},
+        person=first.person and options.person,
+        tunables={**first.tunables, **options.tunables},
         seed=first.seed if seed is None else seed,
-        answers=(*said.answers, *first.answers),
-        during=(*first.during, *said.during),
+        answers=(*options.answers, *first.answers),
+        during=(*first.during, *options.during),
     )
 
 
 def _heading(
     spec: AgentSpec, scenario: Scenario, space: SceneSpace, case: AgentTestCase | None
 ) -> Text:
-    words = []
+    parts = []
     for parameter in space.parameters:
         value = scenario.scene.get(parameter.name)
         if value is None:
-            words.append(f"{parameter.name} missing")
+            parts.append(f"{parameter.name} missing")
         else:
             label = parameter.labels.get(value, "")
-            words.append(f"{parameter.name} {value:g}" + (f" ({label})" if label else ""))
+            parts.append(f"{parameter.name} {value:g}" + (f" ({label})" if label else ""))
     about_person = spec.requires is not None and "scene.person" in spec.requires.names
     if about_person or not scenario.person:
-        words.append("a person is there" if scenario.person else "nobody is there")
-    words += [
+        parts.append("a person is there" if scenario.person else "nobody is there")
+    parts += [
         tuned_text(one, scenario.tunables[one.name])
         for one in spec.tunables
         if one.name in scenario.tunables
@@ -184,7 +186,7 @@ def _heading(
     heading = Text(spec.title, style="bold")
     if case is not None:
         heading.append(f" · {case.name}")
-    heading.append(f"\n{', '.join(words)}\n", style="not bold dim")
+    heading.append(f"\n{', '.join(parts)}\n", style="not bold dim")
     tunables = {one.name: one.default for one in spec.tunables} | {**scenario.tunables}
     decline = unmet(spec, space, awarded(space, scenario), spec.profile, tunables)
     if decline is not None:
@@ -196,24 +198,24 @@ def _heading(
 def _printer(console: Console, width: int, ticks: bool, realtime: bool) -> Callable[[Event], None]:
     start = time.monotonic()
 
-    def tell(event: Event) -> None:
+    def print_event(event: Event) -> None:
         for line in lines(event, ticks, width):
             if realtime:
                 time.sleep(max(0.0, start + event.at_s - time.monotonic()))
             console.print(Text(line.text, style=line.style), soft_wrap=True)
 
-    return tell
+    return print_event
 
 
 def _close(console: Console, rehearsed: Rehearsed, case: AgentTestCase | None) -> int:
     console.print(Text(f"\n{ending(rehearsed)}", style="dim"))
-    wrong = findings(case, rehearsed) if case is not None else ()
-    for finding in wrong:
-        place = f"{finding.position.file}:{finding.position.line}"
-        console.print(Text(f"✘ {place}: {finding.message}", style="red"), soft_wrap=True)
-        for row in table(finding.rows) if finding.rows else ():
+    failures = failed_assertions(case, rehearsed) if case is not None else ()
+    for failure in failures:
+        place = f"{failure.position.file}:{failure.position.line}"
+        console.print(Text(f"✘ {place}: {failure.message}", style="red"), soft_wrap=True)
+        for row in table(failure.rows) if failure.rows else ():
             console.print(Text(row), soft_wrap=True)
-    if case is not None and not wrong:
+    if case is not None and not failures:
         console.print(Text("✔ as the test expects", style="green"))
         return 0
-    return int(bool(wrong) or rehearsed.outcome in (TreeOutcome.FAILED, None))
+    return int(bool(failures) or rehearsed.outcome in (TreeOutcome.FAILED, None))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents scene`: what is known of the present scene, how surely, and who is there."""
+"""Command `bt-agents scene`: the present scene with origin and confidence of its values."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from bt_agents_core.scene import Origin, SceneParameter, finite_or_none
 from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_tools.cli.connection import accepted, running_system
+from bt_agents_tools.cli.connection import accepted, connect
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_SETTLE_S = 0.3
+_COLLECT_S = 0.3
 _PERIOD_S = 0.5
 
 _STYLES = {
@@ -49,18 +49,18 @@ def scene(watch: bool, as_json: bool, directory: str) -> None:
     During a run it is the live scene, else what a trigger would put on the market.
     """
     labels = _labels(directory)
-    with running_system() as observer:
-        looks = _looks(observer)
+    with connect() as observer:
+        polls = _poll(observer)
         if not watch:
-            _print(*next(looks), labels, as_json)
+            _print(*next(polls), labels, as_json)
             return
         # Ctrl-C is how it ends.
         with suppress(KeyboardInterrupt):
             if as_json or not Console().is_terminal:
-                for message, persons in looks:
+                for message, persons in polls:
                     _print(message, persons, labels, as_json)
             with Live(auto_refresh=False) as live:
-                for message, persons in looks:
+                for message, persons in polls:
                     live.update(page(message, persons, labels), refresh=True)
 
 
@@ -72,7 +72,7 @@ def _print(message: Any, persons: Any, labels: Labels, as_json: bool) -> None:
 
 
 def _labels(directory: str) -> Labels:
-    """Return the parameters with their words; nothing where no trees folder is at hand."""
+    """Return the parameters with the labels of their values; none without a trees folder."""
     try:
         space = read_scene(find_trees(directory) / "scene.yaml").space
     except BtAgentsError:
@@ -82,46 +82,46 @@ def _labels(directory: str) -> Labels:
     return {parameter.name: parameter for parameter in space.parameters}
 
 
-def _looks(observer: Observer) -> Iterator[tuple[Any, Any]]:
-    """Yield the present scene and the persons, None where nobody tells them apart."""
+def _poll(observer: Observer) -> Iterator[tuple[Any, Any]]:
+    """Yield the present scene and the persons; None where persons are not tracked."""
     from bt_agents_tools.client import system
 
-    heard = system.persons(observer)
+    received = system.persons(observer)
     while True:
         answer = system.analyze(observer, [], [], announce=False)
         message = accepted(answer, "the scene layer").scene
-        observer.turn_until(lambda: bool(heard), _SETTLE_S)
-        yield message, heard[-1] if heard else None
-        del heard[:-1]
-        observer.turn_until(lambda: False, _PERIOD_S)
+        observer.spin_until(lambda: bool(received), _COLLECT_S)
+        yield message, received[-1] if received else None
+        del received[:-1]
+        observer.spin_until(lambda: False, _PERIOD_S)
 
 
 def page(message: Any, persons: Any, labels: Labels) -> RenderableType:
-    """Return what is shown of a scene.
+    """Return the printed form of a scene.
 
     Args:
         message: The ``Scene``.
-        persons: The ``Persons``; None where nobody tells them apart.
-        labels: The parameters, for the words of their values.
+        persons: The ``Persons``; None where persons are not tracked.
+        labels: The parameters, for the labels of their values.
     """
-    parts: list[RenderableType] = [Text(_head(message))]
+    parts: list[RenderableType] = [Text(_heading(message))]
     if message.values:
         parts.append(_values(message, labels))
     if persons is not None:
-        parts.append(Text(_whom(persons)))
+        parts.append(Text(_persons_text(persons)))
         if persons.scenes:
             parts.append(_persons(persons))
     return Group(*parts)
 
 
-def _head(message: Any) -> str:
+def _heading(message: Any) -> str:
     who = message.person_id or "somebody"
     there = f"{who} is there" if message.person else "nobody is there"
     if message.person_id and not message.person:
         there = f"{who} is not there any more"
-    words = [message.label, there, message.place and f"in {message.place}"]
+    parts = [message.label, there, message.place and f"in {message.place}"]
     when = time.strftime("%H:%M:%S", time.localtime(message.stamp.sec))
-    return f"{', '.join(word for word in words if word)} ({when})"
+    return f"{', '.join(part for part in parts if part)} ({when})"
 
 
 def _values(message: Any, labels: Labels) -> Table:
@@ -148,14 +148,14 @@ def _values(message: Any, labels: Labels) -> Table:
 
 
 def _value(value: Any, labels: Labels) -> str:
-    words = f"{value.value:.3g}"
+    text = f"{value.value:.3g}"
     if value.std > 0.0:
-        words += f" ± {value.std:.2g}"
+        text += f" ± {value.std:.2g}"
     parameter = labels.get(value.name)
     if parameter is None or not parameter.labels:
-        return words
+        return text
     nearest = min(parameter.labels, key=lambda number: (abs(number - value.value), number))
-    return f"{words} ({parameter.labels[nearest]})"
+    return f"{text} ({parameter.labels[nearest]})"
 
 
 def _age(seconds: float) -> str:
@@ -165,7 +165,7 @@ def _age(seconds: float) -> str:
     return f"{seconds:.1f} s"
 
 
-def _whom(persons: Any) -> str:
+def _persons_text(persons: Any) -> str:
     if not persons.scenes:
         return "persons: none"
     if not persons.addressee:
@@ -195,7 +195,7 @@ def _persons(persons: Any) -> Table:
 
 
 def as_document(message: Any, persons: Any) -> dict[str, Any]:
-    """Return a scene and the persons as plain data for JSON; what is not known is null."""
+    """Return a scene and the persons as plain data for JSON, with null for missing values."""
     return {
         "scene": _plain(message),
         "persons": None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents schema`: JSON Schemas of an author's files, for completion and hover in an editor."""
+"""Command `bt-agents schema`: JSON Schemas of an author's files, for help in an editor."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
+from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.tools.schema.folder import (
-    FILE_KINDS,
     folder_vocabulary,
     schema_file,
     schema_text,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents show`: an agent's tree with every decorator and subtree in its place."""
+"""Command `bt-agents show`: an agent's tree with every decorator and subtree in its place."""
 
 from __future__ import annotations
 

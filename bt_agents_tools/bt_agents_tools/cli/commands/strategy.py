@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents strategy`: shows and switches the strategy of a running market."""
+"""Command `bt-agents strategy`: the strategies of a running market, and a switch between them."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import click
 from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
-from bt_agents_tools.cli.connection import running_system
-from bt_agents_tools.cli.decisions import disagreements, heard_decisions
-from bt_agents_tools.cli.wrap import print_line
+from bt_agents_tools.cli.connection import connect
+from bt_agents_tools.cli.decisions import disagreements, last_decisions
+from bt_agents_tools.cli.formatting import print_line
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.market import Strategies
 
-NO_SHADOW = "none"
+_NO_SHADOW = "none"
 _INDENT = 6
-_SILENT = "the marketplace does not answer; look at 'bt-agents status'"
+_NO_ANSWER = "the marketplace does not answer; look at 'bt-agents status'"
 
 
 @click.command()
@@ -39,21 +39,21 @@ def strategy(
     if "=" in name:
         name, options = "", (name, *options)
     values = assignments(context, context.command.params[1], options)
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import market
 
         found = market.strategies(observer)
         if found is None:
-            raise BtAgentsError(_SILENT)
+            raise BtAgentsError(_NO_ANSWER)
         changes = _changes(found, name, values, shadow)
         if changes:
             refusal = market.set_parameters(observer, changes)
             if refusal is None:
-                raise BtAgentsError(_SILENT)
+                raise BtAgentsError(_NO_ANSWER)
             if refusal:
                 raise BtAgentsError(refusal)
             found = market.strategies(observer) or found
-        auctions = heard_decisions(observer)
+        auctions = last_decisions(observer)
         _show(found, auctions[-1] if auctions else None)
 
 
@@ -69,7 +69,7 @@ def _changes(
     if name:
         changes["strategy"] = _known(name, found)
     if shadow is not None:
-        changes["shadow_strategy"] = "" if shadow == NO_SHADOW else _known(shadow, found)
+        changes["shadow_strategy"] = "" if shadow == _NO_SHADOW else _known(shadow, found)
     about = name or found.current
     known = {option.name: option for option in found.options.get(about, ())}
     for option, value in values:
@@ -85,29 +85,29 @@ def _changes(
 
 def _known(name: str, found: Strategies) -> str:
     if name not in found.descriptions:
-        words = did_you_mean(name, found.descriptions)
+        hint = did_you_mean(name, found.descriptions)
         raise BtAgentsError(
-            f"no strategy '{name}'; {words}\nthere are {', '.join(found.descriptions)}"
+            f"no strategy '{name}'; {hint}\nthere are {', '.join(found.descriptions)}"
         )
     return name
 
 
 def _show(found: Strategies, last: Any) -> None:
     console = Console()
-    for name, words in found.descriptions.items():
+    for name, description in found.descriptions.items():
         mark = ">" if name == found.current else "~" if name == found.shadow else " "
-        print_line(console, f"{mark} {name:<20} ", words, _INDENT)
+        print_line(console, f"{mark} {name:<20} ", description, _INDENT)
         for option in found.options[name]:
             span = f"{option.minimum:g} to {option.maximum:g}"
             head = f"    {option.name} = {option.value:g}"
             print_line(console, f"{head}  ", f"{option.description} ({span})", _INDENT)
-    click.echo(f"> ranks: {found.current}" + _shadow_words(found, last))
+    click.echo(f"> ranks: {found.current}" + _shadow_text(found, last))
 
 
-def _shadow_words(found: Strategies, last: Any) -> str:
+def _shadow_text(found: Strategies, last: Any) -> str:
     if not found.shadow:
         return ""
-    words = f"; ~ only scores: {found.shadow}"
+    text = f"; ~ only scores: {found.shadow}"
     if last is None or (last.strategy, last.shadow_strategy) != (found.current, found.shadow):
-        return f"{words}, in no round yet"
-    return f"{words}, {disagreements(last)}"
+        return f"{text}, in no round yet"
+    return f"{text}, {disagreements(last)}"

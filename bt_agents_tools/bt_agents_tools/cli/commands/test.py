@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents test`: the test files of a trees folder, without a robot and without ROS."""
+"""Command `bt-agents test`: the test files of a trees folder, without a robot and without ROS."""
 
 from __future__ import annotations
 
@@ -110,8 +110,8 @@ def _summary(console: Console, results: Sequence[FileResult], word: str, seconds
     counts += [f"{failed} failed"] * bool(failed)
     counts += [f"{broken} file{'s' * (broken > 1)} with errors"] * bool(broken)
     style = "red" if failed or broken else "green"
-    words = f"{len(cases)} case{'s' * (len(cases) != 1)}: {', '.join(counts)}"
-    _print(console, f"\n[bold {style}]{words}[/] in {seconds:.2f} s")
+    text = f"{len(cases)} case{'s' * (len(cases) != 1)}: {', '.join(counts)}"
+    _print(console, f"\n[bold {style}]{text}[/] in {seconds:.2f} s")
     return int(bool(failed or broken))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents tune`: values of agents that change while the robot is at work."""
+"""Command `bt-agents tune`: changes of tunables, learning rates and profiles at run time."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import click
 
 from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_language.model.quantities import QuantityError, number
-from bt_agents_tools.cli.connection import accepted, host_of, hosts, running_system
+from bt_agents_language.expression.quantities import QuantityError, number
+from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.tune_table import table
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _PROFILE = re.compile(r"(?P<agent>[^.]+)\.profile\.(?P<parameter>.+)")
 
 
 def user() -> str:
-    """Return who sits at the keyboard, as far as that is known."""
+    """Return the name of the user, empty when it is unknown."""
     try:
         return getpass.getuser()[:60]
     except (OSError, KeyError):
@@ -36,7 +36,7 @@ def user() -> str:
 
 
 def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
-    """Have a host tune, and show what it says.
+    """Ask a host to tune, and print its answer.
 
     Raises:
         BtAgentsError: It does not answer, or refuses.
@@ -48,14 +48,14 @@ def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
 
 
 @click.command()
-@click.argument("words", metavar="[AGENT] [NAME=VALUE]...", nargs=-1)
+@click.argument("arguments", metavar="[AGENT] [NAME=VALUE]...", nargs=-1)
 @click.option("--undo", is_flag=True, help="Take the last change back.")
 @click.option("--redo", is_flag=True, help="Make what was taken back again.")
 @click.option("--history", is_flag=True, help="Show the last changes, and who made them.")
 @click.option("--reason", default="", help="Why, in words.")
 @click.option("--author", default=user, show_default="you", help="Who makes the change.")
 def tune(
-    words: tuple[str, ...], undo: bool, redo: bool, history: bool, reason: str, author: str
+    arguments: tuple[str, ...], undo: bool, redo: bool, history: bool, reason: str, author: str
 ) -> None:
     """Change values of an AGENT while it runs, or show them.
 
@@ -70,22 +70,22 @@ def tune(
     Without values it shows where everything stands. 'bt-agents keep' writes changed values into
     the agents' files.
     """
-    agent, values = _split(words)
-    asked = [name for name, on in (("undo", undo), ("redo", redo), ("history", history)) if on]
-    if len(asked) > 1:
-        raise click.UsageError(f"--{asked[0]} and --{asked[1]} do not go together")
-    if asked and values:
-        raise click.UsageError(f"--{asked[0]} goes with an AGENT, not with values")
-    if asked and agent == TICK_RATE.name:
+    agent, values = _split(arguments)
+    actions = [name for name, on in (("undo", undo), ("redo", redo), ("history", history)) if on]
+    if len(actions) > 1:
+        raise click.UsageError(f"--{actions[0]} and --{actions[1]} do not go together")
+    if actions and values:
+        raise click.UsageError(f"--{actions[0]} goes with an AGENT, not with values")
+    if actions and agent == TICK_RATE.name:
         raise click.UsageError(
-            f"tick_rate belongs to no agent; --{asked[0]} alone is for the whole host"
+            f"tick_rate belongs to no agent; --{actions[0]} alone is for the whole host"
         )
-    with running_system() as observer:
+    with connect() as observer:
         if history:
             for host in _hosts(observer, agent):
                 _show_history(observer, host, agent)
-        elif asked:
-            _take_back(observer, agent, asked[0], author=author, reason=reason)
+        elif actions:
+            _take_back(observer, agent, actions[0], author=author, reason=reason)
         elif values:
             _set(observer, agent, values, author=author, reason=reason)
         else:
@@ -93,15 +93,15 @@ def tune(
                 _show(observer, host, agent)
 
 
-def _split(words: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
+def _split(arguments: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
     """Return the agent, empty for none, and the names and values behind it."""
-    agent = words[0] if words and "=" not in words[0] else ""
+    agent = arguments[0] if arguments and "=" not in arguments[0] else ""
     values = []
-    for word in words[bool(agent) :]:
-        name, equals, text = word.partition("=")
+    for argument in arguments[bool(agent) :]:
+        name, equals, text = argument.partition("=")
         if not equals or not name.strip():
             raise click.UsageError(
-                f"'{word}' is not of the form name=value, for example patience=12"
+                f"'{argument}' is not of the form name=value, for example patience=12"
             )
         values.append((name.strip(), text))
     return agent, values
@@ -115,10 +115,10 @@ def _set(
     profiles = _profiles(named)
     on_hosts = [(name, text) for name, text in named if not _PROFILE.fullmatch(name)]
     for one in profiles:
-        host_of(observer, one)
+        find_host(observer, one)
     for host, some in _by_host(observer, on_hosts):
         names, texts = [name for name, _ in some], [text for _, text in some]
-        ask_host(observer, host, "set", names=names, values=texts, author=author, reason=reason)
+        ask_host(observer, host, "SET", names=names, values=texts, author=author, reason=reason)
     for one, wanted in profiles.items():
         from bt_agents_tools.client import tuning
 
@@ -162,7 +162,7 @@ def _take_back(observer: Observer, agent: str, action: str, *, author: str, reas
             click.echo(f"undo of a profile: {accepted(answer, 'the feedback node').message}")
             return
     agents = [agent] if agent else []
-    ask_host(observer, host, action, agents=agents, author=author, reason=reason)
+    ask_host(observer, host, action.upper(), agents=agents, author=author, reason=reason)
 
 
 def _undoable_profile(observer: Observer, host: str, agent: str) -> TunedProfile | None:
@@ -178,7 +178,7 @@ def _undoable_profile(observer: Observer, host: str, agent: str) -> TunedProfile
 
 
 def _hosts(observer: Observer, agent: str) -> list[str]:
-    return [host_of(observer, agent)] if agent else hosts(observer)
+    return [find_host(observer, agent)] if agent else find_hosts(observer)
 
 
 def _one_host(observer: Observer, agent: str) -> str:
@@ -191,11 +191,11 @@ def _one_host(observer: Observer, agent: str) -> str:
 def _by_host(
     observer: Observer, listed: list[tuple[str, str]]
 ) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return values by host; those of the whole host stand for each of them."""
+    """Return values by host; those without an agent go to each host."""
     if not listed:
         return []
     whose = {name.partition(".")[0] for name, _ in listed if "." in name}
-    found = sorted({host_of(observer, one) for one in whose}) or hosts(observer)
+    found = sorted({find_host(observer, one) for one in whose}) or find_hosts(observer)
     if whose and len(found) > 1:
         raise BtAgentsError(
             f"these agents are on different hosts, {', '.join(found)}, which cannot change "
@@ -213,7 +213,7 @@ def _show(observer: Observer, host: str, agent: str) -> None:
 
 
 def _width() -> int:
-    """Return the columns of the terminal; what goes into a file or pipe is not wrapped."""
+    """Return the columns of the terminal; output into a file or pipe is not wrapped."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else _NO_TERMINAL
 
 

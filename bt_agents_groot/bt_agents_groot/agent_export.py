@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Export of an agent file as a BehaviorTree.CPP v4 file, which Groot2 can show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bt_agents_groot.models import Models
+from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
+from bt_agents_groot.tree_export import TreeExport
+from bt_agents_groot.xml_files import Xml, xml_text
+from bt_agents_language.fields.inputs import read_inputs
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.imports import read_imports
+from bt_agents_language.model.specs import SubtreeSpec, Tunable
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.tree.raw_nodes import RawNodeReader
+from bt_agents_language.yaml.source import Source, read_source
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.yaml_reader import Mapping, Node
+
+_NOT_IN_TREES = (
+    "profile", "learning_rate", "learning", "weights", "requires", "tunables", "feedback", "tags",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportedAgent:
+    """Exported file of BehaviorTree.CPP, with remarks on what differs in it."""
+
+    text: str
+    remarks: tuple[Remark, ...]
+
+
+def export_agent(source: Source, vocabulary: SymbolTable) -> ExportedAgent:
+    """Return the file of BehaviorTree.CPP for an agent file.
+
+    Args:
+        source: The agent file.
+        vocabulary: Symbols that it may use; see ``agent_reader``.
+
+    Raises:
+        ReadError: There is a problem in the file; it lists all of them.
+    """
+    agent = read_agent_text(source.text, source.file, vocabulary)
+    return _Export(vocabulary).run(source, agent.name, agent.tunables)
+
+
+@dataclass
+class _TreeFile:
+    """Agent file or library whose trees are exported."""
+
+    fields: MappingReader
+    vocabulary: SymbolTable
+    structure: RawNodeReader
+    file: str
+    subtrees: dict[str, SubtreeSpec] = field(default_factory=dict)
+
+
+class _Export:
+    def __init__(self, vocabulary: SymbolTable) -> None:
+        self._vocabulary = vocabulary
+        self._models = Models()
+        self._remarks = Remarks()
+        self._files: dict[str, _TreeFile] = {}
+        # (file, name) of the subtrees that are used and not translated yet, then of those done.
+        self._waiting: dict[tuple[str, str], None] = {}
+        self._done: set[tuple[str, str]] = set()
+
+    def run(self, source: Source, agent: str, tunables: tuple[Tunable, ...]) -> ExportedAgent:
+        """Translate an agent's trees and all subtrees that they use."""
+        main = self._open(source)
+        # Reserved first, so that the agent's own tree gets the ID that its name asks for.
+        main_id = self._models.tree_id(agent)
+        self._models.main(main_id, tunables)
+        trees = [self._tree(main, main.fields.get("tree"), main_id)]
+        on_cancel = main.fields.get("on_cancel")
+        if on_cancel is not None:
+            trees.append(self._tree(main, on_cancel, self._models.tree_id("on_cancel")))
+        for name in main.subtrees:
+            if main.subtrees[name].position.file == main.file:
+                self._waiting.setdefault((main.file, name))
+        while self._waiting:
+            file, name = next(iter(self._waiting))
+            del self._waiting[file, name]
+            self._done.add((file, name))
+            trees.append(self._subtree(file, name))
+        self._remark_keys(main)
+        root = Xml(
+            tag="root",
+            attributes={"BTCPP_format": "4", "main_tree_to_execute": main_id},
+            children=(*trees, self._models.xml()),
+        )
+        return ExportedAgent(text=xml_text(root), remarks=tuple(self._remarks))
+
+    def _open(self, source: Source) -> _TreeFile:
+        reading = TypedReader(source)
+        root = reading.root
+        assert isinstance(root, Mapping)
+        keys = {entry.key.text: entry.key for entry in root.entries}
+        nodes = {entry.key.text: entry.value for entry in root.entries}
+        fields = MappingReader(reading, root, nodes, keys)
+        vocabulary, imported = read_imports(reading, fields, self._vocabulary)
+        own = {
+            entry.key.text: _interface(reading, entry.key.text, entry.value, source.file)
+            for entry in fields.entries("subtrees", "names and subtrees")
+        }
+        opened = _TreeFile(
+            fields=fields,
+            vocabulary=vocabulary,
+            structure=RawNodeReader(reading, vocabulary),
+            file=source.file,
+            subtrees={**imported, **own},
+        )
+        self._files[source.file] = opened
+        return opened
+
+    def _tree(self, file: _TreeFile, node: Node | None, tree_id: str) -> Xml:
+        assert node is not None
+        raw = file.structure.read(node, "the tree")
+        assert raw is not None
+
+        def find(name: str) -> tuple[str, SubtreeSpec]:
+            subtree = file.subtrees[name]
+            place = (subtree.position.file, name)
+            if place not in self._done:
+                self._waiting.setdefault(place)
+            return self._models.subtree(place[0], subtree), subtree
+
+        tree = TreeExport(self._models, find, self._remarks).node(raw)
+        return Xml(tag="BehaviorTree", attributes={"ID": tree_id}, children=(tree,))
+
+    def _subtree(self, file: str, name: str) -> Xml:
+        opened = self._files.get(file) or self._open(read_source(Path(file)))
+        subtrees = opened.fields.get("subtrees")
+        assert isinstance(subtrees, Mapping)
+        subtree = subtrees.get(name)
+        assert isinstance(subtree, Mapping)
+        tree_id = self._models.subtree(file, opened.subtrees[name])
+        return self._tree(opened, subtree.get("tree"), tree_id)
+
+    def _remark_keys(self, main: _TreeFile) -> None:
+        present = [key for key in _NOT_IN_TREES if key in main.fields.keys]
+        if present:
+            self._remarks.add(
+                RemarkLevel.NOTE,
+                main.fields.keys[present[0]].position,
+                f"a tree of BehaviorTree.CPP has no place for {', '.join(present)}; tunables are "
+                "ports of the main tree, and a program would give scene.age as scene__age",
+            )
+
+
+def _interface(reading: TypedReader, name: str, node: Node, file: str) -> SubtreeSpec:
+    assert isinstance(node, Mapping)
+    inputs, outputs = node.get("inputs"), node.get("outputs")
+    what = f"subtree '{name}'"
+    return SubtreeSpec(
+        name=name,
+        inputs=read_inputs(reading, inputs, what) if inputs is not None else (),
+        outputs=read_inputs(reading, outputs, what) if outputs is not None else (),
+        body=None,
+        position=node.position,
+    )

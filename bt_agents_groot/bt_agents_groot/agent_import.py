@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Import of a BehaviorTree.CPP v4 file as an agent file of our language."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
+from bt_agents_groot.document import Document, Model, ModelPort, node_id, read_document
+from bt_agents_groot.naming import Renaming, port, snake
+from bt_agents_groot.ports import field_type_of, from_port, pointed_at
+from bt_agents_groot.scopes import Interface, TreeNames
+from bt_agents_groot.skill_nodes import MissingSkill, SkillNodes
+from bt_agents_groot.subtree_calls import Callee, SubtreeCalls, ports_of_call, remaps_all
+from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
+from bt_agents_groot.tree_import import TreeImport
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import (
+    Data,
+    Raw,
+    YamlNode,
+    comment_lines,
+    sequence,
+    with_comments,
+    yaml_lines,
+)
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.typed_reader import FORMAT
+
+ON_CANCEL = "on_cancel"
+"""Name of the tree that becomes the clean-up of the agent when no other tree uses it."""
+
+_SCRIPT_NAME = re.compile(r"[A-Za-z_@]\w*")
+_INITIAL_COMMENT = (
+    "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportedAgent:
+    """Imported agent file.
+
+    Attributes:
+        text: The file in canonical style.
+        remarks: Differences and losses, in the order of the XML file.
+        missing: Skills that it uses and no file declares.
+    """
+
+    text: str
+    remarks: tuple[Remark, ...]
+    missing: tuple[MissingSkill, ...]
+
+    @property
+    def skeleton(self) -> str:
+        """Skeleton of a skills file for the missing skills; empty when none is missing."""
+        return skills_file(self.missing)
+
+
+def import_agent(source: Source, agent: str, vocabulary: SymbolTable) -> ImportedAgent:
+    """Return the agent file for a file of BehaviorTree.CPP.
+
+    Args:
+        source: The XML file.
+        agent: Name of the agent.
+        vocabulary: The scene parameters, for the profile, and the known skills and plug-ins.
+
+    Raises:
+        ReadError: There is a problem in the file; it lists all of them.
+    """
+    return _Import(read_document(source), agent, vocabulary).run()
+
+
+class _Import:
+    def __init__(self, document: Document, agent: str, vocabulary: SymbolTable) -> None:
+        self._document = document
+        self._agent = agent
+        self._space = vocabulary.space
+        self._skills = SkillNodes(document, vocabulary.skills, vocabulary.plugins)
+        self._calls = SubtreeCalls()
+        self._remarks = Remarks()
+        self._subtree_name = Renaming()
+
+    def run(self) -> ImportedAgent:
+        """Translate all trees."""
+        document = self._document
+        main = document.main
+        on_cancel = next(
+            (
+                tree_id
+                for tree_id in document.trees
+                if snake(tree_id) == ON_CANCEL and tree_id != main and not self._callers(tree_id)
+            ),
+            None,
+        )
+        for element in document.unread:
+            self._remark_unread(element)
+        subtrees = {
+            tree_id: self._subtree(tree_id)
+            for tree_id in self._callees_first()
+            if tree_id not in (main, on_cancel)
+        }
+        names = TreeNames(self._mentions(main) + self._mentions(on_cancel), ())
+        tree = self._tree(main, names)
+        clean_up = self._tree(on_cancel, names) if on_cancel is not None else None
+        tree = _with_initial_values(
+            tree, {name: self._initial_value(names, name) for name in names.needed}
+        )
+        entries: dict[str, Data] = {
+            "format": FORMAT,
+            "agent": self._agent,
+            "title": self._agent.replace("_", " ").capitalize(),
+            "description": f"Made from {document.reading.source.file.rpartition('/')[2]}.",
+            "profile": {one.name: one.default for one in self._space.parameters},
+            "tree": tree,
+        }
+        if clean_up is not None:
+            entries["on_cancel"] = clean_up
+        if subtrees:
+            named = {self._subtree_name(i): subtrees[i] for i in document.trees if i in subtrees}
+            entries["subtrees"] = dict(named)
+        return self._file(entries)
+
+    def _file(self, entries: dict[str, Data]) -> ImportedAgent:
+        remarks = tuple(self._remarks)
+        missing = tuple(self._skills.missing[name] for name in sorted(self._skills.missing))
+        lines = [*self._head(remarks)]
+        for key, value in entries.items():
+            if key in ("profile", "tree", "on_cancel", "subtrees"):
+                lines.append("")
+            lines += yaml_lines({key: value})
+        skeleton = skills_file(missing)
+        if skeleton:
+            lines += [
+                "",
+                "# Skills that no file declares yet. Put this into a file of its own in the",
+                "# folder 'skills', and bind it to a robot there:",
+                "#",
+                *comment_lines(skeleton.rstrip("\n")),
+            ]
+        text = format_source(Source(f"{self._agent}.yaml", "\n".join(lines) + "\n"))
+        return ImportedAgent(text=text, remarks=remarks, missing=missing)
+
+    def _head(self, remarks: tuple[Remark, ...]) -> Iterator[str]:
+        file = self._document.reading.source.file.rpartition("/")[2]
+        yield from comment_lines(
+            f"Made from {file} by 'bt-agents import groot'. Write the profile of the scenes that "
+            "the\nagent suits; these values are those of an ordinary scene."
+        )
+        lost = [remark for remark in remarks if remark.level is RemarkLevel.LOST]
+        if lost:
+            yield from comment_lines(
+                f"Not everything could be translated; {len(lost)} "
+                f"{'things are' if len(lost) > 1 else 'thing is'} missing:"
+            )
+        for remark in lost:
+            yield from comment_lines(f"  line {remark.position.line}: {remark.message}")
+
+    def _remark_unread(self, element: Element) -> None:
+        if element.tag == "include":
+            path = element.get("path")
+            self._remarks.add(
+                RemarkLevel.LOST,
+                element.position,
+                f'<include path="{path[:120]}"> is not followed; import that file too',
+            )
+        else:
+            self._remarks.add(
+                RemarkLevel.NOTE, element.position, f"<{element.tag[:40]}> is not read here"
+            )
+
+    def _callees_first(self) -> list[str]:
+        """Return the trees in topological order: each one after those that it uses."""
+        done: dict[str, None] = {}
+        for start in self._document.trees:
+            waiting = [start]
+            while waiting:
+                current = waiting[-1]
+                called = (call.get("ID") for call in self._document.calls[current])
+                open_ones = [i for i in called if i in self._document.trees and i not in done]
+                if open_ones:
+                    waiting.append(open_ones[0])
+                else:
+                    done.setdefault(waiting.pop())
+        return list(done)
+
+    def _callers(self, tree_id: str) -> list[Element]:
+        calls = (call for of_tree in self._document.calls.values() for call in of_tree)
+        return [call for call in calls if call.get("ID") == tree_id]
+
+    def _mentions(self, tree_id: str | None) -> Counter[str]:
+        """Return how often each blackboard entry is mentioned in a tree."""
+        if tree_id is None:
+            return Counter()
+        return Counter(_mentioned_entries(self._document.trees[tree_id]))
+
+    def _tree(self, tree_id: str, names: TreeNames) -> YamlNode:
+        element = self._document.trees[tree_id]
+        translation = TreeImport(names, self._skills, self._calls, self._remarks)
+        tree = translation.node(element.children[0])
+        for entry in sorted(names.shared):
+            remark = self._remarks.add(
+                RemarkLevel.LOST,
+                element.position,
+                f"the entry '{entry}' of all trees together; here every tree has its own, so pass "
+                "it behind 'with' and 'outputs'",
+            )
+            tree = with_comments(tree, [remark.comment])
+        names.shared.clear()
+        description = element.get("_description")
+        return with_comments(tree, [description]) if description else tree
+
+    def _initial_value(self, names: TreeNames, name: str) -> Data:
+        """Return the initial value of a name of the main tree."""
+        model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))
+        declared = model.ports.get(port(names.original(name)))
+        if declared is None or not declared.default:
+            return names.default(name)
+        return from_port(declared.default, field_type_of(declared.type), names.rename)
+
+    def _subtree(self, tree_id: str) -> Data:
+        callers = self._callers(tree_id)
+        mentions = self._mentions(tree_id)
+        shared = any(map(remaps_all, callers))
+        passed = [ports_of_call(call) for call in callers]
+        given = set(mentions) if shared else {port for ports in passed for port in ports}
+        names = TreeNames(mentions, given)
+        tree = self._tree(tree_id, names)
+        used = {
+            names.rename(port)
+            for ports in passed
+            for port, text in ports.items()
+            if pointed_at(text) is not None
+        }
+        outputs = tuple(
+            name
+            for name in sorted(names.written)
+            if name in used or (shared and not names.original(name).startswith("_"))
+        )
+        inputs = {f"{name}_in" if name in names.written else name: name for name in names.needed}
+        ports = self._document.subtree_models.get(tree_id, Model(kind="SubTree")).ports
+        declared = {
+            name: ports.get(port(names.original(name)), ModelPort(direction=""))
+            for name in (*names.needed, *outputs)
+        }
+        optional = frozenset(name for name in inputs if declared[inputs[name]].default)
+        copied_inputs: dict[str, Data] = {
+            inside: Raw(f"${{{outer}}}") for outer, inside in inputs.items() if outer != inside
+        }
+        interface = Interface(inputs=inputs, optional=optional, outputs=outputs)
+        name = self._subtree_name(tree_id)
+        self._calls.callees[tree_id] = Callee(name=name, names=names, interface=interface)
+        entries: dict[str, Data] = {}
+        if inputs:
+            entries["inputs"] = {
+                outer: _declaration(declared[inside], names) for outer, inside in inputs.items()
+            }
+        if outputs:
+            entries["outputs"] = {
+                name: Raw(field_type_of(declared[name].type).value) for name in outputs
+            }
+        return {**entries, "tree": _with_initial_values(tree, copied_inputs, "")}
+
+
+def _declaration(declared: ModelPort, names: TreeNames) -> Data:
+    """Return the declaration of an input."""
+    field_type = field_type_of(declared.type)
+    if not declared.default:
+        return Raw(field_type.value)
+    default = from_port(declared.default, field_type, names.rename)
+    return {"type": Raw(field_type.value), "default": default}
+
+
+def _with_initial_values(
+    tree: YamlNode, values: Mapping[str, Data], comment: str = _INITIAL_COMMENT
+) -> YamlNode:
+    """Return a tree that first sets names to the values that came from outside of it."""
+    if not values:
+        return tree
+    first = YamlNode(key="set", value=dict(values), comments=(comment,) if comment else ())
+    plain = replace(tree, children=(), comments=())
+    if plain == YamlNode(key="sequence"):
+        return replace(tree, children=(first, *tree.children))
+    return sequence(first, tree)
+
+
+def _mentioned_entries(element: Element) -> Iterator[str]:
+    """Return the blackboard entries that an element and all below it mention."""
+    builtin = BUILTINS.get(node_id(element))
+    for name, attribute in element.attributes.items():
+        entry = pointed_at(attribute.value)
+        script = builtin is not None and builtin.ports.get(name) is PortKind.SCRIPT
+        if name in CONDITIONS or script:
+            yield from _SCRIPT_NAME.findall(attribute.value)
+        elif entry is not None:
+            yield name if entry == "=" else entry
+    for child in element.children:
+        yield from _mentioned_entries(child)
+
+
+def skills_file(missing: tuple[MissingSkill, ...]) -> str:
+    """Return a skills file that declares some skills; empty when there is none."""
+    if not missing:
+        return ""
+    skills: dict[str, Data] = {}
+    for skill in missing:
+        entries: dict[str, Data] = {"description": "Say here what it does."}
+        if len(skill.inputs) == 1:
+            entries["main"] = Raw(next(iter(skill.inputs)))
+        if skill.inputs:
+            entries["inputs"] = {name: Raw(one.value) for name, one in skill.inputs.items()}
+        if skill.outputs:
+            entries["outputs"] = {
+                name: {"type": Raw(one.value)} for name, one in skill.outputs.items()
+            }
+        skills[skill.name] = entries
+    return "\n".join(yaml_lines({"format": FORMAT, "skills": skills})) + "\n"

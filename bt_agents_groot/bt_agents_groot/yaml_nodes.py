@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML nodes: nodes of our language that are made by an import, and their text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from bt_agents_language.nodes.catalogue import DECORATORS
+from bt_agents_language.tools.formatting.scalar_style import quoted
+
+
+@dataclass(frozen=True)
+class Raw:
+    """Scalar without quotes where YAML allows it: a number, a time, a condition, ``${x}``."""
+
+    text: str
+
+
+_PLAIN = re.compile(r"[\w.(${+-](?:[^#:]|:(?! )|(?<! )#)*(?<![:\s])")
+_NOT_PLAIN = re.compile(r"- |\{|\s#")
+_ORDER = list(DECORATORS)
+_SKIPPING = tuple(one.key for one in DECORATORS.values() if one.skips)
+_HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
+
+
+@dataclass(frozen=True, kw_only=True)
+class YamlNode:
+    """Node of our language.
+
+    Attributes:
+        key: Node key.
+        value: Value of the key; of a composite its options.
+        children: Children of a composite, in order.
+        name: Name for people; may be empty.
+        decorators: Decorators by key.
+        siblings: Values of the sibling keys ``with``, ``outputs`` and ``weight``.
+        comments: Comment lines above the node.
+    """
+
+    key: str
+    value: Data = field(default_factory=dict)
+    children: tuple[YamlNode, ...] = ()
+    name: str = ""
+    decorators: Mapping[str, Data] = field(default_factory=dict)
+    siblings: Mapping[str, Data] = field(default_factory=dict)
+    comments: tuple[str, ...] = ()
+
+    def entries(self) -> dict[str, Data]:
+        """Return the keys of the node in their usual order."""
+        entries: dict[str, Data] = {"name": self.name} if self.name else {}
+        if "weight" in self.siblings:
+            entries["weight"] = self.siblings["weight"]
+        ordered = {key: self.decorators[key] for key in _ORDER if key in self.decorators}
+        handlers = {key: ordered.pop(key) for key in _HANDLERS if key in ordered}
+        entries |= ordered
+        entries[self.key] = self._value()
+        entries |= {key: self.siblings[key] for key in ("with", "outputs") if key in self.siblings}
+        return entries | handlers
+
+    def _value(self) -> Data:
+        if not self.children:
+            return self.value
+        children: list[Data] = list(self.children)
+        if not isinstance(self.value, dict) or not self.value:
+            return children
+        options = dict(self.value)
+        last = {"otherwise": options.pop("otherwise")} if "otherwise" in options else {}
+        return {**options, "children": children, **last}
+
+
+Data = Raw | str | bool | int | float | list["Data"] | dict[str, "Data"] | YamlNode
+"""Value in a YAML file; a ``str`` is always a text."""
+
+
+def sequence(*children: YamlNode) -> YamlNode:
+    """Return a sequence with memory."""
+    return YamlNode(key="sequence", children=children)
+
+
+def selector(*children: YamlNode) -> YamlNode:
+    """Return a selector with memory."""
+    return YamlNode(key="selector", children=children)
+
+
+def decorated(node: YamlNode, key: str, value: Data) -> YamlNode:
+    """Return a node with one more decorator around all that it has.
+
+    Where the order of decorators would put the new one inside of another, or where two of them
+    must not stand together, the node is put into a sequence of its own, and the decorator around
+    that.
+    """
+    # What skips the node makes no difference to some decorators, and stays outside of them.
+    stays_outside = _SKIPPING if DECORATORS[key].unaffected else ()
+    outer = {k: v for k, v in node.decorators.items() if k in stays_outside and k != key}
+    inner = {k: v for k, v in node.decorators.items() if k not in outer}
+    contrary = DECORATORS[key].contrary in inner
+    if contrary or any(_ORDER.index(present) <= _ORDER.index(key) for present in inner):
+        node, inner = sequence(replace(node, decorators=inner)), {}
+    return replace(node, decorators={**outer, **inner, key: value})
+
+
+def can_be_skipped(node: YamlNode) -> bool:
+    """Return whether a node has a decorator that can skip it."""
+    return any(key in node.decorators for key in _SKIPPING)
+
+
+def with_comments(node: YamlNode, comments: Iterable[str]) -> YamlNode:
+    """Return a node with more comment lines above it."""
+    return replace(node, comments=(*comments, *node.comments))
+
+
+def comment_lines(text: str) -> list[str]:
+    """Return a text as lines of a comment."""
+    return [f"# {line}".rstrip() for line in text.split("\n")]
+
+
+def yaml_lines(data: Mapping[str, Data], indent: int = 0) -> list[str]:
+    """Return the lines of a mapping in block style."""
+    pad = " " * indent
+    lines: list[str] = []
+    for key, value in data.items():
+        head = f"{pad}{scalar(key)}:"
+        match value:
+            case YamlNode():
+                lines += [head, *_comments(value, indent + 2)]
+                lines += yaml_lines(value.entries(), indent + 2)
+            case dict() if value:
+                lines += [head, *yaml_lines(value, indent + 2)]
+            case list() if value:
+                lines += [head, *_list_lines(value, indent + 2)]
+            case _:
+                lines.append(f"{head} {scalar(value)}")
+    return lines
+
+
+def _list_lines(items: list[Data], indent: int) -> list[str]:
+    lines: list[str] = []
+    for item in items:
+        match item:
+            case YamlNode():
+                lines += _comments(item, indent)
+                block = yaml_lines(item.entries(), indent + 2)
+            case dict() if item:
+                block = yaml_lines(item, indent + 2)
+            case list() if item:
+                block = _list_lines(item, indent + 2)
+            case _:
+                block = [f"{' ' * (indent + 2)}{scalar(item)}"]
+        lines += [f"{' ' * indent}- {block[0][indent + 2 :]}", *block[1:]]
+    return lines
+
+
+def _comments(node: YamlNode, indent: int) -> list[str]:
+    return [" " * indent + line for text in node.comments for line in comment_lines(text)]
+
+
+def scalar(value: Data) -> str:
+    """Return the text of a value that takes one line."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return repr(value)
+        case str():
+            is_plain = re.fullmatch(r"[a-z_]+", value) and value not in _YAML_CONSTANTS
+            return value if is_plain else quoted(value)
+        case Raw(text):
+            return text if _is_plain(text) else quoted(text)
+        case list():
+            return "[]"
+    return "{}"
+
+
+_YAML_CONSTANTS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
+
+
+def _is_plain(text: str) -> bool:
+    return _PLAIN.fullmatch(text) is not None and _NOT_PLAIN.match(text) is None

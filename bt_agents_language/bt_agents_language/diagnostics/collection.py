@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Collection of one file's diagnostics, and the words that its messages share."""
+
+from __future__ import annotations
+
+import difflib
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import accumulate
+from typing import Protocol
+
+from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_core.errors import ReadError
+from bt_agents_language.diagnostics.renderers import MAX_COLLECTED, as_lines, as_text
+
+_LONGEST_WORD = 64
+_MANY_WORDS = 200
+_LIST_COLUMNS = 140
+
+
+class SourceText(Protocol):
+    """What a collection needs of a file."""
+
+    def line(self, number: int) -> str:
+        """Return a line, counted from 1, without its end."""
+
+
+class Diagnostics:
+    """Collects the problems of one file; its length is the number of errors."""
+
+    def __init__(self, source: SourceText | None) -> None:
+        self._source = source
+        self._found: dict[Severity, dict[tuple[Position, str, str], Diagnostic]] = {
+            severity: {} for severity in Severity
+        }
+        self._lines: dict[int, str] = {}
+
+    def __len__(self) -> int:
+        return len(self._found[Severity.ERROR])
+
+    def add(
+        self,
+        code: str,
+        position: Position,
+        message: str,
+        hint: str = "",
+        end: Position | None = None,
+    ) -> None:
+        """Add a problem; as :meth:`append`."""
+        self.append(Diagnostic(code=code, position=position, message=message, hint=hint, end=end))
+
+    def append(self, diagnostic: Diagnostic) -> None:
+        """Add a problem; the same one at the same place counts once.
+
+        Raises:
+            ReadError: There are so many errors that reading on makes no sense.
+        """
+        found = self._found[diagnostic.severity]
+        key = (diagnostic.position, diagnostic.code, diagnostic.message)
+        if key in found or len(found) >= MAX_COLLECTED:
+            return
+        found[key] = replace(diagnostic, excerpt=self._line(diagnostic.position.line))
+        if len(self) >= MAX_COLLECTED:
+            raise self.error()
+
+    def sorted(self) -> list[Diagnostic]:
+        """Return the errors in the order of the file."""
+        return _in_order(self._found[Severity.ERROR].values())
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """The warnings in the order of the file; they do not make it unreadable."""
+        return tuple(_in_order(self._found[Severity.WARNING].values()))
+
+    def error(self) -> ReadError:
+        """Return all errors as one exception."""
+        return as_error(self.sorted())
+
+    def raise_if_any(self) -> None:
+        """Raise all errors as one exception.
+
+        Raises:
+            ReadError: There is an error; warnings alone are none.
+        """
+        if len(self):
+            raise self.error()
+
+    def _line(self, number: int) -> str:
+        # Each line is stored once: a hostile file has one long line with many problems.
+        if number not in self._lines:
+            self._lines[number] = self._source.line(number) if self._source is not None else ""
+        return self._lines[number]
+
+
+def _in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+    return sorted(diagnostics, key=lambda one: (one.position.line, one.position.column))
+
+
+def as_error(diagnostics: Iterable[Diagnostic]) -> ReadError:
+    """Return errors as one exception."""
+    listed = tuple(diagnostics)
+    return ReadError(as_text(listed), as_lines(listed), listed)
+
+
+def joined(errors: Iterable[ReadError]) -> ReadError:
+    """Return the errors of several files as one exception."""
+    return as_error(diagnostic for error in errors for diagnostic in error.diagnostics)
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that is most like another one, None when none is."""
+    if len(word) > _LONGEST_WORD:
+        return None
+    words = list(known)
+    tail = next((other for other in words if other.rpartition(".")[2] == word), None)
+    if tail is not None:
+        return tail
+    head = next((other for other in words if other.startswith(f"{word}_")), None)
+    if head is not None:
+        return head
+    if len(words) > _MANY_WORDS:
+        # So many are no list of keys; a wrong first letter is not worth the time.
+        words = [other for other in words if other[:1] == word[:1]][:_MANY_WORDS]
+    folded = {other.casefold(): other for other in reversed(words)}
+    alike = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)
+    return folded[alike[0]] if alike else None
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return a hint for a word that is not known: the most similar one, else all of a few."""
+    words = list(known)
+    near = nearest(word, words)
+    if near is not None:
+        strange = next((c for c in word if not c.isascii()), None)
+        name = unicodedata.name(strange, "an unusual character") if strange is not None else ""
+        return f"did you mean '{near}'?" + (f" ('{strange}' is {name})" if name else "")
+    if not words:
+        return ""
+    ends = accumulate(len(word) + 2 for word in words)
+    listed = words[: sum(end <= _LIST_COLUMNS for end in ends)]
+    return f"possible here: {', '.join(listed)}{', …' if len(words) > len(listed) else ''}"

@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Conversion of numbers, times, lengths and angles from and to the texts that people write."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import ellipsize
+from bt_agents_language.expression.units import (
+    ANGLE,
+    LENGTH,
+    TIME,
+    Dimension,
+    dimension_meant,
+    dimension_of,
+)
+
+MAX_DURATION_S = 365 * 24 * 3600.0
+"""No interaction takes longer than a year."""
+
+_NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_NUMBER_ONLY = re.compile(_NUMBER)
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_LEADING_ZERO = re.compile(r"[-+]?0[0-9]+")
+_QUANTITY = re.compile(rf"({_NUMBER})\s*([^\W\d_]*|°)")
+_SEVERAL = re.compile(rf"{_NUMBER}\s*[^\W\d_]+\s*{_NUMBER}\s*[^\W\d_]*")
+_CLOCK = re.compile(r"[0-9]{1,4}(:[0-9]{1,2})+")
+_NOT_FINITE = re.compile(r"[-+]?\.?(inf|infinity|nan)", re.IGNORECASE)
+_WORDS = (
+    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten",
+)  # fmt: skip
+_NO_LIMIT = ("none", "never", "forever", "infinite", "unlimited", "endless", "no", "off", "false")
+_LARGEST_INTEGER = 2**63 - 1
+_MAX_LENGTH = 400
+_LONGEST_QUANTITY = 40
+_TYPES = {
+    FieldType.DURATION: TIME,
+    FieldType.LENGTH: LENGTH,
+    FieldType.ANGLE: ANGLE,
+}
+
+
+class QuantityError(BtAgentsError):
+    """A text that is not the number or quantity it should be.
+
+    Attributes:
+        message: What was found and what is expected.
+        hint: How to fix it; may be empty.
+    """
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+def number(text: str) -> float:
+    """Return a finite number.
+
+    Raises:
+        QuantityError: It is none.
+    """
+    text = text.strip()
+    if len(text) > _MAX_LENGTH or not _NUMBER_ONLY.fullmatch(text):
+        raise _no_number(text, "a number", bare=True)
+    return _finite(text)
+
+
+def integer(text: str) -> int:
+    """Return a whole number of at most 64 bits.
+
+    Raises:
+        QuantityError: It is none.
+    """
+    text = text.strip()
+    if not _INTEGER.fullmatch(text):
+        if len(text) <= _MAX_LENGTH and _NUMBER_ONLY.fullmatch(text):
+            value = float(text)
+            whole = math.isfinite(value) and value.is_integer() and abs(value) < 1e15
+            hint = f"write {value:.0f}" if whole else ""
+            raise QuantityError(f"expected a whole number, found '{ellipsize(text)}'", hint)
+        raise _no_number(text, "a whole number", bare=True)
+    _check_zero(text)
+    value = int(text) if len(text) < 25 else _LARGEST_INTEGER + 1
+    if abs(value) > _LARGEST_INTEGER:
+        raise QuantityError(f"'{ellipsize(text)}' is too large", "use at most 18 digits")
+    return value
+
+
+def duration(text: str) -> float:
+    """Return a time [s], not negative; a number without unit is seconds.
+
+    Raises:
+        QuantityError: It is none.
+    """
+    seconds = _quantity(text, TIME)
+    if seconds < 0:
+        raise QuantityError(f"a time cannot be negative, found '{ellipsize(text.strip())}'")
+    if seconds > MAX_DURATION_S:
+        raise QuantityError(
+            f"'{ellipsize(text.strip())}' is longer than a year", "write a shorter time"
+        )
+    return seconds
+
+
+def length(text: str) -> float:
+    """Return a length [m]; a number without unit is metres.
+
+    Raises:
+        QuantityError: It is none.
+    """
+    return _quantity(text, LENGTH)
+
+
+def angle(text: str) -> float:
+    """Return an angle [rad]; a number without unit is radians.
+
+    Raises:
+        QuantityError: It is none.
+    """
+    return _quantity(text, ANGLE)
+
+
+def expected(field_type: FieldType) -> str:
+    """Return what a place for a quantity expects, in words: ``a time such as '8 s'``."""
+    return _wanted(_TYPES[field_type])
+
+
+def quantity_type(text: str) -> FieldType | None:
+    """Return the type of a number with a unit behind it, None for any other text."""
+    return _type_of(text, strict=True)
+
+
+def meant_type(text: str) -> FieldType | None:
+    """Return the type of a number with something like a unit behind it."""
+    return _type_of(text, strict=False)
+
+
+def is_clock(text: str) -> bool:
+    """Return whether a text is written as on a clock: ``1:30``."""
+    return _CLOCK.fullmatch(text.strip()) is not None
+
+
+def format_quantity(value: float, field_type: FieldType, digits: int = 3) -> str:
+    """Return a value of a type as people write it: ``1.5 min``, ``250 ms``, ``90 deg``.
+
+    Args:
+        value: The value [SI].
+        field_type: Any type of a number; one that is no quantity gets no unit.
+        digits: Significant digits of a quantity that are kept.
+    """
+    if not math.isfinite(value):
+        return f"{value:g}"
+    size = abs(float(f"{value:.{digits - 1}e}"))
+    match field_type:
+        case FieldType.DURATION:
+            unit = _time_unit(size)
+        case FieldType.LENGTH:
+            unit = _length_unit(size)
+        case FieldType.ANGLE:
+            unit = "deg"
+        case _:
+            return f"{value:g}" if isinstance(value, float) else str(value)
+    times, over = _TYPES[field_type].units[unit]
+    return f"{_amount(value * over / times, digits)} {unit}"
+
+
+def _time_unit(seconds: float) -> str:
+    if seconds < 60:
+        return "s" if seconds >= 1 or seconds == 0 else "ms"
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        tenths = seconds / size * 10
+        if seconds >= size and abs(tenths - round(tenths)) < 1e-6:
+            return unit
+    # 100 s reads better than 1.67 min, 27.8 min better than 1670 s.
+    return "s" if seconds < 600 else "min" if seconds < 7200 else "h"
+
+
+def _length_unit(metres: float) -> str:
+    if metres >= 1 or metres == 0:
+        return "km" if metres >= 1000 else "m"
+    return "cm" if metres >= 0.01 else "mm"
+
+
+def _amount(value: float, digits: int) -> str:
+    value = float(f"{value:.{digits - 1}e}")
+    if 10 ** (digits - 1) <= abs(value) < 1e15:
+        return f"{value:.0f}"
+    return f"{value:.{digits}g}"
+
+
+def _type_of(text: str, *, strict: bool) -> FieldType | None:
+    match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
+    if match is None or not match[2]:
+        return None
+    dimension = dimension_of(match[2]) if strict else dimension_meant(match[2])
+    return next((one for one, other in _TYPES.items() if other is dimension), None)
+
+
+def _quantity(text: str, dimension: Dimension) -> float:
+    """Return a quantity of a dimension in SI."""
+    text = text.strip()
+    match = _QUANTITY.fullmatch(text) if len(text) <= _MAX_LENGTH else None
+    if not match:
+        wanted = _wanted(dimension)
+        hint = ""
+        if dimension is TIME and _CLOCK.fullmatch(text):
+            hint = "write minutes and seconds as one number, for example 90 s or 1.5 min"
+        elif len(text) <= _MAX_LENGTH and _SEVERAL.fullmatch(text):
+            hint = f"write one number with one unit, for example {dimension.example}"
+        elif dimension is TIME and text.lower() in _NO_LIMIT:
+            hint = "where no time is meant, leave the key out"
+        if hint:
+            raise QuantityError(f"expected {wanted}, found '{ellipsize(text)}'", hint)
+        raise _no_number(text, wanted)
+    amount, unit = match.groups()
+    unit = unit or dimension.si
+    if unit not in dimension.units:
+        raise _wrong_unit(text, amount, unit, dimension)
+    value = dimension.si_value(_finite(amount), unit)
+    if not math.isfinite(value):
+        raise QuantityError(
+            f"'{ellipsize(text)}' is too large for a number", "write a finite number"
+        )
+    return value
+
+
+def _wrong_unit(text: str, amount: str, unit: str, dimension: Dimension) -> QuantityError:
+    near = dimension.meant(unit)
+    if near:
+        return QuantityError(
+            f"'{unit}' is not a unit of {dimension.name}", f"write {amount} {near}"
+        )
+    other = dimension_meant(unit)
+    if other is None:
+        return QuantityError(
+            f"'{ellipsize(unit)}' is not a unit of {dimension.name}", f"use {dimension.listed}"
+        )
+    hint = f"use {dimension.listed}"
+    if dimension is TIME and unit.lower() == "m":
+        hint = f"write {amount} min for minutes; m is metres"
+    elif dimension is LENGTH and unit == "min":
+        hint = f"write {amount} m for metres; min is minutes"
+    return QuantityError(
+        f"expected {_wanted(dimension)}, found the {other.name} '{ellipsize(text)}'", hint
+    )
+
+
+def _wanted(dimension: Dimension) -> str:
+    return f"{dimension.a} such as '{dimension.example}'"
+
+
+def _finite(text: str) -> float:
+    _check_zero(text)
+    value = float(text)
+    if not math.isfinite(value):
+        raise QuantityError(
+            f"'{ellipsize(text)}' is too large for a number", "write a finite number"
+        )
+    return value
+
+
+def _check_zero(text: str) -> None:
+    if text[0] in "0+-" and _LEADING_ZERO.match(text):
+        sign = text[0] if text[0] in "+-" else ""
+        meant = sign + (text.lstrip("+-").lstrip("0") or "0")
+        meant = sign + "0" + meant[len(sign) :] if meant[len(sign) :].startswith(".") else meant
+        raise QuantityError(
+            f"'{ellipsize(text)}' starts with a zero, which some programs read as another number",
+            f"write {ellipsize(meant)}",
+        )
+
+
+def _no_number(text: str, wanted: str, *, bare: bool = False) -> QuantityError:
+    if len(text) > _MAX_LENGTH:
+        return QuantityError(f"expected {wanted}, found '{ellipsize(text)}'")
+    hint = "write a finite number" if _NOT_FINITE.fullmatch(text) else _number_hint(text, bare)
+    return QuantityError(f"expected {wanted}, found '{ellipsize(text)}'", hint)
+
+
+def _number_hint(text: str, bare: bool) -> str:
+    """Return how to write a number; ``bare`` where no unit is possible."""
+    if text.lower() in _WORDS:
+        return f"write {_WORDS.index(text.lower())}"
+    if text[:1] in "−–" and text[1:2].isdecimal():
+        return f"write the plain minus sign: -{ellipsize(text[1:])}"
+    if text.isdecimal() and len(text) < 19:
+        return f"write {int(text)} in plain digits"
+    if re.fullmatch(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}", text):
+        return f"write {text.replace(',', '')}, or with a point {text.replace(',', '.')}"
+    if re.fullmatch(r"[-+]?[0-9]+,[0-9]+[^,]*", text):
+        return f"use a point: {ellipsize(text.replace(',', '.', 1))}"
+    if re.fullmatch(r"[-+]?[0-9][0-9_' ,]*", text):
+        return (
+            f"write the digits without anything between: {ellipsize(re.sub('[^-+0-9]', '', text))}"
+        )
+    if re.fullmatch(r"[-+]?0[xXoObB][0-9a-fA-F]+", text):
+        return "write it as a decimal number"
+    share = re.fullmatch(rf"({_NUMBER})\s*(?:%|/\s*([1-9][0-9]{{0,8}}))", text)
+    if share:
+        return f"write {float(share[1]) / float(share[2] or 100):.6g}"
+    quantity = _QUANTITY.fullmatch(text)
+    return f"no unit is possible here: write {quantity[1]}" if quantity and bare else ""

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Declared inputs of skills and subtrees: name, type and default."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.scope import RESERVED, NameScope
+from bt_agents_language.fields.values import plain, read_value
+from bt_agents_language.model.specs import FieldSpec
+from bt_agents_language.yaml.field_tables import ANY, TEXT, Either, FieldDecl, KeyTable, WordChoice
+from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar
+
+TYPES = tuple(one.value for one in FieldType)
+"""Words for types in a file."""
+
+_TYPE = FieldDecl("type", WordChoice(TYPES), "Its type.", required=True)
+_DESCRIPTION = FieldDecl("description", TEXT, "What it means.")
+_INPUT = KeyTable(
+    fields=(_TYPE, FieldDecl("default", ANY, "Taken when it is not given."), _DESCRIPTION)
+)
+INPUT = Either((_TYPE.value, _INPUT))
+"""An input of a skill or subtree: its type alone, or more."""
+
+OUTPUT = Either((_TYPE.value, KeyTable(fields=(replace(_TYPE, required=False), _DESCRIPTION))))
+"""An output of a subtree."""
+
+
+_OTHER_WORDS = {
+    "string": "text", "str": "text", "int": "integer", "float": "number", "double": "number",
+    "bool": "boolean", "time": "duration", "seconds": "duration", "list": "any", "object": "any",
+    "ms": "duration", "s": "duration", "min": "duration", "minutes": "duration",
+    "m": "length", "cm": "length", "metres": "length", "meters": "length",
+    "deg": "angle", "degrees": "angle", "rad": "angle", "radians": "angle",
+}  # fmt: skip
+
+
+def read_inputs(
+    reading: TypedReader, node: Node, what: str, kind: str = "input"
+) -> tuple[FieldSpec, ...]:
+    """Return declared inputs; what is wrong with one is reported, the input kept if possible.
+
+    Args:
+        reading: The file.
+        node: Names and types.
+        what: What has the inputs, for messages.
+        kind: ``input`` or ``output``.
+    """
+    inputs = (
+        _read_input(reading, entry, kind)
+        for entry in reading.entries(node, f"the {kind}s of {what}", "names and types")
+    )
+    return tuple(one for one in inputs if one is not None)
+
+
+def _read_input(reading: TypedReader, entry: MappingEntry, kind: str) -> FieldSpec | None:
+    name = read_new_name(reading, entry.key, f"an {kind}")
+    if name is None:
+        return None
+    if not isinstance(entry.value, Mapping):
+        return FieldSpec(name=name, type=read_type(reading, entry.value) or FieldType.ANY)
+    fields = reading.keys(entry.value, _INPUT, f"{kind} '{name}'")
+    if fields is None:
+        return FieldSpec(name=name, type=FieldType.ANY)
+    type_node = fields.get("type")
+    field_type = read_type(reading, type_node) if type_node is not None else None
+    default = fields.get("default")
+    return FieldSpec(
+        name=name,
+        type=field_type or FieldType.ANY,
+        required=default is None,
+        default=(
+            read_constant(
+                reading, default, field_type or FieldType.ANY, f"the default of '{name}'"
+            )
+            if default is not None
+            else None
+        ),
+        description=fields.text("description"),
+    )
+
+
+def read_type(reading: TypedReader, node: Node) -> FieldType | None:
+    """Return a type."""
+    text = reading.text(node, "the type")
+    if text is None:
+        return None
+    if text in TYPES:
+        return FieldType(text)
+    meant = _OTHER_WORDS.get(text.lower())
+    hint = f"write {meant}" if meant else did_you_mean(text, TYPES)
+    reading.error(
+        "bad-choice",
+        node,
+        f"there is no type {quote(text)}, expected {', '.join(TYPES)}",
+        hint,
+    )
+    return None
+
+
+def read_new_name(reading: TypedReader, key: Scalar, what: str) -> str | None:
+    """Return a name that a file introduces; reserved words are refused."""
+    name = reading.name(key, f"the name of {what}")
+    if name is not None and name in RESERVED:
+        reading.error(
+            "name-taken",
+            key,
+            f"'{name}' has a meaning of its own",
+            f"choose another name for {what}",
+        )
+        return None
+    return name
+
+
+def read_constant(reading: TypedReader, node: Node, field_type: FieldType, what: str) -> Plain:
+    """Return a value without names; None when it is wrong, which is then reported."""
+    if isinstance(node, Scalar) and "${" in node.text:
+        reading.error(
+            "bad-reference",
+            node,
+            f"{what} is the same in every run, so no ${{…}} can stand in it",
+            "write a plain value",
+        )
+        return None
+    value = read_value(reading, node, field_type, NameScope({}), what)
+    return None if value is None else plain(value)

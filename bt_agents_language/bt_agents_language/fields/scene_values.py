@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values of scene parameters in any file: profiles, scenes and feedback, each in its range."""
+
+from __future__ import annotations
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneParameter, SceneSpace, Vector, check_value
+from bt_agents_core.text import join_quoted, quote
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.yaml.typed_reader import TypedReader, adding
+from bt_agents_language.yaml.yaml_reader import Node
+
+
+def read_values(
+    reading: TypedReader, node: Node, what: str, space: SceneSpace
+) -> dict[str, float]:
+    """Return values of some scene parameters; what is wrong is reported and left out."""
+    found: dict[str, float] = {}
+    for entry in reading.entries(node, what, f"values of {', '.join(space.names)}"):
+        parameter = read_parameter(reading, entry.key, space)
+        value = reading.number(entry.value, entry.key.text) if parameter is not None else None
+        if parameter is None or value is None:
+            continue
+        try:
+            found[parameter.name] = check_value(parameter, value)
+        except Refused as refused:
+            reading.error("out-of-range", entry.value, refused.reason)
+    return found
+
+
+def read_vector(reading: TypedReader, node: Node, what: str, space: SceneSpace) -> Vector | None:
+    """Return the values of all scene parameters; None when one is wrong or missing."""
+    before = len(reading.problems)
+    values = read_values(reading, node, what, space)
+    if len(reading.problems) > before:
+        return None
+    missing = [name for name in space.names if name not in values]
+    if missing:
+        reading.error(
+            "missing-key",
+            node,
+            f"{what} has no value for {join_quoted(missing)}",
+            adding(missing),
+        )
+        return None
+    return tuple(values[name] for name in space.names)
+
+
+def read_parameter(reading: TypedReader, node: Node, space: SceneSpace) -> SceneParameter | None:
+    """Return the scene parameter that is named; None when there is none, which is reported."""
+    name = reading.text(node, "a scene parameter")
+    if name is None:
+        return None
+    try:
+        return space.parameter(name)
+    except Refused:
+        reading.error(
+            "unknown-name",
+            node,
+            f"there is no scene parameter {quote(name)}",
+            did_you_mean(name, space.names),
+        )
+        return None

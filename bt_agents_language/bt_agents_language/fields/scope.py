@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scopes of names: those that a place in a file may use, their types, and which were used."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.diagnostics.collection import did_you_mean, nearest
+from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import Expression, parse_expression
+from bt_agents_language.expression.functions import FUNCTIONS
+from bt_agents_language.expression.units import ANGLE, LENGTH, TIME, Dimension
+from bt_agents_language.fields.interfaces import MessageFields
+
+RESERVED = (
+    "scene", "live", "mood", "profile", "msg", "result",
+    "true", "false", "null", *OPERATOR_WORDS, *FUNCTIONS,
+)  # fmt: skip
+"""Words that no tunable, input or output may be called."""
+
+_WORD = re.compile(NAME)
+
+_KINDS = {
+    FieldType.TEXT: ValueKind.TEXT,
+    FieldType.NUMBER: ValueKind.NUMBER,
+    FieldType.INTEGER: ValueKind.NUMBER,
+    FieldType.DURATION: ValueKind.NUMBER,
+    FieldType.LENGTH: ValueKind.NUMBER,
+    FieldType.ANGLE: ValueKind.NUMBER,
+    FieldType.BOOLEAN: ValueKind.BOOLEAN,
+}
+
+
+UNITS: Mapping[FieldType, Dimension] = {
+    FieldType.DURATION: TIME,
+    FieldType.LENGTH: LENGTH,
+    FieldType.ANGLE: ANGLE,
+}
+"""Dimension of the types that are quantities."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assigned:
+    """A name that nodes give a value while a tree runs.
+
+    Attributes:
+        type: Type of the value where all nodes agree on one.
+        node: Key of the first node that gives it one.
+        line: Where that node stands.
+    """
+
+    type: FieldType
+    node: str
+    line: int
+
+
+class NameScope:
+    """Names with their types; remembers which were asked for, and which have a value by now.
+
+    Args:
+        types: Type of each name that always has a value, or never gets one.
+        written: Names that nodes give a value.
+        messages: Name of a message (``msg``, ``result``) → its fields.
+        hidden: Names that exist elsewhere in the file → how to get at them from here.
+        lenient: True lets unknown names pass, since a declaration that could not be read may
+            hold them.
+
+    Attributes:
+        used: Names that were asked for.
+        given: Names out of ``written`` that some node before this place may have given a value.
+    """
+
+    def __init__(
+        self,
+        types: Mapping[str, FieldType],
+        written: Mapping[str, Assigned] | None = None,
+        messages: Mapping[str, MessageFields] | None = None,
+        hidden: Mapping[str, str] | None = None,
+        lenient: bool = False,
+    ) -> None:
+        self.used: set[str] = set()
+        self.given: set[str] = set()
+        self._types = dict(types)
+        self._written = dict(written or {})
+        self._messages = dict(messages or {})
+        self._hidden = dict(hidden or {})
+        self._lenient = lenient
+
+    def and_message(self, name: str, fields: MessageFields) -> NameScope:
+        """Return these names and the fields of a message; both remember together."""
+        messages = {**self._messages, name: fields}
+        names = NameScope(self._types, self._written, messages, self._hidden, self._lenient)
+        names.used, names.given = self.used, self.given
+        return names
+
+    def give(self, names: Iterable[str]) -> None:
+        """Note that names have a value from here on."""
+        self.given.update(names)
+
+    def give_all(self) -> None:
+        """Note that every name may have a value, as after the whole tree."""
+        self.given.update(self._written)
+
+    def type_of(self, name: str) -> FieldType | None:
+        """Return the type of a name and remember it as used; None when there is no such name."""
+        self.used.add(name)
+        return self._type_of(name)
+
+    def _type_of(self, name: str) -> FieldType | None:
+        if self._messages:
+            head, _, path = name.partition(".")
+            if path and head in self._messages:
+                return self._messages[head].type_of(path)
+        if name in self._types:
+            return self._types[name]
+        if name in self._written:
+            return self._written[name].type
+        return FieldType.ANY if self._lenient and "." not in name else None
+
+    def parse(self, text: str) -> Expression:
+        """Return the expression that a text says, its names of the types that they have here.
+
+        Raises:
+            ExpressionError: As of :func:`parse_expression`; an unknown name is no error.
+        """
+        # Words that are no names, such as those in quotes, do no harm here.
+        types = tuple([self._type_of(word) for word in _WORD.findall(text)])
+        return _parsed(text, types)
+
+    def problem(self, name: str, *, maybe_text: bool = False) -> tuple[str, str, str] | None:
+        """Return code, message and hint when a name cannot be used.
+
+        Args:
+            name: The name.
+            maybe_text: Whether it can be meant as a text.
+        """
+        if name in self._types and not self._messages:
+            self.used.add(name)
+            return None
+        head, _, path = name.partition(".")
+        if path and head in self._messages:
+            problem = self._messages[head].problem(path)
+            return ("unknown-ros-field", problem, "") if problem else None
+        if self.type_of(name) is not None:
+            return self._too_early(name)
+        messages = [f"{message}.…" for message in self._messages]
+        own = [one for one in self._types if "." not in one]
+        known = [*own, *self._written, *messages, *(one for one in self._types if "." in one)]
+        if head in self._messages:
+            return ("unknown-name", f"'{name}' is a whole message", f"name a field: {name}.data")
+        hint = self._hidden.get(name) or self._hint(name, known, maybe_text)
+        return ("unknown-name", f"there is no name '{name[:80]}' here", hint)
+
+    def _hint(self, name: str, known: list[str], maybe_text: bool) -> str:
+        """Return how to fix a name that is not known."""
+        if name == "mood.change":
+            if "live.person" not in known:
+                return "moods change only while a tree runs; name scene.mood, the mood before it"
+            return "scene.yaml does not say which parameter is the mood; add 'mood: …' there"
+        hint = did_you_mean(name, known)
+        if nearest(name, known) is not None:
+            return hint
+        head, _, last = name[:40].rpartition(".")
+        if head.partition(".")[0] in ("msg", "result"):
+            return f"name it where it comes in, 'outputs: {{x: {name[:40]}}}', and then x here"
+        message = next(iter(self._messages), None)
+        if message is not None:
+            return f"a field of the message is named {message}.{last}"
+        if maybe_text and known and "." not in name:
+            return f"if it is meant as a text, put it in quotation marks: '{name}'"
+        return hint
+
+    def _too_early(self, name: str) -> tuple[str, str, str] | None:
+        if name in self._types or name in self.given or name not in self._written:
+            return None
+        written = self._written[name]
+        return (
+            "no-value-yet",
+            f"'{name}' has no value here yet: '{written.node}' in line {written.line} gives it "
+            "one later",
+            "move that node before this one, or give it a value before with 'set'",
+        )
+
+
+@lru_cache(maxsize=1024)
+def _parsed(text: str, types: tuple[FieldType | None, ...]) -> Expression:
+    """Return an expression; files say the same ones again and again."""
+    known = dict(zip(_WORD.findall(text), types, strict=True))
+    return parse_expression(
+        text,
+        kind_of=lambda name: _KINDS.get(known.get(name) or FieldType.ANY),
+        unit_of=lambda name: UNITS.get(known.get(name) or FieldType.ANY),
+    )
+
+
+def scene_names(
+    space: SceneSpace, groups: Iterable[str] = ("scene", "live")
+) -> dict[str, FieldType]:
+    """Return the names of scene values: ``scene.age``, ``scene.person``, …."""
+    types: dict[str, FieldType] = {}
+    for group in groups:
+        types.update({f"{group}.{name}": FieldType.NUMBER for name in space.names})
+        if group != "profile":
+            types[f"{group}.person"] = FieldType.BOOLEAN
+        if group == "live":
+            types["live.stale"] = FieldType.BOOLEAN
+    return types
+
+
+def mood_names(space: SceneSpace) -> dict[str, FieldType]:
+    """Return ``mood.change`` where a system knows a mood."""
+    return {} if space.mood is None else {"mood.change": FieldType.NUMBER}

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values with ``${…}`` in them, and conditions, checked against the names in scope."""
+
+from __future__ import annotations
+
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_language.expression import quantities
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.fields.references import Part, read_expression, read_parts
+from bt_agents_language.fields.scope import UNITS, NameScope
+from bt_agents_language.model.specs import (
+    Computed,
+    ListValue,
+    Literal,
+    MapValue,
+    Reference,
+    Text,
+    Value,
+)
+from bt_agents_language.yaml.scalars import plain_value
+from bt_agents_language.yaml.typed_reader import Shape, TypedReader
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
+
+_NUMBERS = (FieldType.NUMBER, FieldType.INTEGER)
+_FITTING = {
+    FieldType.NUMBER: (*_NUMBERS, FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE),
+    FieldType.INTEGER: (FieldType.INTEGER,),
+    FieldType.DURATION: (*_NUMBERS, FieldType.DURATION),
+    FieldType.LENGTH: (*_NUMBERS, FieldType.LENGTH),
+    FieldType.ANGLE: (*_NUMBERS, FieldType.ANGLE),
+    FieldType.BOOLEAN: (FieldType.BOOLEAN,),
+}
+"""Type of a place → types of names that may stand there; texts and any take every name."""
+
+_EXPECTED = {
+    FieldType.TEXT: "a text",
+    FieldType.NUMBER: "a number",
+    FieldType.INTEGER: "a whole number",
+    FieldType.BOOLEAN: "true or false",
+    FieldType.DURATION: "a time such as '8 s'",
+    FieldType.LENGTH: "a length such as '1.5 m'",
+    FieldType.ANGLE: "an angle such as '90 deg'",
+    FieldType.ANY: "a value",
+}
+
+
+def read_value(
+    reading: TypedReader,
+    node: Node,
+    field_type: FieldType,
+    names: NameScope,
+    what: str,
+    minimum: float | None = None,
+) -> Value | None:
+    """Return a value that fits a type; None when it does not, which is then reported.
+
+    Args:
+        reading: The file.
+        node: What is written.
+        field_type: What is expected.
+        names: What ``${…}`` may name.
+        what: The field, for messages.
+        minimum: Smallest number that is possible.
+    """
+    if field_type is FieldType.ANY:
+        return _read_any(reading, node, names, what)
+    if not isinstance(node, Scalar):
+        shape = Shape.TEXT if field_type is FieldType.TEXT else Shape.OTHER
+        reading.wrong_type(node, what, _EXPECTED[field_type], shape)
+        return None
+    if "${" not in node.text:
+        if field_type is FieldType.TEXT:
+            return _plain_text(reading, node, what)
+        return _literal(reading, node, field_type, what, minimum)
+    parts = read_parts(reading, node, names)
+    if parts is None:
+        return None
+    if field_type is FieldType.TEXT:
+        return _text(parts)
+    if len(parts) == 1 and not isinstance(parts[0], str):
+        return _fitting(reading, node, parts[0], field_type, what)
+    if any(not isinstance(part, str) for part in parts):
+        reading.error(
+            "wrong-type",
+            node,
+            f"{what}: expected {_EXPECTED[field_type]}, found a text with a name in it",
+            "write only the ${…}, without anything around it",
+        )
+        return None
+    return _literal(reading, node, field_type, what, minimum)
+
+
+def _literal(
+    reading: TypedReader, node: Scalar, field_type: FieldType, what: str, minimum: float | None
+) -> Literal | None:
+    value: bool | int | float | None
+    match field_type:
+        case FieldType.BOOLEAN:
+            value = reading.boolean(node, what)
+        case FieldType.INTEGER:
+            value = reading.integer(node, what, int(minimum) if minimum is not None else None)
+        case FieldType.DURATION:
+            value = reading.duration(node, what)
+        case FieldType.LENGTH:
+            value = reading.length(node, what)
+        case FieldType.ANGLE:
+            value = reading.angle(node, what)
+        case _:
+            value = reading.number(node, what, minimum)
+    return None if value is None else Literal(value=value, type=field_type)
+
+
+def _plain_text(reading: TypedReader, node: Scalar, what: str) -> Literal | None:
+    # An empty text can be meant, but then it is in quotes.
+    text = reading.text(node, what, empty=not node.plain)
+    return None if text is None else Literal(value=text)
+
+
+def _text(parts: tuple[Part, ...]) -> Value:
+    if all(isinstance(part, str) for part in parts):
+        return Literal(value="".join(map(str, parts)))
+    match parts:
+        case (Reference(type=FieldType.TEXT) as only,):
+            return only
+    return Text(parts=parts)
+
+
+def _fitting(
+    reading: TypedReader,
+    node: Scalar,
+    part: Reference | Computed,
+    field_type: FieldType,
+    what: str,
+) -> Value | None:
+    if isinstance(part, Reference):
+        fits = part.type is FieldType.ANY or part.type in _FITTING[field_type]
+        found = f"'{part.name}' is {_EXPECTED[part.type]}"
+    else:
+        kind, unit = part.expression.kind, part.expression.unit
+        wanted = ValueKind.BOOLEAN if field_type is FieldType.BOOLEAN else ValueKind.NUMBER
+        fits = kind is None or kind is wanted
+        if unit is not None and field_type is not FieldType.NUMBER:
+            fits = UNITS.get(field_type) is unit
+        given = unit.a if unit is not None else kind.one if kind is not None else "anything"
+        found = f"'{part.expression.text}' gives {given}"
+    if fits:
+        return part
+    reading.error(
+        "wrong-value",
+        node,
+        f"{what}: expected {_EXPECTED[field_type]}, but {found}",
+        "use a name with a fitting value",
+    )
+    return None
+
+
+def _read_any(reading: TypedReader, node: Node, names: NameScope, what: str) -> Value | None:
+    match node:
+        case Sequence():
+            items = [_read_any(reading, item, names, what) for item in node.items]
+            return ListValue(items=tuple(item for item in items if item is not None))
+        case Mapping():
+            return read_map(reading, node, names, what)
+        case Scalar():
+            return _read_any_scalar(reading, node, names, what)
+
+
+def _read_any_scalar(
+    reading: TypedReader, node: Scalar, names: NameScope, what: str
+) -> Value | None:
+    if node.empty:
+        reading.error("missing-value", node, f"{what}: nothing is written here", "write a value")
+        return None
+    parts = read_parts(reading, node, names)
+    if parts is None:
+        return None
+    if len(parts) == 1 and not isinstance(parts[0], str):
+        return parts[0]
+    if any(not isinstance(part, str) for part in parts):
+        return Text(parts=parts)
+    if "${" in node.text:
+        return Literal(value="".join(map(str, parts)))
+    try:
+        return Literal(value=plain_value(node))
+    except quantities.QuantityError as error:
+        reading.error("bad-number", node, f"{what}: {error.message}", error.hint or "quote a text")
+        return None
+
+
+def read_map(reading: TypedReader, node: Node, names: NameScope, what: str) -> MapValue:
+    """Return a mapping of values of any type; what is wrong in it is reported and left out."""
+    values = {
+        entry.key.text: _read_any(reading, entry.value, names, f"'{entry.key.text}'")
+        for entry in reading.entries(node, what, "fields and values")
+    }
+    return MapValue(items={key: value for key, value in values.items() if value is not None})
+
+
+def read_condition(
+    reading: TypedReader, node: Node, names: NameScope, what: str
+) -> Expression | None:
+    """Return a condition; None when it is none, which is then reported."""
+    if not isinstance(node, Scalar) or node.empty:
+        reading.wrong_type(node, what, "a condition such as scene.age >= 4")
+        return None
+    expression = read_expression(reading, node, node.text, 0, what, names)
+    if expression is not None and expression.kind not in (None, ValueKind.BOOLEAN):
+        reading.error(
+            "bad-expression",
+            node,
+            f"{what} is a {expression.kind.value}, expected something that is true or false",
+            "compare it, for example with >=",
+        )
+        return None
+    return expression
+
+
+def is_plain(value: Value) -> bool:
+    """Return whether a value has no name in it."""
+    match value:
+        case ListValue():
+            return all(is_plain(item) for item in value.items)
+        case MapValue():
+            return all(is_plain(item) for item in value.items.values())
+    return isinstance(value, Literal)
+
+
+def plain(value: Value) -> Plain:
+    """Return a value without names as plain data; names in it become None."""
+    match value:
+        case Literal():
+            return value.value
+        case ListValue():
+            return tuple(plain(item) for item in value.items)
+        case MapValue():
+            return {key: plain(item) for key, item in value.items.items()}
+    return None

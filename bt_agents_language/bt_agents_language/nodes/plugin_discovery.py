@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node types of other packages, found by their entry points."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import TypeGuard
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.model.specs import SkillSpec
+from bt_agents_language.nodes.catalogue import WORDS
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
+
+GROUP = "bt_agents.nodes"
+"""Entry point group; the name of an entry point is the key of the node, its object the class."""
+
+_KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
+_CONTENTS = (Content.VALUE, Content.CONSTANT)
+
+
+class PluginProblem(BtAgentsError):
+    """A package brings a node that cannot be one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plugins:
+    """What the installed packages bring.
+
+    Attributes:
+        kinds: Node types by key.
+        origins: Key → words for the node and where it comes from.
+        problems: Why the others cannot be nodes, in words.
+    """
+
+    kinds: Mapping[str, NodeType]
+    origins: Mapping[str, str]
+    problems: tuple[str, ...]
+
+    def without(self, skills: Mapping[str, SkillSpec]) -> Plugins:
+        """Return the same without those named like a skill, which are problems: the skill stays.
+
+        Skills are what authors see and can rename; a package that somebody has installed must not
+        change what their trees do.
+        """
+        clashes = tuple(
+            f"{self.origins[key]} has the name of the skill '{key}' "
+            f"({skills[key].position}), which stays"
+            for key in self.kinds
+            if key in skills
+        )
+        return replace(
+            self,
+            kinds={key: kind for key, kind in self.kinds.items() if key not in skills},
+            problems=self.problems + clashes,
+        )
+
+
+@cache
+def installed_plugins() -> Plugins:
+    """Return the node types of all installed packages."""
+    return read_plugins(entry_points(group=GROUP))
+
+
+def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
+    """Return the node types of entry points; one that is wrong stops no other.
+
+    A node is a ``py_trees.behaviour.Behaviour`` with a class attribute ``fields``, a tuple of
+    :class:`NodeField`, and if a scalar may stand for one of them, ``main`` with its name. Each
+    start makes a new object, ``cls(name=…, **values)``. The first paragraph of the docstring
+    describes the node.
+    """
+    kinds: dict[str, NodeType] = {}
+    origins: dict[str, str] = {}
+    problems: list[str] = []
+    for point in sorted(points, key=lambda one: (one.name, one.value)):
+        try:
+            kind = _kind(point)
+            if kind.key in kinds:
+                raise PluginProblem(f"{_whose(point)}: there is a node '{kind.key}' already")
+            kinds[kind.key] = kind
+            origins[kind.key] = _whose(point)
+        except PluginProblem as problem:
+            problems.append(str(problem))
+    return Plugins(kinds=kinds, origins=origins, problems=tuple(problems))
+
+
+def _kind(point: EntryPoint) -> NodeType:
+    whose = _whose(point)
+    if not _KEY.fullmatch(point.name):
+        raise PluginProblem(
+            f"{whose}: '{point.name}' cannot be the key of a node; expected small letters, digits "
+            "and '_'"
+        )
+    if point.name in WORDS:
+        raise PluginProblem(
+            f"{whose} has the name of '{point.name}', a word of the language, which stays"
+        )
+    try:
+        behaviour = point.load()
+    except Exception as error:
+        raise PluginProblem(
+            f"{whose} cannot be loaded: {type(error).__name__}: {error}"
+        ) from error
+    if not _is_behaviour(behaviour):
+        raise PluginProblem(f"{whose} is no py_trees.behaviour.Behaviour class")
+    fields = getattr(behaviour, "fields", ())
+    if not isinstance(fields, tuple) or not all(_is_field(field) for field in fields):
+        raise PluginProblem(
+            f"{whose}: 'fields' must be a tuple of NodeField with names of their own, whose "
+            "content is VALUE or CONSTANT"
+        )
+    names = [field.name for field in fields]
+    main = getattr(behaviour, "main", None)
+    if main is not None and main not in names:
+        raise PluginProblem(f"{whose}: 'main' is {main!r}, expected one of {', '.join(names)}")
+    _check_constructor(behaviour, names, whose)
+    summary = (inspect.getdoc(behaviour) or "").partition("\n\n")[0]
+    return NodeType(
+        key=point.name,
+        main=main,
+        fields=fields,
+        description=" ".join(summary.split()),
+        plugin=behaviour,
+    )
+
+
+def _is_behaviour(loaded: object) -> TypeGuard[type]:
+    """Return whether an object is a behaviour class, without an import of py_trees."""
+    return isinstance(loaded, type) and any(
+        (base.__module__, base.__qualname__) == ("py_trees.behaviour", "Behaviour")
+        for base in loaded.__mro__
+    )
+
+
+def _is_field(field: object) -> bool:
+    return (
+        isinstance(field, NodeField)
+        and field.content in _CONTENTS
+        and _KEY.fullmatch(field.name) is not None
+        and field.name != "name"
+    )
+
+
+def _check_constructor(behaviour: type, names: list[str], whose: str) -> None:
+    if len(set(names)) < len(names):
+        raise PluginProblem(f"{whose}: two fields have the same name")
+    try:
+        inspect.signature(behaviour).bind(name="", **dict.fromkeys(names))
+    except TypeError as error:
+        raise PluginProblem(
+            f"{whose} cannot be made with the arguments name, {', '.join(names)}: {error}"
+        ) from None
+
+
+def _whose(point: EntryPoint) -> str:
+    package = point.dist.name if point.dist is not None else "a package"
+    return f"node '{point.name}' of {package} ({point.value})"

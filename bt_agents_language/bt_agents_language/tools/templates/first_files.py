@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Templates of an author's first files: commented, without errors, and ready to be changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.resources import files
+from string import Template
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.model.scene_specs import SceneSpec
+from bt_agents_language.model.specs import SkillSpec
+
+
+class _Template(Template):
+    """Text with names such as ``@{name}``, as ``$`` and braces have a meaning in trees."""
+
+    delimiter = "@"
+
+
+def _filled(template: str, **names: str) -> str:
+    folder = files("bt_agents_language").joinpath("tools/templates")
+    text = folder.joinpath(f"{template}.yaml").read_text(encoding="utf-8")
+    return _Template(text).substitute(names)
+
+
+def new_agent(
+    name: str, folder: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillSpec]
+) -> str:
+    """Return the text of an agent file.
+
+    Args:
+        name: Of the agent.
+        folder: The trees folder, as the author would name it.
+        file: The agent file, likewise.
+        scene: Its profile fits the parameters of this.
+        skills: It says something when they have a usable ``say``, else it only writes a log.
+    """
+    parameter = scene.space.parameters[0]
+    middle = _number(_middle(parameter))
+    return _filled(
+        "agent",
+        name=name,
+        folder=folder,
+        file=file,
+        title=name.replace("_", " ").capitalize(),
+        profile=_profile(scene.space),
+        requires="requires: scene.person\n" if scene.person is not None else "",
+        feedback=_feedback(scene.space),
+        say=_say(skills),
+        parameter=parameter.name,
+        middle=middle,
+        high=_high(parameter),
+        low=_low(parameter),
+    )
+
+
+def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillSpec]) -> str:
+    """Return the text of a test for the agent that :func:`new_agent` makes.
+
+    Args:
+        name: Of the agent.
+        file: The test file, as the author would name it.
+        scene: As for the agent.
+        skills: As for the agent.
+    """
+    parameter = scene.space.parameters[0]
+    say = _say(skills)
+    # The default is high enough, unless it is the smallest value.
+    high = {} if _middle(parameter) == parameter.default else {parameter.name: parameter.maximum}
+    high_scene = _scene(scene.space, high)
+    mood = _mood(scene.space)
+    stopped = _filled("test_cancelled", scene=high_scene)
+    if mood is not None:
+        stopped = _filled(
+            "test_stopped", scene=high_scene, mood=mood.name, worst=_number(mood.minimum)
+        )
+    return _filled(
+        "test",
+        name=name,
+        file=file,
+        parameter=parameter.name,
+        middle=_number(_middle(parameter)),
+        high_scene=high_scene,
+        low_scene=_scene(scene.space, {parameter.name: parameter.minimum}),
+        says_high=_says(say, _high(parameter)),
+        says_low=_says(say, _low(parameter)),
+        say=say,
+        stopped=stopped,
+    )
+
+
+def new_library(name: str, skills: Mapping[str, SkillSpec]) -> str:
+    """Return the text of a library; ``skills`` are as in :func:`new_agent`."""
+    return _filled("library", name=name, say=_say(skills))
+
+
+def _say(skills: Mapping[str, SkillSpec]) -> str:
+    """Return the node that takes a text: the skill ``say`` if it is usual, else ``log``."""
+    skill = skills.get("say")
+    if skill is None:
+        return "log"
+    needed = [one.name for one in skill.inputs if one.required]
+    is_text = any(one.name == skill.main and one.type is FieldType.TEXT for one in skill.inputs)
+    return "say" if is_text and needed in ([], [skill.main]) else "log"
+
+
+def _says(say: str, remark: str) -> str:
+    """Return the line of a test about all that is said; nothing where there is no voice."""
+    return f"      says: [Hello., {remark}, Good-bye.]\n" if say == "say" else ""
+
+
+def _scene(space: SceneSpace, values: Mapping[str, float]) -> str:
+    """Return a scene of defaults, apart from some values."""
+    every = {one.name: values.get(one.name, one.default) for one in space.parameters}
+    return f"{{{', '.join(f'{name}: {_number(value)}' for name, value in every.items())}}}"
+
+
+def _profile(space: SceneSpace) -> str:
+    values = [f"  {one.name}: {_number(one.default)}" for one in space.parameters]
+    width = max(map(len, values)) + 2
+    return "\n".join(
+        f"{value:<{width}}# {_range(one)}"
+        for value, one in zip(values, space.parameters, strict=True)
+    )
+
+
+def _range(parameter: SceneParameter) -> str:
+    limits = f"{_number(parameter.minimum)} to {_number(parameter.maximum)}"
+    words = " ".join(parameter.description.split())
+    return f"{limits}: {words}" if words else limits
+
+
+def _feedback(space: SceneSpace) -> str:
+    mood = _mood(space)
+    if mood is None:
+        return ""
+    size = mood.maximum - mood.minimum
+    return _filled(
+        "agent_feedback", mood=mood.name, little=_number(size / 8), much=_number(size / 4)
+    )
+
+
+def _mood(space: SceneSpace) -> SceneParameter | None:
+    return next((one for one in space.parameters if one.name == space.mood), None)
+
+
+def _middle(parameter: SceneParameter) -> float:
+    """Return a value that a scene can be below of: the default, if it is not the smallest."""
+    if parameter.default > parameter.minimum:
+        return parameter.default
+    return (parameter.minimum + parameter.maximum) / 2
+
+
+def _high(parameter: SceneParameter) -> str:
+    return f"Here {parameter.name} is {_number(_middle(parameter))} or more."
+
+
+def _low(parameter: SceneParameter) -> str:
+    return f"Here {parameter.name} is less than {_number(_middle(parameter))}."
+
+
+def _number(value: float) -> str:
+    """Return a number without an exponent, exact enough to stay in its range."""
+    text = f"{value:.12f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command `bt-agents demo`: a scripted morning at an airport."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import click
+
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_ros.signals import Interrupt
+from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
+from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.domain_lock import reserve_domain
+
+
+@click.command()
+@click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
+@click.option(
+    "--script",
+    type=click.Path(path_type=Path),
+    help="Another list of visits than the morning at the airport.",
+)
+@click.option("--tags", default="airport", show_default=True, help="Agents with these tags.")
+@journal_option
+def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> None:
+    """Show a morning at an airport, in a minute."""
+    interrupt = Interrupt()
+    if "ROS_DOMAIN_ID" not in os.environ:
+        os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
+    trees = find_trees()
+    script = script or trees / "scripts" / "airport_morning.yaml"
+    with tempfile.TemporaryDirectory(prefix="bt-agents-demo-") as folder:
+        processes = [
+            components.robot(pace=1.0, voice="auto" if voice else "off"),
+            components.market(trees),
+            components.scene_layer(trees),
+            components.host(trees, tags),
+            components.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
+            *journal_components(journal),
+        ]
+        visitors = components.visitors(trees, script, pace=1.0)
+        sys.exit(run_system("demo", processes, trees, tags, interrupt, visitors))

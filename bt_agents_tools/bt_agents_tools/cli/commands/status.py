@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command `bt-agents status`: the market, all hosts and agents, and every problem."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import click
+from rich.console import Console
+
+from bt_agents.host.reload.host_card_diff import degraded_reason
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
+from bt_agents_tools.cli.decisions import (
+    SOON_S,
+    admission_text,
+    disagreements,
+    end_text,
+    last_end_received,
+    names_of_scenes,
+)
+from bt_agents_tools.cli.formatting import STATES, constant_text, counted, print_line
+
+_ENDS_SHOWN = 3
+
+
+@click.command()
+def status() -> None:
+    """Show what runs, all agents, and every problem."""
+    with connect() as observer:
+        from bt_agents_tools.client import system
+
+        auctions, ends = system.decisions(observer), system.scene_ends(observer)
+        observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+        observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
+        market, names = observer.market, names_of_scenes(auctions)
+        known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
+        state = constant_text(market, market.state, STATES)
+        if market.state != market.IDLE or not known:
+            state += f": {names.with_names(market.message)}"
+        _print("market    ", state)
+        new_scenes = ", ".join(filter(None, admission_text(observer)))
+        _print(
+            "          ",
+            f"round {market.round}, {counted(market.hosts, 'host')}, "
+            f"{counted(market.agents, 'agent')}; new scenes: {new_scenes}",
+        )
+        for line in _ranking_lines(market, auctions[-1] if auctions else None):
+            _print("          ", line)
+        for host, card in sorted(observer.cards.items()):
+            click.echo(f"host      {host}")
+            for agent in card.agents:
+                profile = _profile_text(card.parameters, agent.current)
+                _print(
+                    f"  {agent.name:<22} ",
+                    f"{profile}  (revision {agent.revision}, "
+                    f"version {agent.version}{_version_text(agent)})",
+                )
+            for problem in card.problems:
+                _print("  problem: ", problem)
+        for end in ends[-_ENDS_SHOWN:]:
+            when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
+            place = f"round {end.round}, " if end.round else ""
+            _print(
+                "ended     ",
+                f"{when}, {place}'{names.name_of(end.scene_id)}', {end_text(end, names)}",
+            )
+
+
+def _ranking_lines(market: Any, last: Any) -> Iterator[str]:
+    """Yield how bids are ranked, and who may not bid or gets no run."""
+    text = f"strategy: {market.strategy}"
+    if market.shadow_strategy:
+        text += f"; beside it {market.shadow_strategy} only scores"
+        by = (market.strategy, market.shadow_strategy)
+        if last is not None and (last.strategy, last.shadow_strategy) == by:
+            text += f", {disagreements(last)}"
+    yield text
+    if market.pinned:
+        yield f"pinned: only {market.pinned} may bid, until 'bt-agents unpin'"
+    for agent in market.vetoed:
+        yield f"vetoed: {agent} may not bid, until 'bt-agents allow {agent}'"
+    for agent in market.starved:
+        yield f"starved: {agent} bids again and again and gets no run"
+
+
+def _version_text(agent: Any) -> str:
+    waiting = "; a newer one waits for the end of the run" if agent.waiting else ""
+    reason = degraded_reason(agent)
+    return waiting + (f"; {reason}" if reason else "")
+
+
+def _print(head: str, text: str) -> None:
+    print_line(Console(), head, text)
+
+
+def _profile_text(names: Any, values: Any) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in zip(names, values, strict=True))

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command `bt-agents up`: the agents of a trees folder until Ctrl-C."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from bt_agents_core.paths import state_folder
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_ros.signals import Interrupt
+from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
+from bt_agents_tools.launcher import components
+
+
+@click.command()
+@click.argument("directory", required=False, default="")
+@click.option("--robot/--no-robot", default=True, help="Start the simulated robot.")
+@click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
+@click.option("--bindings", default="", help="Robot whose bindings of skills are preferred.")
+@click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
+@click.option("--ledger", default="", help="File of the learned profiles.")
+@click.option("--memory", default="", help="File in which measurements of known persons stay.")
+@click.option(
+    "--on-new-scene",
+    type=click.Choice(["queue", "reject", "preempt"]),
+    help="What becomes of a scene that comes during a run.  [default: queue]",
+)
+@click.option("--strategy", default="", help="How bids are ranked; see 'bt-agents strategy'.")
+@click.option(
+    "--selector",
+    default="",
+    metavar="URL",
+    help="Have a language model rank bids: a server that speaks OpenAI's protocol.",
+)
+@click.option("--model", default="", help="Name of the model of the selector.")
+@click.option(
+    "--key-variable",
+    default="",
+    help="Environment variable with the key of that server.",
+)
+@click.option(
+    "--params",
+    type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),
+    help="ROS parameter file for all nodes; what 'up' sets by itself wins.",
+)
+@journal_option
+def up(
+    directory: str,
+    robot: bool,
+    tags: str,
+    bindings: str,
+    voice: bool,
+    ledger: str,
+    memory: str,
+    on_new_scene: str | None,
+    strategy: str,
+    selector: str,
+    model: str,
+    key_variable: str,
+    params: Path | None,
+    journal: str | None,
+) -> None:
+    """Keep the agents of a trees DIRECTORY running.
+
+    In another terminal: bt-agents trigger age=4.5 mood=2, sense, cancel, status, why, feedback.
+    """
+    profiles = ledger or str(state_folder() / "ledger.sqlite")
+    if memory and Path(memory).resolve() == Path(profiles).resolve():
+        raise click.UsageError("--memory names the ledger; it needs a file of its own")
+    interrupt = Interrupt()
+    trees = find_trees(directory)
+    logs = components.new_log_folder()
+    processes = [
+        components.market(
+            trees,
+            on_new_scene or "",
+            strategy or ("external" if selector else ""),
+            orders=str(logs / "orders.json"),
+        ),
+        components.scene_layer(trees, memory=memory),
+        components.host(trees, tags, bindings, str(state_folder() / "tunings.sqlite")),
+        components.feedback(trees, ledger=profiles),
+    ]
+    if bool(selector) != bool(model):
+        raise click.UsageError("--selector and --model go together: the server, and its model")
+    if selector:
+        processes.append(components.selector(trees, selector, model, key_variable))
+        if strategy not in ("", "external"):
+            click.echo(f"{strategy} ranks; 'bt-agents strategy external' has the selector asked")
+    if robot:
+        processes.append(components.robot(pace=1.0, voice="auto" if voice else "off"))
+    processes += journal_components(journal)
+    processes = [replace(component, file=params) for component in processes]
+    sys.exit(run_system("up", processes, trees, tags, interrupt, logs=logs))

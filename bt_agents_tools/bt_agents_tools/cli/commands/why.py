@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command `bt-agents why`: the reasons of a decision."""
+
+from __future__ import annotations
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.connection import connect
+from bt_agents_tools.cli.decisions import (
+    SOON_S,
+    decision_as_json,
+    end_text,
+    last_decisions,
+    last_end_received,
+    names_of_scenes,
+    show_decision,
+)
+
+
+@click.command()
+@click.argument("round_number", metavar="[ROUND]", required=False, type=int)
+@click.option("--json", "as_json", is_flag=True, help="The whole record of the decision, as JSON.")
+def why(round_number: int | None, as_json: bool) -> None:
+    """Say why an agent won, last or in a ROUND."""
+    with connect() as observer:
+        from bt_agents_tools.client import system
+
+        ends = system.scene_ends(observer)
+        auctions = last_decisions(observer)
+        observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
+        found = [a for a in auctions if round_number is None or a.round == round_number]
+        if not found:
+            known = ", ".join(str(a.round) for a in auctions)
+            raise BtAgentsError(
+                f"no decision {'yet' if round_number is None else f'of round {round_number}'}"
+                + (
+                    f"; there are rounds {known}"
+                    if known
+                    else "; 'bt-agents trigger' asks for one"
+                )
+            )
+        if as_json:
+            click.echo(decision_as_json(found[-1]))
+            return
+        names = names_of_scenes(auctions)
+        show_decision(found[-1], names)
+        for end in ends:
+            if end.scene_id == found[-1].scene.scene_id and end.code != "DUPLICATE":
+                click.echo(f"the scene ended: {end_text(end, names)}")

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Paths and packages that the documents name, and the way of one cycle through the files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from checkout import PYTHON_PACKAGES, ROOT
+
+PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+DOCUMENTS = ("CONTRIBUTING.md", "README.md", "docs/how_to_add.md", "docs/architecture.md")
+FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()}
+NAMED = re.compile(r"`((?:\.\w|\w)[\w.*/-]*)`")
+ADDED = re.compile(r"^`([^`]+)`:\n\n```(?:py|yml)\n", re.MULTILINE)
+MOST_STEPS = 60
+MOST_ASKED = 21
+
+
+def section(heading: str) -> str:
+    """Return what the page says under a heading, with the headings below that."""
+    level = heading.partition(" ")[0]
+    return re.split(rf"^#{{1,{len(level)}}} ", PAGE.partition(f"\n{heading}\n")[2], flags=re.M)[0]
+
+
+def steps() -> list[tuple[int, str]]:
+    """Return the numbered files of the way of one cycle."""
+    found = re.findall(r"^(\d+)\. `([^`]+)` ", section("## The way of one cycle"), re.MULTILINE)
+    return [(int(number), path) for number, path in found]
+
+
+def asked() -> list[str]:
+    """Return the files that the steps ask."""
+    lines = re.findall(r"^- (.*)", section("### Asked on the way"), re.MULTILINE)
+    return [path for line in lines for path in re.findall(r"`([^`]+)`", line)]
+
+
+def test_one_cycle_passes_so_many_files_and_each_is_named_once() -> None:
+    numbers = [number for number, _ in steps()]
+    paths = [path for _, path in steps()]
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert len({*paths, *asked()}) == len(paths) + len(asked())
+    assert len(paths) <= MOST_STEPS
+    assert len(asked()) <= MOST_ASKED
+    said = re.search(r"passes (\d+) files.*?(\d+) more are", PAGE, re.DOTALL)
+    assert said is not None
+    assert [int(number) for number in said.groups()] == [len(paths), len(asked())]
+
+
+def test_every_file_of_the_cycle_is_a_module_of_the_product() -> None:
+    packages = {package.name for package in PYTHON_PACKAGES}
+    for path in (*(path for _, path in steps()), *asked()):
+        assert (ROOT / path).is_file(), path
+        assert path.split("/")[:2] == [path.split("/")[0]] * 2
+        assert path.split("/")[0] in packages
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_every_path_that_a_document_names_exists(document: str) -> None:
+    text = (ROOT / document).read_text(encoding="utf-8")
+    added = {*ADDED.findall(text)}
+    paths = {
+        path
+        for path in NAMED.findall(re.sub(r"^```.*?^```", "", text, flags=re.M | re.S))
+        if "/" in path and path.split("/")[0] in FOLDERS
+    }
+    assert paths
+    for path in paths - added:
+        assert any(ROOT.glob(path.rstrip("/"))), f"{document}: {path}"
+
+
+def test_a_package_imports_only_packages_of_rows_below_its_own() -> None:
+    rows = {
+        name: int(row)
+        for row, name in re.findall(
+            r"^\| (\d) \| `(\w+)` \|", section("## Packages"), re.MULTILINE
+        )
+    }
+    assert rows.keys() == {package.name for package in PYTHON_PACKAGES}
+    for package in PYTHON_PACKAGES:
+        for needed in package.dependencies & rows.keys():
+            assert rows[package.name] < rows[needed], f"{package.name} → {needed}"
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/architecture.md"])
+def test_a_document_names_every_package_and_folder_of_the_checkout(document: str) -> None:
+    text = (ROOT / document).read_text(encoding="utf-8")
+    manifests: list[Path] = sorted(ROOT.glob("*/package.xml"))
+    for manifest in manifests:
+        assert ElementTree.parse(manifest).getroot().findtext("name")
+        assert re.search(rf"`{manifest.parent.name}/?`", text), manifest.parent.name
+
+
+def test_every_script_and_test_that_contributors_are_told_to_run_exists() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    commands = re.findall(r"^\$ ([^#\n]+)", text, re.MULTILINE)
+    assert commands
+    for path in re.findall(r"(?:scripts|tests|\.ci)/[\w./-]+", " ".join(commands)):
+        assert (ROOT / path).exists(), path
+
+
+def test_contributors_are_told_of_every_folder_of_tests() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    packages = {package.name for package in PYTHON_PACKAGES}
+    for folder in (ROOT / "tests").iterdir():
+        if folder.is_dir() and folder.name != "__pycache__" and folder.name not in packages:
+            assert f"`tests/{folder.name}`" in text, folder.name

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Environment of a host's trees besides goals: log lines, feedback, preparation."""
+
+from __future__ import annotations
+
+import math
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rcl_interfaces.msg import Log
+from rclpy.impl import rcutils_logger
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.host.environment.ros_environment import RosEnvironment
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_interfaces.srv import GiveFeedback
+from bt_agents_ros import qos
+from bt_agents_ros.workarounds import quick_logger
+from tree_harness import SPACE, agent
+
+pytestmark = pytest.mark.ros
+
+
+class Teacher:
+    """A ``feedback/give`` service that answers as the test says."""
+
+    def __init__(self, ros: Any, *, accepted: bool, message: str = "") -> None:
+        self.requests: list[GiveFeedback.Request] = []
+        self._accepted = accepted
+        self._message = message
+        ros.node.create_service(
+            GiveFeedback, "feedback/give", self._answer, qos_profile=qos.SERVICE
+        )
+
+    def _answer(
+        self, request: GiveFeedback.Request, response: GiveFeedback.Response
+    ) -> GiveFeedback.Response:
+        self.requests.append(request)
+        response.accepted = self._accepted
+        response.code = "" if self._accepted else "NO_SCENE"
+        response.message = self._message
+        return response
+
+
+def environment_of(ros: Any) -> RosEnvironment:
+    return RosEnvironment(ros.node, lambda: None, space=SPACE, agent=lambda: "guide")
+
+
+def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: Any) -> None:
+    lines = ros.collect(Log, "/rosout", qos.HISTORY)
+    subject = environment_of(ros)
+    for level in ("info", "warning", "error", "info"):
+        subject.log(level, f"this is {level}")
+    told = [("this is info", 20), ("this is warning", 30), ("this is error", 40)]
+    ros.until(
+        lambda: (
+            [(line.msg, line.level) for line in lines if line.name == "probe.guide"]
+            == [*told, told[0]]
+        )
+    )
+
+
+def test_lines_of_different_levels_may_be_limited_also_where_files_are_links(
+    ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = tmp_path / "linked_logger.py"
+    link.symlink_to(quick_logger.__file__)
+    spec = spec_from_file_location("linked_logger", link)
+    assert spec is not None
+    assert spec.loader is not None
+    known = [name for name in rcutils_logger._internal_callers if "quick_logger" not in name]
+    monkeypatch.setattr(rcutils_logger, "_internal_callers", known)
+    linked = module_from_spec(spec)
+    spec.loader.exec_module(linked)
+    lines = linked.QuickLogger("linked")
+    for told in (True, False):
+        assert lines.warning("again and again", throttle_duration_sec=60.0) == told
+        assert lines.error("again and again", throttle_duration_sec=60.0) == told
+
+
+def test_direct_feedback_is_sent_in_the_order_of_the_scene_without_opinion_on_the_rest(
+    ros: Any,
+) -> None:
+    teacher = Teacher(ros, accepted=True)
+    run = environment_of(ros).give_feedback(
+        FeedbackKind.DIRECT, {"mood": 5.0, "age": 4.0}, "it went well"
+    )
+    ros.until(lambda: run.state.ended)
+    assert run.state is GoalState.SUCCEEDED
+    [request] = teacher.requests
+    assert (request.agent, request.kind, request.source) == ("guide", FeedbackKind.DIRECT, "tree")
+    assert request.reason == "it went well"
+    assert SPACE.names == ("age", "familiarity", "mood")
+    assert request.values[0] == 4.0
+    assert math.isnan(request.values[1])
+    assert request.values[2] == 5.0
+
+
+def test_positive_feedback_has_no_values_and_a_refusal_comes_with_its_words(ros: Any) -> None:
+    teacher = Teacher(ros, accepted=False, message="there is no scene to learn from")
+    run = environment_of(ros).give_feedback(FeedbackKind.POSITIVE, {}, "")
+    ros.until(lambda: run.state.ended)
+    assert run.state is GoalState.REJECTED
+    assert run.message == "there is no scene to learn from"
+    assert list(teacher.requests[0].values) == []
+
+
+def test_what_cannot_be_prepared_is_said_and_left_to_the_leaf(ros: Any) -> None:
+    lines = ros.collect(Log, "/rosout", qos.HISTORY)
+    tree = agent("publish: {topic: sound, type: no_such_msgs/msg/Word, message: {}}").tree
+    environment_of(ros).prepare(tree)
+    ros.until(
+        lambda: [line for line in lines if "tree, a.yaml:8:3: " in line.msg and line.level == 30]
+    )
