@@ -62,16 +62,14 @@ MATCHES = {"findall", "finditer", "fullmatch", "match", "search"}
 DRESSED = {"casefold", "lower", "lstrip", "rstrip", "strip", "upper"}
 
 FORMATTED = {
-    ("bt_agents_tools/cli/commands/tune.py", "'=' not in words[0]"),
-    ("bt_agents_tools/cli/event_printer.py", "calculation.partition('= ')"),
-    ("bt_agents_tools/cli/scenario_options.py", "_ASSIGNMENT.findall(words)"),
-    ("bt_agents_tools/rehearsal/assertions.py", "expected != _NOTHING"),
-    ("bt_agents_tools/rehearsal/assertions.py", "expected == _NOTHING"),
+    ("cli/event_printer.py", "calculation.partition('= ')"),
+    ("rehearsal/assertions.py", "expected != _NOTHING"),
+    ("rehearsal/assertions.py", "expected == _NOTHING"),
 }
 """What only puts a text into form, or reads what a person types."""
 
 STILL = {
-    ("bt_agents/host/reload/host_card_diff.py", "_PLACE.match(problem)"),
+    ("host/reload/host_card_diff.py", "_PLACE.match(problem)"),
 }
 """What is to go; nothing comes to it."""
 
