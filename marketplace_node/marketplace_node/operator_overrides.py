@@ -96,13 +96,13 @@ class OperatorOverrides:
                 changed.
         """
         pin, vetoes = stored["pinned"], stored["vetoed"]
-        standing = None
+        active = None
         if pin is not None:
-            standing = _ActiveOverride(
+            active = _ActiveOverride(
                 agent=_checked_text(pin["agent"]), text=_checked_text(pin["words"])
             )
         texts = {_checked_text(agent): _checked_text(text) for agent, text in vetoes.items()}
-        self._pin, self._vetoes = standing, texts
+        self._pin, self._vetoes = active, texts
 
     def veto_of(self, agent: str) -> str:
         """Return the text of the veto of an agent; empty without one."""
@@ -177,8 +177,8 @@ class OperatorOverrides:
     def intervention(self, scene_id: str) -> str:
         """Return the text of the overrides that apply to a round; may be empty."""
         award = self._awards.get(scene_id)
-        standing = [one.text for one in (award, self._pin) if one is not None]
-        return "; ".join([*standing, *(self._vetoes[agent] for agent in self.vetoed)])
+        active = [one.text for one in (award, self._pin) if one is not None]
+        return "; ".join([*active, *(self._vetoes[agent] for agent in self.vetoed)])
 
     def excluded(self, hosts: Iterable[HostEntry], scene_id: str) -> tuple[RefusedBid, ...]:
         """Return the agents of some hosts that may not bid in a round, with the reason."""

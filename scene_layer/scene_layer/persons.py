@@ -209,8 +209,10 @@ class Persons:
         if ready:
             before, challenger = self.addressee, self._best(ready, ranks)
             self._take(challenger, ranks, now)
-            _, word, _ = _RULE_TEXTS[self._rule.rule]
-            self.reason = f"{challenger} has been {word} than {before} for {self._rule.hold_s:g} s"
+            _, comparative, _ = _RULE_TEXTS[self._rule.rule]
+            self.reason = (
+                f"{challenger} has been {comparative} than {before} for {self._rule.hold_s:g} s"
+            )
 
     def _take(self, person: str, ranks: Mapping[str, float], now: float) -> None:
         self.reason = self._why(person, ranks)

@@ -10,20 +10,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = (
-    "bt_agents_core/bt_agents_core",
-    "bt_agents_language/bt_agents_language",
-    "bt_agents_groot/bt_agents_groot",
-    "bt_agents_ros/bt_agents_ros",
-    "bt_agents/bt_agents",
-    "marketplace_node/marketplace_node",
-    "scene_layer/scene_layer",
-    "feedback_node/feedback_node",
-    "bt_agents_tools/bt_agents_tools",
-    "bt_agents_lab/bt_agents_lab",
-    "bt_agents_robot/bt_agents_robot",
-)
-
 PROSE = {
     "additional_constraints",
     "calculation",
@@ -62,14 +48,14 @@ MATCHES = {"findall", "finditer", "fullmatch", "match", "search"}
 DRESSED = {"casefold", "lower", "lstrip", "rstrip", "strip", "upper"}
 
 FORMATTED = {
-    ("bt_agents_tools/cli/event_printer.py", "calculation.partition('= ')"),
-    ("bt_agents_tools/rehearsal/assertions.py", "expected != _NOTHING"),
-    ("bt_agents_tools/rehearsal/assertions.py", "expected == _NOTHING"),
+    ("cli/event_printer.py", "calculation.partition('= ')"),
+    ("rehearsal/assertions.py", "expected != _NOTHING"),
+    ("rehearsal/assertions.py", "expected == _NOTHING"),
 }
 """What only puts a text into form, or reads what a person types."""
 
 STILL = {
-    ("bt_agents/host/reload/host_card_diff.py", "_PLACE.match(problem)"),
+    ("host/reload/host_card_diff.py", "_PLACE.match(problem)"),
 }
 """What is to go; nothing comes to it."""
 

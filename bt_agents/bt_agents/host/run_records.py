@@ -59,23 +59,23 @@ class RunRecords:
         self._lines: list[str] = []
         self._characters = 0
 
-    def run(self, goal: Any, spec: AgentSpec, *, world: Environment, **how: Any) -> Run:
+    def run(self, goal: Any, spec: AgentSpec, *, environment: Environment, **how: Any) -> Run:
         """Return the run of a goal, recorded when there are subscribers.
 
         Args:
             goal: The goal.
             spec: The agent.
-            world: What its tree reaches.
+            environment: What its tree reaches.
             how: Other arguments of :class:`Run`.
         """
         if not self._has_subscribers():
-            return Run(spec, world=world, **how)
+            return Run(spec, environment=environment, **how)
         self.flush()
         self._goal = goal
         seed = secrets.randbits(_SEED_BITS)
         return RecordingRun(
             spec,
-            world=world,
+            environment=environment,
             seed=seed,
             version=self._version(spec.name),
             sink=self._collect,

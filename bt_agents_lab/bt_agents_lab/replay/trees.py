@@ -144,8 +144,8 @@ def _difference(
     for here, there in zip_longest(again, head):
         if here != there:
             return f"{_shown(there)} was reported, now {_shown(here)}"
-    asked, noted = _plain(step.requests), _plain(step.recorded_requests)
-    for one, other in zip_longest(asked, noted):
+    asked, stored = _plain(step.requests), _plain(step.recorded_requests)
+    for one, other in zip_longest(asked, stored):
         if one != other:
             return f"{_asked(other)} was asked for, now {_asked(one)}"
     return _end_difference(step, folder, prefix)

@@ -67,36 +67,36 @@ def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[ImportedProf
     try:
         document = json.loads(text, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
-        raise _bad(f"it is no JSON ({error})") from None
+        raise _invalid(f"it is no JSON ({error})") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise _bad(f"expected what 'bt-agents profile export' writes, with format {FORMAT}")
+        raise _invalid(f"expected what 'bt-agents profile export' writes, with format {FORMAT}")
     document_id, profiles = document.get("id"), document.get("profiles")
     if not _is_name(document_id):
-        raise _bad(f"its id is no printable text of 1 to {_LONGEST_NAME} characters")
+        raise _invalid(f"its id is no printable text of 1 to {_LONGEST_NAME} characters")
     if not isinstance(profiles, list) or not 1 <= len(profiles) <= _MOST:
-        raise _bad(f"expected 1 to {_MOST} profiles")
+        raise _invalid(f"expected 1 to {_MOST} profiles")
     found: dict[tuple[str, str], ImportedProfiles] = {}
     for index, one in enumerate(profiles):
         imported = _imported(one, f"profiles[{index}]", space)
         if (imported.agent, imported.layer) in found:
-            raise _bad(f"profiles[{index}]: {imported.agent} {imported.layer} stands twice")
+            raise _invalid(f"profiles[{index}]: {imported.agent} {imported.layer} stands twice")
         found[imported.agent, imported.layer] = imported
     return document_id, tuple(found.values())
 
 
 def _imported(fields: Any, what: str, space: SceneSpace) -> ImportedProfiles:
     if not isinstance(fields, dict):
-        raise _bad(f"{what}: expected a mapping")
+        raise _invalid(f"{what}: expected a mapping")
     agent, layer, values = fields.get("agent"), fields.get("layer", ""), fields.get("values")
     if not _is_name(agent):
-        raise _bad(f"{what}: its agent is no name")
+        raise _invalid(f"{what}: its agent is no name")
     changes = fields.get("changes", 0)
     if isinstance(changes, bool) or not isinstance(changes, int) or not 0 <= changes < 2**63:
-        raise _bad(f"{what}: its changes are no count")
+        raise _invalid(f"{what}: its changes are no count")
     if not isinstance(layer, str) or not isinstance(values, dict):
-        raise _bad(f"{what}: expected a layer, which may be empty, and values by parameter")
+        raise _invalid(f"{what}: expected a layer, which may be empty, and values by parameter")
     if any(isinstance(v, bool) or not isinstance(v, int | float) for v in values.values()):
-        raise _bad(f"{what}: a value is no number")
+        raise _invalid(f"{what}: a value is no number")
     return ImportedProfiles(
         agent=agent,
         layer=checked_layer(layer) if layer else "",
@@ -129,5 +129,5 @@ def _no_constant(name: str) -> float:
     raise ValueError(f"{name} is no number")
 
 
-def _bad(found: str) -> Refused:
+def _invalid(found: str) -> Refused:
     return Refused("BAD_DOCUMENT", f"document: {found}; nothing was taken in")

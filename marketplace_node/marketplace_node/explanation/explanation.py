@@ -143,7 +143,7 @@ def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[s
     elif ranked.by == RULES:
         yield "No rule holds for anybody who bids, so the nearest bid comes first."
     yield _parts(winner, decision, space)
-    yield from _chance(decision, winner)
+    yield from _randomness(decision, winner)
 
 
 def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
@@ -168,12 +168,12 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
         parts.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
     if fitting:
         parts.append(f"{join_first(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
-    measure = " by the straight line" if by == "euclidean" else ""
-    away = f"{bid.agent} is {distance(bid.distance, FEW)} away{measure}"
+    metric = " by the straight line" if by == "euclidean" else ""
+    away = f"{bid.agent} is {distance(bid.distance, FEW)} away{metric}"
     return f"{away}: {', '.join(parts)}."
 
 
-def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
+def _randomness(decision: Decision, winner: RankedBid) -> Iterator[str]:
     """Yield what exploration has to do with it."""
     ranked = decision.ranked
     spec = STRATEGIES.get(ranked.by)
@@ -265,11 +265,11 @@ def _others(decision: Decision) -> Iterator[str]:
     for why, agents in by_reason.items():
         yield f"{join_first(agents)} may not bid: {why}."
     people = {bid.agent for bid in decision.terms.operator_exclusions}
-    no_news = {*decision.terms.excluded, *people}
+    named_elsewhere = {*decision.terms.excluded, *people}
     refused = [
         f"Refused: {bid.reason}."
         for bid in decision.refused
-        if bid.kind is RoundKind.REFUSED and bid.agent not in no_news
+        if bid.kind is RoundKind.REFUSED and bid.agent not in named_elsewhere
     ]
     yield from refused[:_REFUSED_SHOWN]
     if len(refused) > _REFUSED_SHOWN:

@@ -180,8 +180,8 @@ class Interaction:
             award.stop = replace(award.stop, again=award.stop.again and stop.again)
             return True, f"{award.goal.agent} is being stopped already"
         # Without a run there is nothing to ask again about, unless somebody else is wanted.
-        keeps = award.accepted or stop.code == VETOED
-        award.stop = stop if keeps else replace(stop, again=False)
+        may_follow_up = award.accepted or stop.code == VETOED
+        award.stop = stop if may_follow_up else replace(stop, again=False)
         self._enter(State.CANCELLING, self._deadline)
         self._market_state.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
         if award.held:

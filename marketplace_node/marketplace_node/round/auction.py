@@ -79,8 +79,8 @@ class Auction:
             self._take_all(bids, entry, rows)
         else:
             named = self._take_each(bids, entry, rows)
-        unmet_ones = bids.unmet or ("",) * len(bids.declined)
-        declined = zip(bids.declined, bids.decline_reasons, unmet_ones, strict=True)
+        unmet_of = bids.unmet or ("",) * len(bids.declined)
+        declined = zip(bids.declined, bids.decline_reasons, unmet_of, strict=True)
         for agent, reason, unmet in declined:
             if agent in self._excluded_by_operators:
                 continue

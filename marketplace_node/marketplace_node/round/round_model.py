@@ -73,7 +73,7 @@ class RoundModel:
         Raises:
             Refused: ``STRATEGY_FAILED``; see :func:`scored`.
         """
-        scores = scored(self.spec, self.field, self.options, self._chance())
+        scores = scored(self.spec, self.field, self.options, self._random_source())
         agents, why = self._first()
         places = [self.table.agents.index(agent) for agent in agents]
         if not places:
@@ -92,7 +92,7 @@ class RoundModel:
             Refused: ``STRATEGY_FAILED``.
         """
         field = replace(self.field, scene=scenes)
-        same = _SameForAll(self._chance())
+        same = _SameForAll(self._random_source())
         scores = scored(self.spec, field, self.options, same).score
         return self.order(scores)[:, 0]
 
@@ -106,7 +106,9 @@ class RoundModel:
             return None
         count, width = self.field.bids.shape
         with _guarded(self.spec):
-            lines = self.spec.lines(self.field, self.spec.values(self.options), self._chance())
+            lines = self.spec.lines(
+                self.field, self.spec.values(self.options), self._random_source()
+            )
             weights = np.asarray(lines.weights, dtype=np.float64)
             by_bid = (width,) if weights.ndim == 1 else (count, width)
             return LinearScores(
@@ -115,7 +117,7 @@ class RoundModel:
                 offsets=_checked("offsets of lines", lines.offsets, (count,)),
             )
 
-    def _chance(self) -> np.random.Generator:
+    def _random_source(self) -> np.random.Generator:
         """Return what the strategy draws from."""
         return _UNUSED if self.spec.sum is not None else round_rng(self.seed)
 
