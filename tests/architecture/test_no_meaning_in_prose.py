@@ -10,6 +10,20 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+PACKAGES = (
+    "bt_agents_core/bt_agents_core",
+    "bt_agents_language/bt_agents_language",
+    "bt_agents_groot/bt_agents_groot",
+    "bt_agents_ros/bt_agents_ros",
+    "bt_agents/bt_agents",
+    "marketplace_node/marketplace_node",
+    "scene_layer/scene_layer",
+    "feedback_node/feedback_node",
+    "bt_agents_tools/bt_agents_tools",
+    "bt_agents_lab/bt_agents_lab",
+    "bt_agents_robot/bt_agents_robot",
+)
+
 PROSE = {
     "additional_constraints",
     "calculation",
@@ -48,9 +62,7 @@ MATCHES = {"findall", "finditer", "fullmatch", "match", "search"}
 DRESSED = {"casefold", "lower", "lstrip", "rstrip", "strip", "upper"}
 
 FORMATTED = {
-    ("cli/commands/tune.py", "'=' not in words[0]"),
     ("cli/event_printer.py", "calculation.partition('= ')"),
-    ("cli/scenario_options.py", "_ASSIGNMENT.findall(words)"),
     ("rehearsal/assertions.py", "expected != _NOTHING"),
     ("rehearsal/assertions.py", "expected == _NOTHING"),
 }

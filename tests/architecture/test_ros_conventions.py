@@ -25,6 +25,7 @@ BASE = "bt_agents_ros/bt_agents_ros/base_node.py"
 RELOADING = "bt_agents/bt_agents/host/reload/reload_service.py"
 """Its thread gives way to the node's own."""
 
+PLAIN = ("rclpy", "executor")
 ACTION_SERVERS = ("ActionServer", "QuietActionServer")
 INITS = (RUNNER, "bt_agents_tools/bt_agents_tools/client/observer.py")
 
@@ -115,8 +116,10 @@ def unsteady_timers(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def spinning(tree: ast.AST) -> Iterator[ast.AST]:
+    """Executors, and what runs one or the nodes of a process but the project's own spinner."""
     for name, call, _ in calls(tree):
-        if name.startswith("spin") or name.endswith("Executor"):
+        by = name_of(getattr(call.func, "value", call.func))
+        if name.endswith("Executor") or (name.startswith("spin") and by.endswith(PLAIN)):
             yield call
 
 

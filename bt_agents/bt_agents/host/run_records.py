@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
+from bt_agents.engine.environment import Environment
 from bt_agents.engine.run import Run
 from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_interfaces.msg import RunRecord, TreeStatus
@@ -58,21 +59,27 @@ class RunRecords:
         self._lines: list[str] = []
         self._characters = 0
 
-    def run(self, goal: Any, spec: AgentSpec, **how: Any) -> Run:
+    def run(self, goal: Any, spec: AgentSpec, *, world: Environment, **how: Any) -> Run:
         """Return the run of a goal, recorded when there are subscribers.
 
         Args:
             goal: The goal.
             spec: The agent.
+            world: What its tree reaches.
             how: Other arguments of :class:`Run`.
         """
         if not self._has_subscribers():
-            return Run(spec, **how)
+            return Run(spec, world=world, **how)
         self.flush()
         self._goal = goal
         seed = secrets.randbits(_SEED_BITS)
         return RecordingRun(
-            spec, seed=seed, version=self._version(spec.name), sink=self._collect, **how
+            spec,
+            world=world,
+            seed=seed,
+            version=self._version(spec.name),
+            sink=self._collect,
+            **how,
         )
 
     def flush(self) -> None:

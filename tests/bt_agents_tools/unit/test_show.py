@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,9 @@ from bt_agents_language.tools.drawing.outline import outline
 from bt_agents_language.tools.drawing.svg import svg
 from bt_agents_tools.cli.commands.show import show
 from tree_harness import SPACE, TREES, agent
+
+SHIPPED = read_trees(Path(os.path.relpath(TREES))).agents
+"""Read as an author does it: with paths that do not depend on where the checkout lies."""
 
 HEAD = """\
 requires: scene.person
@@ -156,7 +160,7 @@ def test_lines_are_not_wider_than_the_terminal():
     assert max(map(len, lines)) <= 60
 
 
-@pytest.mark.parametrize("spec", read_trees(TREES).agents, ids=lambda spec: spec.name)
+@pytest.mark.parametrize("spec", SHIPPED, ids=lambda spec: spec.name)
 def test_every_agent_is_shown_in_80_columns_and_drawn_no_wider_than_1700_pixels(spec):
     assert max(map(columns, outline(spec, SPACE).splitlines())) <= 80
     width = ET.fromstring(svg(spec, SPACE)).get("width")
@@ -249,7 +253,7 @@ def boxes_of(placed: Placed) -> list[tuple[float, float, float, float]]:
     return [(p.x, p.y, p.x + p.width, p.y + p.height) for p in iter_nodes(placed)]
 
 
-@pytest.mark.parametrize("spec", read_trees(TREES).agents, ids=lambda spec: spec.name)
+@pytest.mark.parametrize("spec", SHIPPED, ids=lambda spec: spec.name)
 def test_no_two_boxes_of_a_picture_touch(spec):
     boxes = boxes_of(place(box_of(spec.tree), 10, 20))
     assert min(x for x, _, _, _ in boxes) == 10
