@@ -143,7 +143,7 @@ def test_nothing_is_decided_by_a_text_for_people() -> None:
     for manifest in ROOT.glob("*/package.xml"):
         package = manifest.parent / manifest.parent.name
         for path in sorted(package.rglob("*.py")):
-            where = str(path.relative_to(manifest.parent))
+            where = str(path.relative_to(package))
             tree = ast.parse(path.read_text(encoding="utf-8"))
             found |= {(where, ast.unparse(node)) for node in decisions(tree)}
 
