@@ -101,7 +101,7 @@ class World:
                 self.library.write_text("format: 1\nsubtrees: [\n")
             case ("vanish",):
                 agents.rename(self.folder / ".away")
-                watched.look_once()
+                watched.poll_once()
                 (self.folder / ".away").rename(agents)
             case ("run", name):
                 if not watched.running and name in watched.in_force:
@@ -113,12 +113,12 @@ class World:
                 with suppress(Refused):
                     watched.roll_back(name, number)
             case ("look",):
-                watched.look_once()
+                watched.poll_once()
             case ("settle",):
-                watched.look()
+                watched.poll()
             case ("edit", file, name):
                 self.write(file, name)
-                watched.look()
+                watched.poll()
 
     def check(self) -> None:
         for name, spec in self.watched.in_force.items():
@@ -155,9 +155,9 @@ def test_in_the_end_the_robot_does_what_the_files_say(happening):
             path.unlink()
         world.write("one", "bob")
         world.happen(("library",))
-        world.watched.look()
+        world.watched.poll()
         assert {name: marks(one) for name, one in world.watched.in_force.items()} == {
             "bob": (world.count - 1, world.count)
         }
-        world.watched.versions.standing("bob")
+        world.watched.versions.status("bob")
         assert not world.watched.versions.trees.broken
