@@ -75,11 +75,11 @@ def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
     assert "attentive_guide" in ask("status")  # by then both have been heard
     kill_component(up, "marketplace_node.node", signal.SIGSTOP)
     kill_component(up, "bt_agents.host.node", signal.SIGSTOP)
-    up.until(r"hangs \(no sign of life for \d+ s\): killing it")
+    up.until(r"hangs \(no heartbeat for \d+ s\): killing it")
     up.until("is back after")
     up.until("is back after")
     for name in ("marketplace", "agents"):
-        assert f"{name} hangs (no sign of life for" in up.output
+        assert f"{name} hangs (no heartbeat for" in up.output
         assert f"{name} is back after" in up.output
     assert "attentive_guide" in ask(*MRS_SMITH)
     up.until("attentive_guide starts")
