@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modifiers that guard a node, leave it out or fix how it ends, tick by tick."""
+"""Decorators that guard a node, leave it out or fix how it ends, tick by tick."""
 
 from __future__ import annotations
 
