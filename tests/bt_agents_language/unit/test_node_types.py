@@ -210,7 +210,8 @@ def test_a_new_type_is_one_file(tmp_path: Path, key: str, module: str, group: st
     (copy / NODES_FOLDER.relative_to(root) / f"{key}.py").write_text(module)
     path = [str(tmp_path), str(Path(__file__).parent), *sys.path]
     result = subprocess.run(
-        [sys.executable, "-c", f"from {Path(__file__).stem} import use; use({key!r})"],
+        # Without site, no editable install stands before the copy.
+        [sys.executable, "-S", "-c", f"from {Path(__file__).stem} import use; use({key!r})"],
         env={
             **os.environ,
             "PYTHONPATH": os.pathsep.join(path),
