@@ -116,10 +116,11 @@ def unsteady_timers(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def spinning(tree: ast.AST) -> Iterator[ast.AST]:
-    """Executors, and what runs one or the nodes of a process but the project's own spinner."""
+    """Executors, and all that spins but the project's own spinner and observer."""
     for name, call, _ in calls(tree):
         by = name_of(getattr(call.func, "value", call.func))
-        if name.endswith("Executor") or (name.startswith("spin") and by.endswith(PLAIN)):
+        ours = name in ("spin_once", "spin_until") and not by.endswith(PLAIN)
+        if name.endswith("Executor") or (name.startswith("spin") and not ours):
             yield call
 
 

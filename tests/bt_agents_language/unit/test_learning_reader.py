@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from bt_agents_core.errors import ReadError
@@ -10,6 +12,7 @@ from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction
 from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.tools.schema.folder import schema_of
 from tree_harness import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {wait: 1 s}\n"
@@ -236,3 +239,5 @@ def test_a_mistake_in_a_mood_rule_is_one_error_at_its_place(keys, line):
 
 def test_every_action_of_a_mood_rule_but_none_has_a_word_in_files():
     assert {action for action, _ in ACTIONS.values()} == {*MoodAction} - {MoodAction.NONE}
+    rule: Any = schema_of("agent", VOCABULARY)["properties"]["feedback"]["items"]
+    assert rule["properties"]["then"]["enum"] == list(ACTIONS)
