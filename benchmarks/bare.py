@@ -24,9 +24,7 @@ SERVICES = {
 """Both ends of actions."""
 
 LATCHED = QoSProfile(
-    depth=50,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    depth=50, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 """As the history of decisions has it."""
 

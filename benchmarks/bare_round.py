@@ -70,11 +70,7 @@ class Market(Node):
         self._scene = Scene()
         self._calls = self.create_publisher(CallForBids, "calls", EVENTS)
         self._runs = ActionClient(
-            self,
-            RunAgent,
-            "agents/run",
-            feedback_sub_qos_profile=EVENTS,
-            **SERVICES,
+            self, RunAgent, "agents/run", feedback_sub_qos_profile=EVENTS, **SERVICES
         )
         self.create_subscription(Scene, "scene", self._call, EVENTS)
         self.create_subscription(Bids, "bids", self._award, EVENTS)

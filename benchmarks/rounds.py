@@ -65,12 +65,7 @@ class System:
     """
 
     def __init__(
-        self,
-        graph: Graph,
-        hosts: Sequence[int],
-        *,
-        layer: bool = False,
-        deadline_s: float = 10.0,
+        self, graph: Graph, hosts: Sequence[int], *, layer: bool = False, deadline_s: float = 10.0
     ) -> None:
         self.graph = graph
         self.agents = sum(hosts)
@@ -176,11 +171,7 @@ class Bare:
         self._hears_bids = probe.create_subscription(Bids, "bids", self._bids.append, EVENTS)
         self._analyze = probe.create_client(Analyze, "scene_layer/analyze", qos_profile=EVENTS)
         self._runs = ActionClient(
-            probe,
-            RunAgent,
-            "agents/run",
-            feedback_sub_qos_profile=EVENTS,
-            **SERVICES,
+            probe, RunAgent, "agents/run", feedback_sub_qos_profile=EVENTS, **SERVICES
         )
 
     def until_ready(self) -> None:

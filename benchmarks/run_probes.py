@@ -294,11 +294,7 @@ class Moods:
         self._show(0.0)
         graph.rest(pause_s)
         self._feedback.heard.clear()
-        began = told(
-            graph,
-            lambda: self._face(1.0),
-            lambda: self._feedback.heard,
-        )
+        began = told(graph, lambda: self._face(1.0), lambda: self._feedback.heard)
         took = self._feedback.heard[0][1] - began
         if not self._bare:
             self._run(Run.ENDED)

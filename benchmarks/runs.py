@@ -176,8 +176,7 @@ def _mood(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
     sides = {"ours": Moods(ours, bare=False), "bare": Moods(floor, bare=True)}
     number = effort.times(16)
     found = in_turn(
-        {side: median_of(partial(one.see, PAUSE_S), number) for side, one in sides.items()},
-        effort,
+        {side: median_of(partial(one.see, PAUSE_S), number) for side, one in sides.items()}, effort
     )
     yield Row(
         case="mood message to its feedback",

@@ -63,12 +63,7 @@ def _compared(case: str, shape: Shape, effort: Effort) -> Iterator[Row]:
     )
     if CPP in found:
         yield Row(
-            case=case,
-            side=OURS,
-            values=found[OURS],
-            floor=CPP,
-            floor_values=found[CPP],
-            goal=1.0,
+            case=case, side=OURS, values=found[OURS], floor=CPP, floor_values=found[CPP], goal=1.0
         )
     for name, values in found.items():
         if name != OURS:

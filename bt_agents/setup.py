@@ -18,9 +18,5 @@ setup(
     ],
     install_requires=["setuptools"],
     zip_safe=True,
-    entry_points={
-        "console_scripts": [
-            "agents = bt_agents:main",
-        ],
-    },
+    entry_points={"console_scripts": ["agents = bt_agents:main"]},
 )

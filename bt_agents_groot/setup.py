@@ -22,6 +22,6 @@ setup(
         "bt_agents.commands": [
             "export = bt_agents_groot.commands:export",
             "import = bt_agents_groot.commands:import_",
-        ],
+        ]
     },
 )

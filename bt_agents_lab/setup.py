@@ -25,8 +25,6 @@ setup(
             "replay = bt_agents_lab.cli.replay:replay",
             "what-if = bt_agents_lab.cli.what_if:what_if",
         ],
-        "console_scripts": [
-            "journal = bt_agents_lab:run_journal",
-        ],
+        "console_scripts": ["journal = bt_agents_lab:run_journal"],
     },
 )

@@ -19,11 +19,7 @@ setup(
     install_requires=["setuptools"],
     zip_safe=True,
     entry_points={
-        "console_scripts": [
-            "bt-agents = bt_agents_tools.cli:main",
-        ],
-        "pytest11": [
-            "bt_agents = bt_agents_tools.rehearsal.pytest_plugin",
-        ],
+        "console_scripts": ["bt-agents = bt_agents_tools.cli:main"],
+        "pytest11": ["bt_agents = bt_agents_tools.rehearsal.pytest_plugin"],
     },
 )

@@ -17,9 +17,5 @@ setup(
     ],
     install_requires=["setuptools"],
     zip_safe=True,
-    entry_points={
-        "console_scripts": [
-            "feedback = feedback_node:main",
-        ]
-    },
+    entry_points={"console_scripts": ["feedback = feedback_node:main"]},
 )

@@ -17,9 +17,5 @@ setup(
     ],
     install_requires=["setuptools"],
     zip_safe=True,
-    entry_points={
-        "console_scripts": [
-            "scene_layer = scene_layer:main",
-        ]
-    },
+    entry_points={"console_scripts": ["scene_layer = scene_layer:main"]},
 )

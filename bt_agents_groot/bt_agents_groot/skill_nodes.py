@@ -61,10 +61,7 @@ class SkillNodes:
     """
 
     def __init__(
-        self,
-        document: Document,
-        skills: Mapping[str, SkillSpec],
-        plugins: Mapping[str, NodeType],
+        self, document: Document, skills: Mapping[str, SkillSpec], plugins: Mapping[str, NodeType]
     ) -> None:
         self.missing: dict[str, MissingSkill] = {}
         self._models = document.models

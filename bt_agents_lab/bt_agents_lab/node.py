@@ -200,10 +200,7 @@ def definition_text(type_name: str) -> str | None:
 
 def _received(topic: RecordedTopic, data: bytes, info: Mapping[str, Any]) -> RecordedMessage:
     return RecordedMessage(
-        topic=topic,
-        data=data,
-        sent_ns=int(info["source_timestamp"]),
-        received_ns=time.time_ns(),
+        topic=topic, data=data, sent_ns=int(info["source_timestamp"]), received_ns=time.time_ns()
     )
 
 

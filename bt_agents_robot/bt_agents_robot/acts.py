@@ -148,13 +148,7 @@ class Ask(Say):
     """
 
     def __init__(
-        self,
-        text: str,
-        choices: Sequence[str],
-        wait_s: float,
-        *,
-        pace: float,
-        voice: Voice | None,
+        self, text: str, choices: Sequence[str], wait_s: float, *, pace: float, voice: Voice | None
     ) -> None:
         super().__init__(text, 1.0, pace=pace, voice=voice, verb="asks")
         self.question = check_text(text, "question")

@@ -23,14 +23,7 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
 from bt_agents_language.model.specs import SceneChange, Script, Visit
-from bt_agents_robot.people import (
-    REACTION_S,
-    field_value,
-    is_read,
-    nested,
-    pause_after,
-    readings,
-)
+from bt_agents_robot.people import REACTION_S, field_value, is_read, nested, pause_after, readings
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls

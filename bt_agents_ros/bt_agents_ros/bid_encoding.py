@@ -44,12 +44,7 @@ class BidEncoder:
         """Return the serialized message of an answer in a round of a market."""
         if self._encoded != (epoch, answer):
             message = serialize_message(
-                Bids(
-                    epoch=epoch,
-                    host=self._host,
-                    host_instance=self._instance,
-                    **answer.fields(),
-                )
+                Bids(epoch=epoch, host=self._host, host_instance=self._instance, **answer.fields())
             )
             self._rest = message[len(_before(epoch)) + _NUMBER_BYTES :]
             self._encoded = (epoch, answer)

@@ -29,9 +29,7 @@ TREES = StartParameter(
 
 
 def make_from_parameters(
-    name: str,
-    parameters: tuple[StartParameter, ...],
-    make: Callable[[Mapping[str, str]], NodeT],
+    name: str, parameters: tuple[StartParameter, ...], make: Callable[[Mapping[str, str]], NodeT]
 ) -> NodeT:
     """Return a node that is constructed from the parameters of its process.
 

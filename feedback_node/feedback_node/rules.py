@@ -121,11 +121,7 @@ class Watch:
             _Watched(
                 rule,
                 Mood(
-                    awarded,
-                    space,
-                    clock,
-                    baseline_s=rule.baseline_s,
-                    confidence=rule.confidence,
+                    awarded, space, clock, baseline_s=rule.baseline_s, confidence=rule.confidence
                 ),
             )
             for rule in rules
@@ -204,10 +200,7 @@ class Watch:
             values[self._space.mood] = one.mood.now
         seen = SceneFacts(person=live.person, values=values)
         return partial(
-            resolve,
-            scene=self._awarded,
-            live=lambda: seen,
-            mood_change=lambda _: one.mood.change,
+            resolve, scene=self._awarded, live=lambda: seen, mood_change=lambda _: one.mood.change
         )
 
 

@@ -74,11 +74,7 @@ class MarketState:
     """
 
     def __init__(
-        self,
-        space: SceneSpace,
-        epoch: str,
-        settings: Settings,
-        rules: tuple[MarketRule, ...] = (),
+        self, space: SceneSpace, epoch: str, settings: Settings, rules: tuple[MarketRule, ...] = ()
     ) -> None:
         self.space = space
         self.epoch = epoch

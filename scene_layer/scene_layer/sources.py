@@ -254,8 +254,7 @@ def _evaluated(source: SourceSpec, expression: Expression, message: Message) -> 
         raise
     except EvaluationError as error:
         raise Refused(
-            "NOT_COMPUTABLE",
-            f"reading of {source.topic}: {expression.text}: {error.message}",
+            "NOT_COMPUTABLE", f"reading of {source.topic}: {expression.text}: {error.message}"
         ) from None
 
 

@@ -54,9 +54,7 @@ FORMATTED = {
 }
 """What only puts a text into form, or reads what a person types."""
 
-STILL = {
-    ("host/reload/host_card_diff.py", "_PLACE.match(problem)"),
-}
+STILL = {("host/reload/host_card_diff.py", "_PLACE.match(problem)")}
 """What is to go; nothing comes to it."""
 
 

@@ -65,10 +65,7 @@ class LanguageServer:
 
     def __init__(self, command: list[str]) -> None:
         self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
         self._messages: Queue[dict[str, Any]] = Queue()
         self._last_id = 0
@@ -79,10 +76,7 @@ class LanguageServer:
         capabilities = {
             "textDocument": {
                 "completion": {
-                    "completionItem": {
-                        "snippetSupport": True,
-                        "documentationFormat": ["markdown"],
-                    }
+                    "completionItem": {"snippetSupport": True, "documentationFormat": ["markdown"]}
                 },
                 "hover": {"contentFormat": ["markdown"]},
                 "publishDiagnostics": {},

@@ -472,9 +472,7 @@ def test_the_end_of_its_context_ends_the_wait(spun: SpunNode) -> None:
     thread.join()
 
 
-def test_an_interrupt_in_a_callback_comes_out_and_leaves_the_rest_in_order(
-    spun: SpunNode,
-) -> None:
+def test_an_interrupt_in_a_callback_comes_out_and_leaves_the_rest_in_order(spun: SpunNode) -> None:
     class Cut(BaseException):
         pass
 

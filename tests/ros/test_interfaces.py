@@ -268,10 +268,7 @@ def test_fields_have_types_as_far_as_one_value_has_one():
         ),
         ("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data > 3}", "bad-expression"),
         ("wait_for: {topic: t, type: std_msgs/msg/Float64, until: msg.data}", "bad-expression"),
-        (
-            "service: {name: s, type: std_srvs/srv/SetBool, request: {data: 1}}",
-            "wrong-value",
-        ),
+        ("service: {name: s, type: std_srvs/srv/SetBool, request: {data: 1}}", "wrong-value"),
         (
             "service: {name: s, type: std_srvs/srv/SetBool, succeed_when: result.message}",
             "bad-expression",

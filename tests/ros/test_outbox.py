@@ -182,11 +182,7 @@ class Host:
         self.wakes = 0
         self.scene = scene_to_msg(scene(age=5, familiarity=1, mood=3))
         self.requests = FeedbackRequests(
-            ros.node,
-            self._wake,
-            space=SPACE,
-            agent=lambda: "mira",
-            scene=lambda: self.scene,
+            ros.node, self._wake, space=SPACE, agent=lambda: "mira", scene=lambda: self.scene
         )
 
     def _wake(self) -> None:

@@ -24,13 +24,7 @@ from std_msgs.msg import Bool
 from bt_agents.host.node import HostNode
 from bt_agents_core.diagnostic import Position
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import (
-    Heartbeat,
-    MarketHeartbeat,
-    Run,
-    StatusChange,
-    TreeStatus,
-)
+from bt_agents_interfaces.msg import Heartbeat, MarketHeartbeat, Run, StatusChange, TreeStatus
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_ros import qos
 from fake_market import Market, folder, make_host

@@ -163,11 +163,7 @@ def test_a_hostile_reading_leaves_the_last_good_one(ros, bad):
 def test_given_values_make_a_scene(ros):
     layer = Layer(ros)
     answer = layer.analyze(
-        label="child",
-        names=["age"],
-        values=[1.0],
-        person=Analyze.Request.PRESENT,
-        announce=True,
+        label="child", names=["age"], values=[1.0], person=Analyze.Request.PRESENT, announce=True
     )
     assert (answer.accepted, answer.code) == (True, "")
     ros.until(lambda: layer.scenes)

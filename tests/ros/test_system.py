@@ -11,13 +11,7 @@ import pytest
 from rclpy.parameter import Parameter
 
 from bt_agents.host.node import HostNode
-from bt_agents_interfaces.msg import (
-    Bids,
-    HostCard,
-    Run,
-    Scene,
-    SceneValue,
-)
+from bt_agents_interfaces.msg import Bids, HostCard, Run, Scene, SceneValue
 from bt_agents_interfaces.srv import CancelRun, GiveFeedback, RegisterHost, SetProfile
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos

@@ -28,9 +28,7 @@ def test_it_rings_once_at_its_time_and_again_when_it_is_set_again(ros: Any) -> N
     ros.until(lambda: len(rung) == 2)
 
 
-def test_it_rings_at_the_time_to_which_it_was_moved_and_not_after_it_was_stopped(
-    ros: Any,
-) -> None:
+def test_it_rings_at_the_time_to_which_it_was_moved_and_not_after_it_was_stopped(ros: Any) -> None:
     first, second = [], []
     moved = OneShot(ros.node, lambda: first.append(time.monotonic()))
     stopped = OneShot(ros.node, lambda: second.append(time.monotonic()))

@@ -103,8 +103,7 @@ class NodeFields:
         number = finite(value)
         if number is None or number < 1 or not number.is_integer():
             raise Refused(
-                "NOT_A_COUNT",
-                f"'{name}' is {described(value)}, expected a whole number from 1 on",
+                "NOT_A_COUNT", f"'{name}' is {described(value)}, expected a whole number from 1 on"
             )
         return int(number)
 

@@ -18,11 +18,7 @@ from bt_agents.host.run_server import RunServer
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
 from bt_agents_core.errors import Refused
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_interfaces.msg import (
-    Bids,
-    CallForBids,
-    Heartbeat,
-)
+from bt_agents_interfaces.msg import Bids, CallForBids, Heartbeat
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_language.files.folder_reader import Trees as TreesFolder
 from bt_agents_language.files.folder_reader import read_trees

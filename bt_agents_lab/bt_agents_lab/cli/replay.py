@@ -117,12 +117,7 @@ def _as_data(recording: RecordingIndex, found: FindingCounts) -> dict[str, objec
         },
         "ticks": found.sizes[trees.KIND],
         "findings": [
-            {
-                "kind": one.kind,
-                "where": one.where,
-                "verdict": one.verdict.value,
-                "words": one.text,
-            }
+            {"kind": one.kind, "where": one.where, "verdict": one.verdict.value, "words": one.text}
             for one in found.unequal
         ],
         "problems": [*recording.hints, *recording.problems],

@@ -210,9 +210,7 @@ def scene_of(label: str, vector: Vector, space: SceneSpace) -> Scene:
 
 
 def through_core(
-    folder: Trees,
-    spec: ExperimentSpec,
-    settings: Settings | None = None,
+    folder: Trees, spec: ExperimentSpec, settings: Settings | None = None
 ) -> list[FeedbackRecord]:
     """Play a whole experiment and return its rounds.
 

@@ -264,15 +264,7 @@ def _learn(
         rule, world.rates[chosen], np.full(len(rows), weight), state.changes[rows, chosen]
     )
     state.profiles[rows, chosen] = updates.apply_update(
-        kind,
-        profile,
-        target,
-        rate,
-        rule,
-        recent,
-        world.starts[chosen],
-        world.low,
-        world.high,
+        kind, profile, target, rate, rule, recent, world.starts[chosen], world.low, world.high
     )
     state.changes[rows, chosen] += 1.0
     if recent.shape[1]:

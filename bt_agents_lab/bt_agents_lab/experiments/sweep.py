@@ -131,10 +131,7 @@ def sweep(
 
 
 def _worked(
-    spec: SweepSpec,
-    parts: list[range],
-    tasks: list[tuple[int, int]],
-    processes: int,
+    spec: SweepSpec, parts: list[range], tasks: list[tuple[int, int]], processes: int
 ) -> Iterator[tuple[tuple[int, int], Results]]:
     if processes <= 1:
         for part, selection in tasks:

@@ -67,11 +67,7 @@ class ClaimVerdict:
 
 
 def judged(
-    claim: Claim,
-    held: Bools | Sequence[bool],
-    found: str,
-    reason: str = "",
-    unit: str = "runs",
+    claim: Claim, held: Bools | Sequence[bool], found: str, reason: str = "", unit: str = "runs"
 ) -> ClaimVerdict:
     """Return the verdict on a claim from one answer a run.
 

@@ -126,9 +126,7 @@ class JournalFile:
             schema = (topic.type, topic.definition)
             if schema not in self._schemas:
                 self._schemas[schema] = self._writer.register_schema(
-                    name=topic.type,
-                    encoding=SchemaEncoding.ROS2,
-                    data=topic.definition.encode(),
+                    name=topic.type, encoding=SchemaEncoding.ROS2, data=topic.definition.encode()
                 )
             self._channels[topic] = self._writer.register_channel(
                 topic=topic.name,

@@ -158,9 +158,7 @@ def visible(text: str) -> str:
 
 
 def _limited(
-    diagnostics: Iterable[Diagnostic],
-    render: Callable[[Diagnostic, bool], str],
-    colour: bool,
+    diagnostics: Iterable[Diagnostic], render: Callable[[Diagnostic, bool], str], colour: bool
 ) -> Iterable[str]:
     for file, of_file in groupby(diagnostics, key=lambda one: one.position.file):
         every = list(of_file)

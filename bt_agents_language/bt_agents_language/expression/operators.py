@@ -175,11 +175,7 @@ def _equality(word: str, equal: bool) -> Operator:
         return run
 
     return Operator(
-        word=word,
-        strength=COMPARISON,
-        gives=ValueKind.BOOLEAN,
-        check=check,
-        compile=compile_,
+        word=word, strength=COMPARISON, gives=ValueKind.BOOLEAN, check=check, compile=compile_
     )
 
 
@@ -239,11 +235,7 @@ def _membership(word: str, inside: bool) -> Operator:
         return run
 
     return Operator(
-        word=word,
-        strength=COMPARISON,
-        gives=ValueKind.BOOLEAN,
-        check=check,
-        compile=compile_,
+        word=word, strength=COMPARISON, gives=ValueKind.BOOLEAN, check=check, compile=compile_
     )
 
 

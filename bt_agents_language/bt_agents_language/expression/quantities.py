@@ -36,11 +36,7 @@ _NO_LIMIT = ("none", "never", "forever", "infinite", "unlimited", "endless", "no
 _LARGEST_INTEGER = 2**63 - 1
 _MAX_LENGTH = 400
 _LONGEST_QUANTITY = 40
-_TYPES = {
-    FieldType.DURATION: TIME,
-    FieldType.LENGTH: LENGTH,
-    FieldType.ANGLE: ANGLE,
-}
+_TYPES = {FieldType.DURATION: TIME, FieldType.LENGTH: LENGTH, FieldType.ANGLE: ANGLE}
 
 
 class QuantityError(BtAgentsError):

@@ -36,11 +36,7 @@ from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of
 
-SENT = {
-    BindingKind.ACTION: "goal",
-    BindingKind.SERVICE: "request",
-    BindingKind.TOPIC: "message",
-}
+SENT = {BindingKind.ACTION: "goal", BindingKind.SERVICE: "request", BindingKind.TOPIC: "message"}
 """Key of what is sent, and the section of the type that it fills."""
 
 RECEIVED = {BindingKind.ACTION: "result", BindingKind.SERVICE: "response"}

@@ -94,10 +94,7 @@ def read_type(reading: TypedReader, node: Node) -> FieldType | None:
     meant = _OTHER_WORDS.get(text.lower())
     hint = f"write {meant}" if meant else did_you_mean(text, TYPES)
     reading.error(
-        "bad-choice",
-        node,
-        f"there is no type {quote(text)}, expected {', '.join(TYPES)}",
-        hint,
+        "bad-choice", node, f"there is no type {quote(text)}, expected {', '.join(TYPES)}", hint
     )
     return None
 

@@ -129,11 +129,7 @@ def read_expression(
 
 
 def _report_name(
-    reading: TypedReader,
-    node: Scalar,
-    name: str,
-    offset: int,
-    problem: tuple[str, str, str],
+    reading: TypedReader, node: Scalar, name: str, offset: int, problem: tuple[str, str, str]
 ) -> None:
     """Report where it stands that a name cannot be used here."""
     code, message, hint = problem

@@ -37,10 +37,7 @@ def read_vector(reading: TypedReader, node: Node, what: str, space: SceneSpace) 
     missing = [name for name in space.names if name not in values]
     if missing:
         reading.error(
-            "missing-key",
-            node,
-            f"{what} has no value for {join_quoted(missing)}",
-            adding(missing),
+            "missing-key", node, f"{what} has no value for {join_quoted(missing)}", adding(missing)
         )
         return None
     return tuple(values[name] for name in space.names)

@@ -45,9 +45,7 @@ def read_timeouts(reading: TypedReader, fields: MappingReader, kind: BindingKind
         return usual
     server, accept, result = (_limit(reading, written, key) for key in TIMEOUTS.values)
     return Timeouts(
-        server_s=server or usual.server_s,
-        accept_s=accept or usual.accept_s,
-        result_s=result,
+        server_s=server or usual.server_s, accept_s=accept or usual.accept_s, result_s=result
     )
 
 

@@ -54,9 +54,7 @@ AGENT = FileKind(
         ),
         *LEARNING_FIELDS,
         FieldDecl(
-            "requires",
-            CONDITION,
-            "It does not bid unless this is true of the scene: scene.person",
+            "requires", CONDITION, "It does not bid unless this is true of the scene: scene.person"
         ),
         FieldDecl(
             "tunables",
@@ -64,9 +62,7 @@ AGENT = FileKind(
             "Values that may change while the tree runs; each is a ROS parameter and a slider.",
         ),
         FieldDecl(
-            "feedback",
-            Items(MOOD_RULE),
-            "What a change of mood during the run teaches the agent.",
+            "feedback", Items(MOOD_RULE), "What a change of mood during the run teaches the agent."
         ),
         FieldDecl("tree", NODE, "What the agent does.", required=True),
         FieldDecl("on_cancel", NODE, "Clean-up after a run was stopped, bounded in time."),

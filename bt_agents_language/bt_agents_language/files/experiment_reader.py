@@ -61,10 +61,7 @@ EXPERIMENT = FileKind(
         FieldDecl("title", TEXT, "Name for people."),
         FieldDecl("rounds", integer(1), "How many rounds.", required=True),
         FieldDecl(
-            "seed",
-            integer(0),
-            "Makes the random numbers the same in every run.",
-            required=True,
+            "seed", integer(0), "Makes the random numbers the same in every run.", required=True
         ),
         FieldDecl(
             "scenes",

@@ -62,9 +62,7 @@ LEARNING = KeyTable(
             "Of huber: no feedback counts as if it were farther than this.",
         ),
         FieldDecl(
-            "window",
-            integer(1, MAX_WINDOW),
-            "Of median: so many of the last feedbacks count.",
+            "window", integer(1, MAX_WINDOW), "Of median: so many of the last feedbacks count."
         ),
         FieldDecl(
             "anneal",
@@ -82,9 +80,7 @@ LEARNING = KeyTable(
             "How much sources of feedback count: button, mood rule, ….",
         ),
         FieldDecl(
-            "layers",
-            Items(WordChoice(LAYERS)),
-            "What it learns apart for each person or place.",
+            "layers", Items(WordChoice(LAYERS)), "What it learns apart for each person or place."
         ),
         FieldDecl(
             "general",
@@ -97,9 +93,7 @@ LEARNING = KeyTable(
 
 LEARNING_FIELDS = (
     FieldDecl(
-        "learning_rate",
-        SHARE,
-        "How far one feedback moves the profile, 0 to 1; or 'learning'.",
+        "learning_rate", SHARE, "How far one feedback moves the profile, 0 to 1; or 'learning'."
     ),
     FieldDecl("learning", LEARNING, "How feedback moves the profile."),
     FieldDecl(

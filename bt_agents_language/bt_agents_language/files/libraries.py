@@ -126,15 +126,11 @@ class FolderLibraries:
             inside, there, link = True, False, False
         if not inside:
             raise ImportProblem(
-                "bad-import",
-                f"{quote(path)} leads out of the trees folder",
-                "copy the file here",
+                "bad-import", f"{quote(path)} leads out of the trees folder", "copy the file here"
             )
         if not there and link:
             raise ImportProblem(
-                "no-file",
-                f"the link {quote(path)} leads nowhere",
-                "put the file in its place",
+                "no-file", f"the link {quote(path)} leads nowhere", "put the file in its place"
             )
         if not there:
             raise ImportProblem(

@@ -32,10 +32,7 @@ MOOD_RULE = KeyTable(
     what="a feedback rule",
     fields=(
         FieldDecl(
-            "when",
-            Single(Form.CONDITION, scene_names=True),
-            "What must be true.",
-            required=True,
+            "when", Single(Form.CONDITION, scene_names=True), "What must be true.", required=True
         ),
         FieldDecl("for", DURATION, "How long it must hold without a break."),
         FieldDecl(

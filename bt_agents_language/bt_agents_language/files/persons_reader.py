@@ -42,10 +42,7 @@ _TRACKED = TOPIC.extended(
     FieldDecl("field", TEXT, "Path of the list of ids, or of items.", required=True),
     FieldDecl("id", TEXT, "Path of a person's id in an item of the list."),
     FieldDecl(
-        "lost_after",
-        DURATION,
-        "Who has not been in the list for so long is gone.",
-        default="1 s",
+        "lost_after", DURATION, "Who has not been in the list for so long is gone.", default="1 s"
     ),
     what=f"'{TRACKED}'",
 )

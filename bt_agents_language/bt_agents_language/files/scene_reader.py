@@ -73,7 +73,7 @@ _PARAMETER = KeyTable(
             "of the person or the place (estimate), or else the default (default).",
             default=MissingRule.LEAVE_OUT.value,
         ),
-    ),
+    )
 )
 SCENE = FileKind(
     name="scene",
@@ -207,10 +207,7 @@ def _sources(
             )
         else:
             wanted = SourceContext(
-                name=name,
-                what=f"source '{name}'",
-                keys=VALUE_KEYS,
-                parameter=parameters.get(name),
+                name=name, what=f"source '{name}'", keys=VALUE_KEYS, parameter=parameters.get(name)
             )
             sources += source_reader.read_all(entry.value, entry.key, wanted)
     return sources, person

@@ -38,7 +38,7 @@ _OUTPUT = KeyTable(
         FieldDecl("type", WordChoice(TYPES), "Its type."),
         FieldDecl("from", TEXT, "Field of the result, or feedback.x; its own name if left out."),
         FieldDecl("description", TEXT, "What it means."),
-    ),
+    )
 )
 _INTERFACES = tuple(
     FieldDecl(kind.value, INTERFACES[kind], f"The ROS {kind.value} that does it.")
@@ -57,7 +57,7 @@ _SKILL = KeyTable(
             "Names that later nodes may use.",
         ),
         *_INTERFACES,
-    ),
+    )
 )
 _BINDING = KeyTable(
     fields=(
@@ -67,7 +67,7 @@ _BINDING = KeyTable(
             "Output → field of what comes back, feedback.x of feedback.",
         ),
         *_INTERFACES,
-    ),
+    )
 )
 SKILLS = KeyTable(
     what="a skills file",

@@ -73,7 +73,7 @@ TOPIC = KeyTable(
         FieldDecl(
             "latched", BOOLEAN, "Whether the last message is kept for those who come later."
         ),
-    ),
+    )
 )
 """The keys of every source, which make one whose reading is a text."""
 
@@ -447,10 +447,7 @@ class SourceReader:
             of_range = f"write {float(percent[1]) / 100:g}"
             hint = "write a number in the unit of the reading" if key == "std" else of_range
             self._reading.error(
-                "bad-number",
-                node,
-                f"'{key}': expected a number, found {quote(percent[0])}",
-                hint,
+                "bad-number", node, f"'{key}': expected a number, found {quote(percent[0])}", hint
             )
             return None
         expression = self._expression(node, f"'{key}'", message)

@@ -25,7 +25,7 @@ TUNABLE = KeyTable(
         FieldDecl("max", AMOUNT, "Largest value."),
         FieldDecl("step", AMOUNT, "Distance of the allowed values from 'min' on."),
         FieldDecl("description", TEXT, "What it changes, in words."),
-    ),
+    )
 )
 """The keys of a tunable."""
 

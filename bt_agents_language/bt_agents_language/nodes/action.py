@@ -15,10 +15,7 @@ ACTION = NodeType(
         NodeField(name="name", content=Content.ROS_NAME, description="name of the action"),
         ROS_TYPE,
         NodeField(
-            name="goal",
-            content=Content.MAP,
-            required=False,
-            description="fields of the goal",
+            name="goal", content=Content.MAP, required=False, description="fields of the goal"
         ),
         NodeField(
             name="outputs",

@@ -59,12 +59,7 @@ GIVE_FEEDBACK = NodeType(
             required=False,
             description="scene parameters and their wanted values; for direct only",
         ),
-        NodeField(
-            name="reason",
-            type=FieldType.TEXT,
-            required=False,
-            description="why, in words",
-        ),
+        NodeField(name="reason", type=FieldType.TEXT, required=False, description="why, in words"),
     ),
     description="Moves the agent's profile, as a person's feedback does.",
     read=_read,

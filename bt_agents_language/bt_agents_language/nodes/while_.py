@@ -23,11 +23,7 @@ WHILE = NodeType(
     role=Role.DECORATOR,
     main="condition",
     fields=(
-        NodeField(
-            name="condition",
-            content=Content.CONDITION,
-            description="what must stay true",
-        ),
+        NodeField(name="condition", content=Content.CONDITION, description="what must stay true"),
     ),
     description="Looks at a condition at each tick; once it is not true, the node is "
     "stopped and has failed.",

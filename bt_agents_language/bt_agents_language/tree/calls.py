@@ -33,10 +33,7 @@ class CallReader:
     """
 
     def __init__(
-        self,
-        reading: TypedReader,
-        subtrees: Mapping[str, SubtreeSpec],
-        vocabulary: SymbolTable,
+        self, reading: TypedReader, subtrees: Mapping[str, SubtreeSpec], vocabulary: SymbolTable
     ) -> None:
         self._vocabulary = vocabulary
         self.calls: dict[Position, str] = {}

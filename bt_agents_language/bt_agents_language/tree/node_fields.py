@@ -154,11 +154,7 @@ class FieldReader:
 
 
 def written_fields(
-    reading: TypedReader,
-    node: Node,
-    what: str,
-    fields: tuple[NodeField, ...],
-    main: str | None,
+    reading: TypedReader, node: Node, what: str, fields: tuple[NodeField, ...], main: str | None
 ) -> Mapping[str, Node] | None:
     """Return what is written for the fields of a node or decorator, a scalar as its main one.
 

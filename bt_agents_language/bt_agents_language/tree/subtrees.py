@@ -28,10 +28,7 @@ class Expansion:
     """
 
     def __init__(
-        self,
-        reading: TypedReader,
-        bodies: Mapping[str, NodeSpec],
-        calls: Mapping[Position, str],
+        self, reading: TypedReader, bodies: Mapping[str, NodeSpec], calls: Mapping[Position, str]
     ) -> None:
         self._reading = reading
         self._bodies = bodies

@@ -43,10 +43,7 @@ class TreeReader:
     """
 
     def __init__(
-        self,
-        reading: TypedReader,
-        vocabulary: SymbolTable,
-        subtrees: Mapping[str, SubtreeSpec],
+        self, reading: TypedReader, vocabulary: SymbolTable, subtrees: Mapping[str, SubtreeSpec]
     ) -> None:
         self.reading = reading
         self.interfaces = vocabulary.interfaces

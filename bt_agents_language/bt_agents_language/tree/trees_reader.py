@@ -25,12 +25,10 @@ _SUBTREE = KeyTable(
         FieldDecl("description", TEXT, "What it does."),
         FieldDecl("inputs", Entries(INPUT), "What its callers give with 'with'."),
         FieldDecl(
-            "outputs",
-            Entries(OUTPUT),
-            "Names that it writes for its callers, with their types.",
+            "outputs", Entries(OUTPUT), "Names that it writes for its callers, with their types."
         ),
         FieldDecl("tree", NODE, "What it does.", required=True),
-    ),
+    )
 )
 # The name of a subtree may be written as those of nodes, which the reader judges.
 SUBTREES = FieldDecl(

@@ -119,10 +119,7 @@ def _refusal(file: str, code: str, message: str, hint: str) -> Exception:
     problems = Diagnostics(None)
     problems.append(
         Diagnostic(
-            code=code,
-            position=Position(file=file, line=1, column=1),
-            message=message,
-            hint=hint,
+            code=code, position=Position(file=file, line=1, column=1), message=message, hint=hint
         )
     )
     return problems.error()

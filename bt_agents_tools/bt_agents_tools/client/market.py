@@ -125,9 +125,7 @@ def strategies(observer: Observer) -> Strategies | None:
     dotted = [f"{name}.{option}" for name, info in found.items() for option in info.options]
     names = ["strategy", "shadow_strategy", *dotted]
     described = observer.call(
-        DescribeParameters,
-        f"{_NODE}/describe_parameters",
-        DescribeParameters.Request(names=names),
+        DescribeParameters, f"{_NODE}/describe_parameters", DescribeParameters.Request(names=names)
     )
     got = observer.call(
         GetParameters, f"{_NODE}/get_parameters", GetParameters.Request(names=names)

@@ -51,12 +51,7 @@ def analyze(
     if person is not None:
         presence = Analyze.Request.PRESENT if person else Analyze.Request.ABSENT
     request = Analyze.Request(
-        label=label,
-        names=names,
-        values=values,
-        person=presence,
-        urgent=urgent,
-        announce=announce,
+        label=label, names=names, values=values, person=presence, urgent=urgent, announce=announce
     )
     return observer.call(Analyze, "scene_layer/analyze", request)
 

@@ -82,8 +82,7 @@ def _check_unchanged(source: Source, tuned: TunedValue, here: TunableParameter |
     robot = tuned.parameter
     if here is None:
         raise Refused(
-            "UNKNOWN_PARAMETER",
-            f"{source.file} has no '{robot.key}' any more; nothing is written",
+            "UNKNOWN_PARAMETER", f"{source.file} has no '{robot.key}' any more; nothing is written"
         )
     if here.default != robot.default:
         raise Refused(

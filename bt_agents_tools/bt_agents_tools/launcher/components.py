@@ -77,9 +77,7 @@ def journal(folder: Path) -> Component:
 def robot(pace: float, voice: str) -> Component:
     """Return the simulated robot."""
     return Component(
-        name="robot",
-        module="bt_agents_robot.robot",
-        parameters={"pace": pace, "voice": voice},
+        name="robot", module="bt_agents_robot.robot", parameters={"pace": pace, "voice": voice}
     )
 
 
@@ -89,9 +87,5 @@ def visitors(trees: Path, script: Path, pace: float) -> Component:
         name="visitors",
         restarts=False,
         module="bt_agents_robot.visitors",
-        parameters={
-            "trees": str(trees),
-            "script": str(script),
-            "pace": pace,
-        },
+        parameters={"trees": str(trees), "script": str(script), "pace": pace},
     )

@@ -67,7 +67,7 @@ def hold_domain(domain: int, who: str) -> None:
         os.close(lock)
         raise BtAgentsError(
             f"a system already runs on ROS domain {domain}: {other}; end it, or set ROS_DOMAIN_ID "
-            "to another number",
+            "to another number"
         )
     with suppress(OSError):  # another user's file cannot be written, the lock holds all the same
         os.ftruncate(lock, 0)

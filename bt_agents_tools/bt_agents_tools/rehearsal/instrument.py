@@ -44,9 +44,7 @@ def replaced(path: str, replacements: Iterable[Replacement]) -> Replacement | No
 def _changed(agent: AgentSpec, change: Callable[[NodeSpec], NodeSpec]) -> AgentSpec:
     on_cancel = agent.on_cancel
     return replace(
-        agent,
-        tree=change(agent.tree),
-        on_cancel=None if on_cancel is None else change(on_cancel),
+        agent, tree=change(agent.tree), on_cancel=None if on_cancel is None else change(on_cancel)
     )
 
 

@@ -26,13 +26,7 @@ from feedback_node.learning.layers import (
 )
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
-from feedback_node.ledger.rows import (
-    FORGOTTEN,
-    LAYER,
-    ProfileRevision,
-    RevisionCause,
-    check_texts,
-)
+from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause, check_texts
 
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""

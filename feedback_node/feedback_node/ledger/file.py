@@ -31,11 +31,7 @@ _REPAIR = (
     "or put a copy back; or move the file away, with its -wal and -shm, to start with the "
     "profiles of the agents' files"
 )
-_FULL = {
-    sqlite3.SQLITE_FULL,
-    sqlite3.SQLITE_IOERR_WRITE,
-    sqlite3.SQLITE_IOERR_SHMSIZE,
-}
+_FULL = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE, sqlite3.SQLITE_IOERR_SHMSIZE}
 _FULL_ERRNO = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -229,6 +225,5 @@ def failed(path: str, error: Exception) -> LedgerError:
             "given after that is recorded again",
         )
     return LedgerError(
-        FAILED,
-        f"{path}: {error}; nothing was recorded, look at the disk's space and rights",
+        FAILED, f"{path}: {error}; nothing was recorded, look at the disk's space and rights"
     )

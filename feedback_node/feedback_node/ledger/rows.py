@@ -304,8 +304,7 @@ def check_texts(**texts: str) -> None:
             )
         if not text.isprintable():
             raise Refused(
-                "BAD_TEXT",
-                f"feedback: {name} is {text[:80]!a}, expected no control characters",
+                "BAD_TEXT", f"feedback: {name} is {text[:80]!a}, expected no control characters"
             )
     if is_hidden(texts.get("feedback_id", "")):
         raise Refused(

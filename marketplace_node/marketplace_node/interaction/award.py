@@ -101,11 +101,7 @@ class Award:
     def event(self, kind: RunEventKind, message: str) -> AnnounceRun:
         """Return the announcement of an event before the end."""
         return AnnounceRun(
-            event=kind,
-            outcome=RunOutcome.NONE,
-            goal=self.goal,
-            scene=self.scene,
-            message=message,
+            event=kind, outcome=RunOutcome.NONE, goal=self.goal, scene=self.scene, message=message
         )
 
     def end(self, outcome: RunOutcome, end: RunEnd, now: float) -> AnnounceRun:

@@ -8,13 +8,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from bt_agents_core.scene import AGAIN, Scene
-from marketplace_node.effects import (
-    AnnounceEarlierRun,
-    EarlierRun,
-    Note,
-    RunOutcome,
-    SceneEnded,
-)
+from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, RunOutcome, SceneEnded
 from marketplace_node.market_state import MarketState
 
 MAX_RUNS = 10
@@ -109,12 +103,7 @@ class InheritedRuns:
 
     def _end(self, scene_id: str, run: EarlierRun, outcome: RunOutcome, message: str) -> None:
         self._market_state.effects.append(
-            SceneEnded(
-                scene_id=scene_id,
-                code=outcome.name,
-                message=message,
-                agent=run.goal.agent,
-            )
+            SceneEnded(scene_id=scene_id, code=outcome.name, message=message, agent=run.goal.agent)
         )
 
     def _note(self, message: str) -> None:

@@ -124,8 +124,7 @@ class MarketplaceNode(BaseNode):
         self._heartbeats = self.create_publisher(MarketHeartbeat, "~/heartbeat", qos.EVENTS)
         self._heartbeats_sent = 0
         self._feedback = Outbox(
-            self,
-            self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE),
+            self, self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE)
         )
         self.external_ranking = ExternalRankingClient(self, self._market, self._execute)
         self._operators = OperatorServices(self, self._market, space, self._execute)

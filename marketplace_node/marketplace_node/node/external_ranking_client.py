@@ -48,10 +48,7 @@ class ExternalRankingClient:
             self._report(effect, selection_from_msg(answer, effect.agents))
 
         if not self.there:
-            self._report(
-                effect,
-                External(failure=f"no selector serves '{self._client.srv_name}'"),
-            )
+            self._report(effect, External(failure=f"no selector serves '{self._client.srv_name}'"))
             return
         self._calls.call(
             self._client,

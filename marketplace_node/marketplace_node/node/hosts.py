@@ -183,11 +183,7 @@ class HostConnections:
     def _take_heartbeat(self, message: Heartbeat) -> None:
         self._execute(
             self._market.heartbeat(
-                message.host,
-                message.host_instance,
-                message.epoch,
-                message.round,
-                time.monotonic(),
+                message.host, message.host_instance, message.epoch, message.round, time.monotonic()
             )
         )
 

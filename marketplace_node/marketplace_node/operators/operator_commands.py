@@ -78,8 +78,7 @@ class OperatorCommands:
         if self._market_state.registry.holder(agent) is None:
             hint = did_you_mean(agent, self._market_state.registry.agents)
             raise Refused(
-                "UNKNOWN_AGENT",
-                f"no agent '{agent}' is registered; {hint or 'no host is there'}",
+                "UNKNOWN_AGENT", f"no agent '{agent}' is registered; {hint or 'no host is there'}"
             )
 
     def _stop(self, command: OperatorCommand, interaction: Interaction | None, now: float) -> str:

@@ -18,10 +18,7 @@ _BIDDERS_NAMED = 5
 
 
 def applicable_rule(
-    rules: Sequence[MarketRule],
-    values: Mapping[str, float],
-    person: bool,
-    agents: Sequence[str],
+    rules: Sequence[MarketRule], values: Mapping[str, float], person: bool, agents: Sequence[str]
 ) -> tuple[int, MarketRule] | None:
     """Return the first rule that holds and names a bidder, with its number from 1.
 

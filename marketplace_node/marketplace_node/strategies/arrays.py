@@ -221,10 +221,7 @@ def scores_of(field: RoundArrays, contributions: Floats) -> Scores:
     """Return the scores of a strategy without exploration, whose distance is the sum of parts."""
     distance = np.broadcast_to(total(contributions), field.shape)
     return Scores(
-        distance=distance,
-        bonus=np.zeros(field.shape),
-        score=distance,
-        contributions=contributions,
+        distance=distance, bonus=np.zeros(field.shape), score=distance, contributions=contributions
     )
 
 

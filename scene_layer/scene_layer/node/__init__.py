@@ -218,12 +218,7 @@ class SceneLayerNode(BaseNode):
         return response
 
     def _announce(
-        self,
-        label: str,
-        values: Mapping[str, float],
-        person: bool | None,
-        *,
-        urgent: bool = False,
+        self, label: str, values: Mapping[str, float], person: bool | None, *, urgent: bool = False
     ) -> Scene:
         if self._estimate.encounters.enabled:
             self._poll()

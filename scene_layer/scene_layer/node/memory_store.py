@@ -21,13 +21,7 @@ from bt_agents_interfaces.srv import ManageProfiles
 from bt_agents_ros import qos
 from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.timers import steady_timer
-from scene_layer.memory import (
-    DamagedMemoryError,
-    Memory,
-    read_memory,
-    save_memory,
-    set_aside,
-)
+from scene_layer.memory import DamagedMemoryError, Memory, read_memory, save_memory, set_aside
 
 SAVE_S = 10.0
 """Time between two savings of what has changed [s]; it is also saved at the end."""
@@ -73,11 +67,7 @@ class MemoryStore:
         # One that waits for the disk holds up no other.
         group = ReentrantCallbackGroup()
         node.create_service(
-            ManageProfiles,
-            "~/manage",
-            self._manage,
-            qos_profile=qos.SERVICE,
-            callback_group=group,
+            ManageProfiles, "~/manage", self._manage, qos_profile=qos.SERVICE, callback_group=group
         )
 
     def request_stop(self) -> None:

@@ -49,8 +49,7 @@ def test_a_count_survives_failures_while_enough_can_still_succeed() -> None:
     #  2 |     |  S   |  R    |   R
     #  3 |     |      |  S    |   S
     stage = Stage(
-        tree("2"),
-        answers={"say": ends(1.0, well=False), "show": ends(2.0), "drive": ends(3.0)},
+        tree("2"), answers={"say": ends(1.0, well=False), "show": ends(2.0), "drive": ends(3.0)}
     )
     assert stage.tick(3, step_s=1.0) == "running"
     assert stage.after(1.0) == "succeeded"
@@ -60,11 +59,7 @@ def test_a_count_survives_failures_while_enough_can_still_succeed() -> None:
 def test_a_count_fails_as_soon_as_too_few_can_still_succeed_and_says_so() -> None:
     stage = Stage(
         tree("2"),
-        answers={
-            "say": ends(1.0, well=False),
-            "show": ends(2.0, well=False),
-            "drive": ends(9.0),
-        },
+        answers={"say": ends(1.0, well=False), "show": ends(2.0, well=False), "drive": ends(9.0)},
     )
     assert stage.tick(2, step_s=1.0) == "running"
     assert stage.after(1.0) == "failed"

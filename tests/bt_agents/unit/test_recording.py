@@ -253,7 +253,7 @@ def test_a_recording_of_format_1_is_replayed_equal_to_the_run_that_it_was_made_o
     last = steps[-1]
     assert last.result is not None
     assert last.recorded_end == {
-        **json.loads(json.dumps(asdict(last.result), default=lambda outcome: outcome.value)),
+        **json.loads(json.dumps(asdict(last.result), default=lambda outcome: outcome.value))
     }
 
 

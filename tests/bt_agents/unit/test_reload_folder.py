@@ -175,11 +175,7 @@ def test_a_changed_library_reads_those_again_that_import_it_one_through_the_othe
         "format: 1\nimports: [libraries/manners.yaml]\n"
         "subtrees:\n  twice: {tree: {sequence: [{subtree: greet}, {subtree: greet}]}}\n"
     )
-    write(
-        folder,
-        "ann",
-        agent("ann", "{subtree: twice}", "imports: [libraries/more.yaml]\n"),
-    )
+    write(folder, "ann", agent("ann", "{subtree: twice}", "imports: [libraries/more.yaml]\n"))
     trees = read_trees(folder)
     watch = FolderWatch(trees)
     settled(watch)

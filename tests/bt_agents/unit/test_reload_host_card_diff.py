@@ -36,11 +36,7 @@ def changes(*cards: Message) -> list[str]:
     [
         (agent(), agent(), []),
         (agent(), agent(version=3), ["ann: version 3 in force"]),
-        (
-            agent(),
-            agent("ann", 1, True),
-            ["ann: a newer version waits for the end of its run"],
-        ),
+        (agent(), agent("ann", 1, True), ["ann: a newer version waits for the end of its run"]),
         (agent("ann", 1, True), agent("ann", 2), ["ann: version 2 in force"]),
         (
             agent(),

@@ -231,11 +231,7 @@ def test_a_library_changes_its_agents_and_says_so(watched):
     edit(watched, "bob", agent("bob", "{subtree: greet}", head))
     (watched.folder / "libraries" / "manners.yaml").write_text(MANNERS.replace("Good", "Fine"))
     watched.poll()
-    assert causes(watched, "bob")[-1] == (
-        3,
-        "library changed",
-        "tree changed: 1 node changed",
-    )
+    assert causes(watched, "bob")[-1] == (3, "library changed", "tree changed: 1 node changed")
 
 
 def test_a_roll_back_is_the_newest_version_and_writes_the_file(watched):
@@ -266,10 +262,7 @@ def test_a_roll_back_keeps_a_text_that_was_never_good(watched):
     edit(watched, "bob", agent("bob", "{say: bye}"))
     edit(watched, "bob", "# work of an hour\n[")
     said = watched.roll_back("bob", 2)
-    assert said == [
-        "report bob: version 2 stays",
-        "what stood in bob.yaml is kept in bob.yaml~",
-    ]
+    assert said == ["report bob: version 2 stays", "what stood in bob.yaml is kept in bob.yaml~"]
     assert (watched.folder / "agents" / "bob.yaml~").read_text() == "# work of an hour\n["
     assert watched.versions.status("bob").problems == ()
     assert watched.poll() == []

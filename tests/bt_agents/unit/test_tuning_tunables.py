@@ -66,11 +66,7 @@ def test_a_text_means_what_it_means_in_a_file(key, text, value):
     [
         ("patience", "1", r"OUT_OF_RANGE: a\.patience is 1 s, expected 2 s to 2 min"),
         ("patience", "12 m", r"NOT_A_VALUE: a\.patience: .*write 12 min for minutes"),
-        (
-            "patience",
-            "soon",
-            "NOT_A_VALUE: a.patience: expected a time such as '8 s', found",
-        ),
+        ("patience", "soon", "NOT_A_VALUE: a.patience: expected a time such as '8 s', found"),
         ("patience", "nan", "NOT_A_VALUE"),
         ("rate", "0.93", r"OFF_STEP: a\.rate is 0\.93, .* the nearest is 0\.95"),
         ("rate", "1,1", "NOT_A_VALUE: .*use a point"),

@@ -340,10 +340,7 @@ def test_an_input_that_nobody_gives_is_listed():
 def test_an_included_file_is_listed():
     made = imported("<SubTree ID='Elsewhere' a='{=}'/>", '<include path="more.xml"/>')
     assert '<include path="more.xml"> is not followed' in said(made, RemarkLevel.LOST)
-    assert document(made)["tree"]["sequence"][1] == {
-        "subtree": "elsewhere",
-        "with": {"a": "${a}"},
-    }
+    assert document(made)["tree"]["sequence"][1] == {"subtree": "elsewhere", "with": {"a": "${a}"}}
 
 
 def test_an_unused_tree_called_on_cancel_is_the_clean_up():

@@ -244,8 +244,7 @@ def test_quantities_are_finite_or_refused(text):
 
 
 @given(
-    st.integers(0, 500_000),
-    st.sampled_from([("ms", Fraction(1, 1000)), ("s", 1), ("min", 60)]),
+    st.integers(0, 500_000), st.sampled_from([("ms", Fraction(1, 1000)), ("s", 1), ("min", 60)])
 )
 def test_a_time_is_its_number_times_its_unit(amount, unit):
     name, seconds = unit

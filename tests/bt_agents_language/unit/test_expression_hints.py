@@ -9,12 +9,7 @@ from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import parse_expression
 
-KINDS = {
-    "n": ValueKind.NUMBER,
-    "t": ValueKind.TEXT,
-    "b": ValueKind.BOOLEAN,
-    "l": ValueKind.LIST,
-}
+KINDS = {"n": ValueKind.NUMBER, "t": ValueKind.TEXT, "b": ValueKind.BOOLEAN, "l": ValueKind.LIST}
 
 
 def refusal(text: str) -> ExpressionError:

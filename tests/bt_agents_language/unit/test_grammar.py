@@ -62,8 +62,7 @@ def test_choose_has_named_cases_and_something_otherwise():
 
 
 @pytest.mark.parametrize(
-    ("case", "missing"),
-    [("{say: x}", "'name', 'when'"), ("{say: x, when: true}", "'name'")],
+    ("case", "missing"), [("{say: x}", "'name', 'when'"), ("{say: x, when: true}", "'name'")]
 )
 def test_a_case_needs_a_name_and_a_condition(case, missing):
     found = problems(f"choose: [{case}]")

@@ -218,14 +218,8 @@ def test_a_mood_rule_without_them_fires_once_against_the_scene_as_awarded():
             "5:66: error[misplaced-key]: 'release' has nothing to act on here: the rule ends "
             "the run",
         ),
-        (
-            "confidence: 2",
-            "5:64: error[out-of-range]: 'confidence' is 2, expected 0 to 1",
-        ),
-        (
-            "release: live.mod > 1",
-            "5:61: error[unknown-name]: there is no name 'live.mod' here",
-        ),
+        ("confidence: 2", "5:64: error[out-of-range]: 'confidence' is 2, expected 0 to 1"),
+        ("release: live.mod > 1", "5:61: error[unknown-name]: there is no name 'live.mod' here"),
         (
             "baseline: soon",
             "5:62: error[bad-duration]: 'baseline': expected a time such as '8 s', found 'soon'",

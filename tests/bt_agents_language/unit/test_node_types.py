@@ -212,11 +212,7 @@ def test_a_new_type_is_one_file(tmp_path: Path, key: str, module: str, group: st
     result = subprocess.run(
         # Without site, no editable install stands before the copy.
         [sys.executable, "-S", "-c", f"from {Path(__file__).stem} import use; use({key!r})"],
-        env={
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join(path),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        },
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path), "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
         timeout=60,

@@ -213,8 +213,7 @@ def test_places_in_a_mended_text_are_those_of_the_file():
 
 
 @pytest.mark.parametrize(
-    ("index", "rest"),
-    [(0, "b: 2\n"), (4, "b: 2\n"), (12, "a:\n  - 1\n# c\n")],
+    ("index", "rest"), [(0, "b: 2\n"), (4, "b: 2\n"), (12, "a:\n  - 1\n# c\n")]
 )
 def test_a_section_is_a_key_of_the_file_with_all_below_it(index, rest):
     mended = without_section(Source("a.yaml", "a:\n  - 1\n# c\nb: 2\n"), index + (index == 12) * 2)

@@ -205,8 +205,7 @@ def test_no_colour_is_written_where_the_output_is_no_terminal(trees):
 
 def test_a_warning_in_a_library_is_told_once_for_all_that_use_it(trees):
     write(
-        "libraries/waits.yaml",
-        "format: 1\nsubtrees: {await: {tree: {wait_for: live.person}}}\n",
+        "libraries/waits.yaml", "format: 1\nsubtrees: {await: {tree: {wait_for: live.person}}}\n"
     )
     for name in ("one", "two"):
         text = GOOD.format(name).replace("{say: Hello.}", "{subtree: await}")

@@ -21,10 +21,7 @@ from ranked_rounds import bids, decided, terms
     [("ucb", None, 1), ("external", External(ranking=("b",)), 0), ("manhattan", None, 0)],
 )
 def test_what_exploration_takes_off_is_told_once_and_only_where_something_explores(
-    strategy: str,
-    external: External | None,
-    times: int,
-    capsys: pytest.CaptureFixture[str],
+    strategy: str, external: External | None, times: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     of = replace(
         terms(scene("s", 3.0, 3.0, 3.0), strategy=strategy), runs={"b": 2, "a": 1}, rounds_run=3

@@ -191,9 +191,7 @@ def test_the_end_of_a_scene_is_told_when_no_run_has_told_it() -> None:
         ("end", Message(code="PREEMPTED", message="a cancelled: preempted by scene 's2'")),
         ("end", Message(code="SUCCEEDED", message="a succeeded: done")),
         ("end", Message(code="NO_BIDS", message="no agents are registered")),
-    ) == [
-        "    scene  queue full: 10 wait, at most 10 may",
-    ]
+    ) == ["    scene  queue full: 10 wait, at most 10 may"]
 
 
 def test_a_run_ends_with_its_outcome_in_words() -> None:

@@ -66,7 +66,7 @@ def test_all_profiles_stand_in_a_table_each_layer_below_its_agent(room):
     room.managed.teach_layer(ANNA, age=2.0)
     lines = room.run().output.splitlines()
     assert lines[0].split() == [
-        *("agent", "for", "revision", "feedbacks", "changed", "seem", "wrong", "age", "mood"),
+        *("agent", "for", "revision", "feedbacks", "changed", "seem", "wrong", "age", "mood")
     ]
     assert [line.split()[:2] for line in lines[1:]] == [
         ["express", "everybody"],

@@ -175,9 +175,7 @@ def gaps(tree: str, *texts: str, head: str = "") -> list[str]:
 
 def test_coverage_names_nodes_that_were_never_ticked_and_where_they_stand() -> None:
     tree = "selector:\n  - say: one\n  - sequence:\n      - say: two\n      - say: three\n"
-    assert gaps(tree, "") == [
-        "never ticked: tree/1.sequence (a.yaml:10)",
-    ]
+    assert gaps(tree, "") == ["never ticked: tree/1.sequence (a.yaml:10)"]
 
 
 def test_coverage_counts_both_ways_of_what_decides() -> None:

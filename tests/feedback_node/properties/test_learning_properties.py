@@ -178,8 +178,7 @@ def test_the_usual_rule_is_the_paper_s_formula_bit_for_bit(kind, profile, target
 
 
 @given(
-    rules,
-    st.lists(st.tuples(learned, profiles, targets, rates, weights, evidences), max_size=6),
+    rules, st.lists(st.tuples(learned, profiles, targets, rates, weights, evidences), max_size=6)
 )
 def test_many_rows_at_once_are_moved_as_one_by_one(rule, rows):
     arrays = updates.arrays(rule, SPACE)

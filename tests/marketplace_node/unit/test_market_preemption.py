@@ -357,10 +357,7 @@ def test_late_and_foreign_answers_to_a_challenge_change_nothing(market: Driver) 
 def test_a_cancel_names_the_run_not_the_challenge(market: Driver) -> None:
     market.scene("s2")
 
-    assert market.cancel(round_number=2) == (
-        False,
-        "round 2 does not run; the current one is 1",
-    )
+    assert market.cancel(round_number=2) == (False, "round 2 does not run; the current one is 1")
     assert market.cancel(round_number=1)[0]
 
 

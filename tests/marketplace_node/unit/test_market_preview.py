@@ -133,8 +133,7 @@ def test_bids_of_a_preview_never_get_into_a_round(market: Driver) -> None:
 
 
 @pytest.mark.parametrize(
-    ("strategy", "last", "code"),
-    [("magic", False, "UNKNOWN_STRATEGY"), ("", True, "NO_SCENE")],
+    ("strategy", "last", "code"), [("magic", False, "UNKNOWN_STRATEGY"), ("", True, "NO_SCENE")]
 )
 def test_a_preview_that_makes_no_sense_is_refused(
     market: Driver, strategy: str, last: bool, code: str

@@ -6,13 +6,7 @@ from __future__ import annotations
 import pytest
 
 from market_harness import EXPRESS, GUIDE, Driver, scene
-from marketplace_node.effects import (
-    AnnounceRun,
-    CancelGoal,
-    Collect,
-    SendGoal,
-    State,
-)
+from marketplace_node.effects import AnnounceRun, CancelGoal, Collect, SendGoal, State
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy
 
 
@@ -50,9 +44,7 @@ def test_the_reason_of_a_stop_stands_alone_when_the_host_has_nothing_to_add(
     assert market.all(AnnounceRun)[-1].message == "she says stop"
 
 
-def test_cancel_and_ask_again_leaves_out_the_stopped_until_nobody_is_left(
-    market: Driver,
-) -> None:
+def test_cancel_and_ask_again_leaves_out_the_stopped_until_nobody_is_left(market: Driver) -> None:
     market.run()
     market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
     market.end(outcome=3)
@@ -95,9 +87,7 @@ def test_a_stop_while_feedback_is_collected_prevents_the_follow_up(market: Drive
     assert market.over == ["s1"]
 
 
-def test_a_run_that_succeeded_before_the_cancel_took_hold_is_not_followed(
-    market: Driver,
-) -> None:
+def test_a_run_that_succeeded_before_the_cancel_took_hold_is_not_followed(market: Driver) -> None:
     market.run()
     market.cancel("bored", again=True)
     market.end(outcome=1)
@@ -147,10 +137,7 @@ def test_cancel_while_awarding_cancels_on_acceptance(market: Driver) -> None:
     assert market.effects[-1] == CancelGoal(goal=goal)
     market.end(outcome=3)
 
-    assert market.events == [
-        "1 attentive_guide CANCELLING",
-        "1 attentive_guide ENDED CANCELLED",
-    ]
+    assert market.events == ["1 attentive_guide CANCELLING", "1 attentive_guide ENDED CANCELLED"]
     assert market.all(Collect) == [], "what never began teaches nothing"
     assert market.over == ["s1"]
 

@@ -49,10 +49,7 @@ def test_what_there_is_no_room_for_is_what_was_seen_longest_ago() -> None:
     count = len(kept[0])
     assert kept == ({f"p{at}": persons[f"p{at}"] for at in range(100 - count, 100)},
                     {"lobby": places["lobby"]})  # fmt: skip
-    assert memory.from_text(memory.to_text(persons, places), SPACE, NOW) == (
-        persons,
-        places,
-    )
+    assert memory.from_text(memory.to_text(persons, places), SPACE, NOW) == (persons, places)
 
 
 def test_what_a_wrong_clock_saw_in_the_future_was_seen_now() -> None:

@@ -63,13 +63,7 @@ def test_an_inverted_value_maps_back_to_itself(value):
 
 def test_falling_and_flat_points_can_be_inverted():
     falling = ((0.0, 5.0), (1.0, 3.0), (2.0, 3.0), (3.0, 1.0))
-    assert [inverted(falling, v) for v in (5.0, 4.0, 3.0, 2.0, 1.0)] == [
-        0.0,
-        0.5,
-        1.0,
-        2.5,
-        3.0,
-    ]
+    assert [inverted(falling, v) for v in (5.0, 4.0, 3.0, 2.0, 1.0)] == [0.0, 0.5, 1.0, 2.5, 3.0]
 
 
 def test_a_value_that_no_reading_maps_to_takes_the_nearest_point():

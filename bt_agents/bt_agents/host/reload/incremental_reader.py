@@ -153,9 +153,7 @@ class _Reading:
             return replace(before, broken_skills=(BrokenFile(file=folder, error=error),))
         self._skills_changed = True
         vocabulary = replace(
-            trees.vocabulary,
-            skills=skills,
-            plugins=installed_plugins().without(skills).kinds,
+            trees.vocabulary, skills=skills, plugins=installed_plugins().without(skills).kinds
         )
         return replace(before, trees=replace(trees, vocabulary=vocabulary), broken_skills=())
 

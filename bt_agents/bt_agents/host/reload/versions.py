@@ -8,12 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents.host.reload.changes import compare
-from bt_agents.host.reload.version_history import (
-    AgentStatus,
-    Version,
-    VersionHistory,
-    new_history,
-)
+from bt_agents.host.reload.version_history import AgentStatus, Version, VersionHistory, new_history
 from bt_agents_core.errors import Refused
 from bt_agents_language.diagnostics.renderers import as_hinted_lines
 from bt_agents_language.files.agent_file import AgentFile

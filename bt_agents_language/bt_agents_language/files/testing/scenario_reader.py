@@ -59,7 +59,7 @@ _ANSWER = KeyTable(
         FieldDecl("fails", TEXT, "It fails, for this reason."),
         FieldDecl("ends", WordChoice(_ENDS), "How else it ends."),
         FieldDecl("after", DURATION, "How long it takes."),
-    ),
+    )
 )
 _MESSAGE = KeyTable(
     what="'publish'",
@@ -95,9 +95,7 @@ SCENARIO = KeyTable(
         ),
         FieldDecl("person", BOOLEAN, "Whether a person is there."),
         FieldDecl(
-            "tunables",
-            Entries(ANY, "names and values"),
-            "Values that differ from the defaults.",
+            "tunables", Entries(ANY, "names and values"), "Values that differ from the defaults."
         ),
         FieldDecl("seed", integer(0), "Makes everything random the same each time."),
         FieldDecl(

@@ -65,10 +65,7 @@ _USE = Either((TEXT, Entries(ANY, keys=Key.ANY, single=True)))
 def _contained(one: Value) -> KeyTable:
     """Return the keys of a mapping with some of what must come, in order."""
     contains = FieldDecl(
-        "contains",
-        Several(one),
-        "These, in order; others may come between.",
-        required=True,
+        "contains", Several(one), "These, in order; others may come between.", required=True
     )
     return KeyTable(fields=(contains,))
 
@@ -79,9 +76,7 @@ _EXPECT = KeyTable(
     fields=(
         FieldDecl("bids", BOOLEAN, "Whether it bids for the scene at all."),
         FieldDecl(
-            "says",
-            Several(TEXT, _contained(TEXT)),
-            "What it says, in order and nothing else.",
+            "says", Several(TEXT, _contained(TEXT)), "What it says, in order and nothing else."
         ),
         FieldDecl(
             "does",
@@ -98,9 +93,7 @@ _EXPECT = KeyTable(
             "feedback", Several(WordChoice(tuple(_KINDS))), "The feedback that is given, in order."
         ),
         FieldDecl(
-            "cancelled_by",
-            TEXT,
-            "The condition of the mood rule, or the reason, that cancels it.",
+            "cancelled_by", TEXT, "The condition of the mood rule, or the reason, that cancels it."
         ),
     ),
 )
@@ -119,10 +112,7 @@ TEST = FileKind(
     description="Rehearsals of an agent.",
     fields=(
         FieldDecl(
-            "test",
-            TEXT,
-            "The agent: its name, or its file beside this one.",
-            required=True,
+            "test", TEXT, "The agent: its name, or its file beside this one.", required=True
         ),
         FieldDecl(
             "cases",
@@ -268,11 +258,7 @@ class _Expectations:
     """What is expected of one case."""
 
     def __init__(
-        self,
-        reading: TypedReader,
-        agent: AgentSpec,
-        scenarios: ScenarioReader,
-        scenario: Scenario,
+        self, reading: TypedReader, agent: AgentSpec, scenarios: ScenarioReader, scenario: Scenario
     ) -> None:
         self._reading = reading
         self._agent = agent
@@ -361,9 +347,7 @@ class _Expectations:
                 "name its skills under 'does'",
             )
         return Says(
-            texts=tuple(text for text in texts if text is not None),
-            exact=exact,
-            position=position,
+            texts=tuple(text for text in texts if text is not None), exact=exact, position=position
         )
 
     def _does(self, node: Node, position: Position) -> Does:

@@ -89,11 +89,7 @@ def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> 
         path=spec.path,
         position=spec.position,
         children=tuple(
-            box_of(
-                child,
-                longest_text,
-                "on failure" if type_of(spec).handler and index else "",
-            )
+            box_of(child, longest_text, "on failure" if type_of(spec).handler and index else "")
             for index, child in enumerate(spec.children)
         ),
     )

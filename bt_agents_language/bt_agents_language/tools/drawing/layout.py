@@ -65,13 +65,7 @@ def place(box: Box, x: float, y: float) -> Placed:
         children.append(place(child, left, below))
         below = children[-1].bottom + _GAP_DOWN
     return Placed(
-        box=box,
-        x=x,
-        y=y,
-        width=width,
-        height=height,
-        lines=lines,
-        children=tuple(children),
+        box=box, x=x, y=y, width=width, height=height, lines=lines, children=tuple(children)
     )
 
 

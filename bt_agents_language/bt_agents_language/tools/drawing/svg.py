@@ -23,12 +23,7 @@ _MARGIN = 24.0
 _TITLE = 22.0
 _HEAD_WIDTH = 100
 _STEM = 2 * PADDING
-_CORNERS = {
-    BoxKind.COMPOSITE: 2.0,
-    BoxKind.LEAF: 7.0,
-    BoxKind.SKILL: 15.0,
-    BoxKind.SUBTREE: 2.0,
-}
+_CORNERS = {BoxKind.COMPOSITE: 2.0, BoxKind.LEAF: 7.0, BoxKind.SKILL: 15.0, BoxKind.SUBTREE: 2.0}
 _NO_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _STYLE = (
     "text{font:13px system-ui,'Segoe UI',Roboto,'DejaVu Sans',Arial,sans-serif;white-space:pre}"

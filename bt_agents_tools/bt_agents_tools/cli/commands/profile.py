@@ -34,9 +34,7 @@ _FIND_SCENE_LAYER_S = 1.0
 _MAX_PROBLEMS = 20
 
 _layer = click.option(
-    "--layer",
-    default="",
-    help="Of a person or a place: person/anna; default: everybody's.",
+    "--layer", default="", help="Of a person or a place: person/anna; default: everybody's."
 )
 _author = click.option("--author", default=user, show_default="you", help="Who asks.")
 _reason = click.option("--reason", default="", help="Why, in words.")

@@ -184,10 +184,7 @@ def _persons(persons: Any) -> Table:
     for one in persons.scenes:
         mark = "* " if one.person_id == persons.addressee else "  "
         numbers = (
-            Text(
-                format_known(value.value),
-                style=_STYLES[Origin(value.origin)],
-            )
+            Text(format_known(value.value), style=_STYLES[Origin(value.origin)])
             for value in one.values
         )
         table.add_row(Text(mark + one.person_id), *numbers)

@@ -11,11 +11,7 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.file_kinds import FILE_KINDS
-from bt_agents_language.tools.schema.folder import (
-    folder_vocabulary,
-    schema_file,
-    schema_text,
-)
+from bt_agents_language.tools.schema.folder import folder_vocabulary, schema_file, schema_text
 
 
 @click.command()

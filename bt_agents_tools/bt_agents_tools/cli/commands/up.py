@@ -38,9 +38,7 @@ from bt_agents_tools.launcher import components
 )
 @click.option("--model", default="", help="Name of the model of the selector.")
 @click.option(
-    "--key-variable",
-    default="",
-    help="Environment variable with the key of that server.",
+    "--key-variable", default="", help="Environment variable with the key of that server."
 )
 @click.option(
     "--params",
