@@ -4,22 +4,11 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from programs import ROOT
-
-PACKAGES = sorted(path.parent for path in ROOT.glob("*/setup.py"))
-
-
-def modules() -> Mapping[str, Path]:
-    found: dict[str, Path] = {}
-    for package in PACKAGES:
-        for path in (package / package.name).rglob("*.py"):
-            name = ".".join(path.relative_to(package).with_suffix("").parts)
-            found[name.removesuffix(".__init__")] = path
-    return found
+from product_modules import product_modules
 
 
 def imported(path: Path) -> Iterator[str]:
@@ -33,7 +22,7 @@ def imported(path: Path) -> Iterator[str]:
 
 
 def test_no_module_imports_itself_through_others():
-    known = modules()
+    known = product_modules()
     assert len(known) > 300
     graph: dict[str, set[str]] = {}
     for name, path in known.items():
