@@ -11,6 +11,7 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents_robot", "bt_agents_robot.*"]),
+    package_data={"bt_agents_robot": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents_robot"]),
         ("share/bt_agents_robot", ["package.xml"]),

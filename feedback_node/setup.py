@@ -11,6 +11,7 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["feedback_node", "feedback_node.*"]),
+    package_data={"feedback_node": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/feedback_node"]),
         ("share/feedback_node", ["package.xml"]),

@@ -11,6 +11,7 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["marketplace_node", "marketplace_node.*"]),
+    package_data={"marketplace_node": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/marketplace_node"]),
         ("share/marketplace_node", ["package.xml"]),

@@ -11,6 +11,7 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["scene_layer", "scene_layer.*"]),
+    package_data={"scene_layer": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/scene_layer"]),
         ("share/scene_layer", ["package.xml"]),
