@@ -169,6 +169,9 @@ def _idle(effort: Effort) -> Row:
             system.host(trees),
         )
         names = ["marketplace", "scene_layer", "feedback", "agents"]
+        known = ours.probe.get_node_names
+        ours.until(lambda: {*names} <= {*known()}, "all nodes are in the graph")
+        ours.rest(_MATCH_S)  # their endpoints come after them
         layout = layout_of(ours.probe, names, ours.rest, 0.5 if effort.is_short else _LISTEN_S)
         assert {name for name, one in layout.items() if any(p[3] for p in one["publishers"])} == {
             "marketplace",
