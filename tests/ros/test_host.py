@@ -176,7 +176,10 @@ def test_an_agent_that_the_market_refuses_does_not_bid_and_its_card_says_why(
     cards = ros.collect(HostCard, "cards", qos.FACTS)
     ros.add(make_host(folder(tmp_path, TALKER, QUICK)))
     market.open()
-    ros.until(lambda: any("already registered" in p for card in cards for p in card.problems))
+    ros.until(lambda: cards and cards[-1].problems)
+    [problem] = cards[-1].problems
+    assert problem.agent == "quick"
+    assert "already registered" in problem.message
     market.call()
     ros.until(lambda: market.bids)
     assert list(market.bids[0].agents) == ["talker"]

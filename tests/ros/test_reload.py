@@ -283,7 +283,7 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(
     handle = host.market.start(host.node, "bob")
     (host.folder / "agents" / "bob.yaml").unlink()
     ros.until(lambda: host.card("bob").degraded)
-    assert "is gone" in host.card("bob").problems[0]
+    assert "is gone" in host.card("bob").removal_reason
     assert "is gone" in host.node.registry.members["bob"].removal_reason
     host.market.end(handle)
     ros.until(lambda: host.card("bob") is None)
@@ -298,7 +298,10 @@ def test_a_broken_file_is_published_and_the_last_good_version_runs(
     ros.until(lambda: host.card("bob").degraded)
     card = host.card("bob")
     assert card.version == 1
-    assert "bob.yaml:4:8: error[unknown-node]" in card.problems[0]
+    [problem] = card.problems
+    assert (Path(problem.file).name, problem.line, problem.agent) == ("bob.yaml", 4, "bob")
+    assert "bob.yaml:4:8: error[unknown-node]" in problem.message
+    assert list(host.cards[-1].problems) == [problem]
     assert [Path(file).name for file in host.cards[-1].broken_files] == ["bob.yaml"]
     result = host.market.result(host.market.start(host.node, "bob"))
     assert result.outcome == RunAgent.Result.SUCCEEDED
@@ -314,7 +317,7 @@ def test_a_changed_scene_is_a_problem_of_the_host(ros: Any, tmp_path: Path) -> N
     scene = host.folder / "scene.yaml"
     scene.write_text(scene.read_text() + "# more\n")
     words = f"{scene} has changed; restart everything to use it"
-    ros.until(lambda: list(host.cards[-1].problems) == [words])
+    ros.until(lambda: [one.message for one in host.cards[-1].problems] == [words])
 
 
 def test_nothing_is_reloaded_by_itself_while_that_is_switched_off(

@@ -27,7 +27,6 @@ TEXTS = {
     "explanation",
     "intervention",
     "message",
-    "problems",
     "reason",
     "reasons",
     "title",

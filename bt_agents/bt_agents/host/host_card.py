@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import asdict
+
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.reload.source_bundle import source_bundle
+from bt_agents.host.reload.version_history import FileProblem
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_core.feedback import WEIGHTS, LearningRule
 from bt_agents_core.scene import SceneSpace
@@ -20,6 +24,7 @@ from bt_agents_interfaces.msg import (
     TreeNode,
     Trees,
 )
+from bt_agents_interfaces.msg import FileProblem as FileProblemMsg
 from bt_agents_interfaces.msg import MoodRule as MoodRuleMsg
 from bt_agents_language.model.mood_rule import MoodRule
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
@@ -70,11 +75,9 @@ class HostCardPublisher:
         members = self._registry.members.values()
         problems = self._versions.folder_problems()
         for member in members:
-            name = member.spec.name
-            for line in self._versions.status(name).problems:
-                if line not in problems:
-                    problems.append(f"{name}: {line.removeprefix(f'{name}: ')}")
-        problems += [f"{m.spec.file}: {m.refusal}" for m in members if m.refusal]
+            problems += self._versions.status(member.spec.name).problems
+            if member.refusal:
+                problems.append(FileProblem(agent=member.spec.name, message=member.refusal))
         self._cards.publish(
             HostCard(
                 host=self._host,
@@ -83,7 +86,7 @@ class HostCardPublisher:
                 parameters=list(self._registry.space.names),
                 agents=[self._agent_card(member) for member in members if member.agent_id],
                 broken_files=[str(broken.file) for broken in trees.broken],
-                problems=problems,
+                problems=_problems_to_msg(dict.fromkeys(problems)),
             )
         )
 
@@ -135,7 +138,8 @@ class HostCardPublisher:
             version=status.version,
             waiting=status.waiting,
             degraded=bool(status.problems),
-            problems=list(status.problems),
+            problems=_problems_to_msg(status.problems),
+            removal_reason=status.removal_reason,
         )
 
 
@@ -168,6 +172,10 @@ def rule_to_msg(rule: MoodRule) -> MoodRuleMsg:
         cooldown_s=rule.cooldown_s,
         confidence=rule.confidence,
     )
+
+
+def _problems_to_msg(problems: Iterable[FileProblem]) -> list[FileProblemMsg]:
+    return [FileProblemMsg(**asdict(problem)) for problem in problems]
 
 
 def _nodes(agent: AgentSpec) -> list[TreeNode]:

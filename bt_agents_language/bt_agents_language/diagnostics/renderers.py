@@ -74,14 +74,10 @@ def as_lines(diagnostics: Iterable[Diagnostic]) -> tuple[str, ...]:
     return tuple(_limited(diagnostics, as_line, False))
 
 
-def as_hinted_lines(diagnostics: Iterable[Diagnostic]) -> tuple[str, ...]:
-    """Return problems as :func:`as_lines`, each with its hint in parentheses."""
-    return tuple(_limited(diagnostics, _as_line_with_hint, False))
-
-
-def _as_line_with_hint(diagnostic: Diagnostic, colour: bool) -> str:
+def as_hinted_line(diagnostic: Diagnostic) -> str:
+    """Return a problem as :func:`as_line`, with its hint in parentheses."""
     hint = f" ({visible(diagnostic.hint)})" if diagnostic.hint else ""
-    return as_line(diagnostic, colour) + hint
+    return as_line(diagnostic) + hint
 
 
 def as_json(diagnostics: Iterable[Diagnostic], about: Mapping[str, object]) -> str:

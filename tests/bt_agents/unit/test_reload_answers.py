@@ -28,4 +28,4 @@ def test_a_problem_comes_with_its_hint(tmp_path: Path) -> None:
     folder = new_folder(tmp_path / "trees")
     write(folder, "ann", agent("ann", "{syy: hi}"))
     [problem] = AgentVersions(read_trees(folder), 0.0).folder_problems()
-    assert problem.endswith("(did you mean 'say'?)")
+    assert problem.message.endswith("(did you mean 'say'?)")

@@ -9,16 +9,37 @@ from typing import Any
 import pytest
 
 from bt_agents.host.reload.host_card_diff import CardDiff, degraded_reason
+from bt_agents.host.reload.version_history import FileProblem as Problem
+
+BROKEN = Problem(agent="ann", file="t/a.yaml", line=1, message="t/a.yaml:1:1: error[x]: y")
+LIBRARY = Problem(agent="ann", file="t/libraries/m.yaml", line=13, message="not as it should be")
+NOT_IN_FORCE = Problem(agent="ann", message="version 2 could not be brought into force")
+SCENE = Problem(message="scene.yaml has changed")
+TAKEN = Problem(agent="bob", message="already registered")
+GONE = "its file a.yaml is gone"
 
 
-def agent(name: str = "ann", version: int = 1, waiting: bool = False, *problems: str) -> Message:
+def agent(
+    name: str = "ann",
+    version: int = 1,
+    waiting: bool = False,
+    *problems: Problem,
+    removal_reason: str = "",
+) -> Message:
+    if removal_reason:
+        problems = (Problem(agent=name, message=removal_reason),)
     return Message(
-        name=name, version=version, waiting=waiting, degraded=bool(problems), problems=problems
+        name=name,
+        version=version,
+        waiting=waiting,
+        degraded=bool(problems),
+        problems=problems,
+        removal_reason=removal_reason,
     )
 
 
-def card(*agents: Message, instance: str = "i", problems: tuple[str, ...] = ()) -> Message:
-    reported = [line for one in agents for line in one.problems]
+def card(*agents: Message, instance: str = "i", problems: tuple[Problem, ...] = ()) -> Message:
+    reported = [problem for one in agents for problem in one.problems]
     return Message(
         host="/agents", host_instance=instance, agents=agents, problems=[*reported, *problems]
     )
@@ -40,24 +61,21 @@ def changes(*cards: Message) -> list[str]:
         (agent("ann", 1, True), agent("ann", 2), ["ann: version 2 in force"]),
         (
             agent(),
-            agent("ann", 2, False, "a.yaml:1:1: error[x]: y", "more"),
+            agent("ann", 2, False, BROKEN, LIBRARY),
             [
                 "ann: version 2 in force",
-                "ann: version 2 stays, as its file is broken: a.yaml:1:1: error[x]: y "
+                "ann: version 2 stays, as its file is broken: t/a.yaml:1:1: error[x]: y "
                 "(and 1 more)",
             ],
         ),
-        (agent("ann", 1, False, "x"), agent("ann", 1, False, "x"), []),
-        (agent("ann", 1, False, "x"), agent(), ["ann: its file is good again"]),
-        (agent("ann", 1, False, "x"), agent(version=2), ["ann: version 2 in force"]),
+        (agent("ann", 1, False, BROKEN), agent("ann", 1, False, BROKEN), []),
+        (agent("ann", 1, False, BROKEN), agent(), ["ann: its file is good again"]),
+        (agent("ann", 1, False, BROKEN), agent(version=2), ["ann: version 2 in force"]),
         (agent(), agent("bob"), ["ann does not bid any more", "bob bids now"]),
     ],
 )
 def test_a_change_on_a_card_is_one_line(before: Any, now: Any, words: list[str]) -> None:
     assert changes(card(before), card(now)) == words
-
-
-BROKEN = "t/a.yaml:1:1: error[x]: y"
 
 
 @pytest.mark.parametrize(
@@ -66,17 +84,17 @@ BROKEN = "t/a.yaml:1:1: error[x]: y"
         (
             agent("ann", 3, True),
             agent("ann", 3, True, BROKEN),
-            f"ann: the newer version still waits for the end of its run, as its file is broken: "
-            f"{BROKEN}",
+            "ann: the newer version still waits for the end of its run, as its file is broken: "
+            "t/a.yaml:1:1: error[x]: y",
         ),
         (
             agent(),
-            agent("ann", 1, False, "its file a.yaml is gone"),
+            agent(removal_reason=GONE),
             "ann: its file a.yaml is gone; it leaves at the end of its run",
         ),
         (
             agent(),
-            agent("ann", 1, False, "ann: version 2 could not be brought into force"),
+            agent("ann", 1, False, NOT_IN_FORCE),
             "ann: version 2 could not be brought into force",
         ),
     ],
@@ -89,14 +107,18 @@ def test_what_becomes_of_the_agent_is_told_as_it_is(before: Any, now: Any, words
     ("problems", "words"),
     [
         (
-            ("t/skills/r.yaml:9:3: error[x]: y", "t/skills/r.yaml:9:4: error[x]: y"),
+            (
+                Problem(file="t/skills/r.yaml", line=9, message="one"),
+                Problem(file="t/skills/r.yaml", line=9, message="another"),
+            ),
             ["t/skills/r.yaml is good again"],
         ),
-        (("scene.yaml has changed",), ["no longer: scene.yaml has changed"]),
+        ((SCENE,), ["no longer: scene.yaml has changed"]),
+        ((TAKEN,), ["no longer: bob: already registered"]),
     ],
 )
 def test_a_problem_of_the_folder_that_is_mended_is_told(
-    problems: tuple[str, ...], words: list[str]
+    problems: tuple[Problem, ...], words: list[str]
 ) -> None:
     assert changes(card(agent(), problems=problems), card(agent())) == words
     assert changes(card(agent(), problems=problems), card(agent(), problems=problems[:1])) == []
@@ -109,20 +131,20 @@ def test_the_own_file_of_an_agent_is_told_of_once_when_it_is_mended() -> None:
 
 
 @pytest.mark.parametrize(
-    ("problems", "why"),
+    ("degraded", "why"),
     [
-        ((), ""),
-        ((BROKEN,), "broken: a.yaml:1"),
-        (("t/libraries/m.yaml:13:3: error[x]: y", BROKEN), "broken: m.yaml:13 (and 1 more)"),
-        (("its file a.yaml is gone",), "its file a.yaml is gone"),
+        (agent(), ""),
+        (agent("ann", 1, False, BROKEN), "broken: a.yaml:1"),
+        (agent("ann", 1, False, LIBRARY, BROKEN), "broken: m.yaml:13 (and 1 more)"),
+        (agent(removal_reason=GONE), GONE),
     ],
 )
-def test_why_an_agent_is_kept_is_said_in_a_few_words(problems: tuple[str, ...], why: str) -> None:
-    assert degraded_reason(agent("ann", 1, False, *problems)) == why
+def test_why_an_agent_is_kept_is_said_in_a_few_words(degraded: Any, why: str) -> None:
+    assert degraded_reason(degraded) == why
 
 
 def test_a_problem_of_the_folder_is_told_once() -> None:
-    one = card(agent(), problems=("scene.yaml has changed",))
+    one = card(agent(), problems=(SCENE,))
     assert changes(card(agent()), one) == ["scene.yaml has changed"]
     assert changes(card(agent()), one, one) == []
 

@@ -158,7 +158,7 @@ def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wr
     assert "bob.yaml:4:8: error[unknown-node]" in said
     assert watched.in_force["bob"] is before
     status = watched.versions.status("bob")
-    assert "error[unknown-node]" in status.problems[0]
+    assert "error[unknown-node]" in status.problems[0].message
     assert edit(watched, "bob", agent("bob")) == [
         "report bob: bob.yaml is good again, version 1 stays"
     ]

@@ -3,13 +3,21 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-_PLACE = re.compile(r"(.+?):(\d+)(?::\d+)?: error\b")
+from bt_agents_language.diagnostics.renderers import visible
+
+
+class ProblemOnCard(Protocol):
+    """Fields of ``FileProblem.msg``."""
+
+    agent: str
+    file: str
+    line: int
+    message: str
 
 
 class AgentOnCard(Protocol):
@@ -19,7 +27,8 @@ class AgentOnCard(Protocol):
     version: int
     waiting: bool
     degraded: bool
-    problems: Sequence[str]
+    problems: Sequence[ProblemOnCard]
+    removal_reason: str
 
 
 class CardContent(Protocol):
@@ -28,7 +37,7 @@ class CardContent(Protocol):
     host: str
     host_instance: str
     agents: Sequence[AgentOnCard]
-    problems: Sequence[str]
+    problems: Sequence[ProblemOnCard]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +86,10 @@ def degraded_reason(agent: AgentOnCard) -> str:
     if not agent.degraded:
         return ""
     first, *more = agent.problems
-    place = _PLACE.match(first)
-    if place is None:
-        return first.removeprefix(f"{agent.name}: ")
+    if not first.file:
+        return first.message
     others = f" (and {len(more)} more)" if more else ""
-    return f"broken: {Path(place[1]).name}:{place[2]}{others}"
+    return f"broken: {visible(Path(first.file).name)}:{first.line}{others}"
 
 
 def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
@@ -101,44 +109,36 @@ def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
 
 
 def _degraded(now: AgentOnCard) -> str:
+    if now.removal_reason:
+        return f"{now.name}: {now.removal_reason}; it leaves at the end of its run"
     first, *more = now.problems
-    if _PLACE.match(first) is None:
-        # The file is not broken: the agent leaves, or a version could not be brought into force.
-        if first.startswith(f"{now.name}: "):
-            return first
-        return f"{now.name}: {first}; it leaves at the end of its run"
+    if not first.file:
+        return _text(first)
     others = f" (and {len(more)} more)" if more else ""
     stays = f"version {now.version} stays"
     if now.waiting:
         stays = "the newer version still waits for the end of its run"
-    return f"{now.name}: {stays}, as its file is broken: {first}{others}"
+    return f"{now.name}: {stays}, as its file is broken: {first.message}{others}"
 
 
 def _of_folder(
     before: CardContent, card: CardContent, agents: Mapping[str, AgentOnCard]
 ) -> list[CardDifference]:
-    reported = {form for agent in agents.values() for form in _reported_forms(agent)}
-    known = {*before.problems, *reported}
+    reported = [problem for agent in agents.values() for problem in agent.problems]
     changed = [
-        CardDifference(text=problem, is_error=True)
+        CardDifference(text=_text(problem), is_error=True)
         for problem in card.problems
-        if problem not in known
+        if problem not in before.problems and problem not in reported
     ]
-    own = {form for agent in before.agents for form in _reported_forms(agent)}
+    own = [problem for agent in before.agents for problem in agent.problems]
     gone = [one for one in before.problems if one not in own and one not in card.problems]
-    fixed = _files(gone) - _files([*card.problems, *own])
-    over = [f"no longer: {one}" for one in gone if _PLACE.match(one) is None]
-    texts = [*(f"{file} is good again" for file in sorted(fixed)), *over]
+    fixed = {one.file for one in gone} - {one.file for one in (*card.problems, *own)} - {""}
+    texts = [f"{visible(file)} is good again" for file in sorted(fixed)]
+    texts += [f"no longer: {_text(one)}" for one in gone if not one.file]
     return [*changed, *(CardDifference(text=one) for one in texts)]
 
 
-def _reported_forms(agent: AgentOnCard) -> Iterator[str]:
-    """Yield the problems of an agent in the forms of its own card and of its host's card."""
-    for line in agent.problems:
-        yield line
-        yield f"{agent.name}: {line}"
-
-
-def _files(problems: Iterable[str]) -> set[str]:
-    places = (_PLACE.match(problem) for problem in problems)
-    return {place[1] for place in places if place is not None}
+def _text(problem: ProblemOnCard) -> str:
+    if problem.agent and not problem.file:
+        return f"{problem.agent}: {problem.message}"
+    return problem.message

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
+from bt_agents_core.diagnostic import Diagnostic
+from bt_agents_language.diagnostics.renderers import MAX_SHOWN, as_hinted_line, visible
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.model.specs import AgentSpec
 
@@ -38,6 +41,45 @@ class Version:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FileProblem:
+    """Reason why a file is not in force, or an agent does not take part.
+
+    Attributes:
+        message: Description for people, of an error with its place.
+        agent: Agent that it concerns; empty when it concerns no single one.
+        file: File with the error; empty when no line of a file is wrong.
+        line: Line of the error, from 1; 0 without a file.
+    """
+
+    message: str
+    agent: str = ""
+    file: str = ""
+    line: int = 0
+
+
+def file_problems(diagnostics: Sequence[Diagnostic], agent: str = "") -> tuple[FileProblem, ...]:
+    """Return the errors of a file, no more than help.
+
+    Args:
+        diagnostics: The errors.
+        agent: Agent that the file holds; empty for none.
+    """
+    problems = [
+        FileProblem(
+            message=as_hinted_line(one),
+            agent=agent,
+            file=one.position.file,
+            line=one.position.line,
+        )
+        for one in diagnostics[:MAX_SHOWN]
+    ]
+    if len(diagnostics) > MAX_SHOWN:
+        more = f"… and {len(diagnostics) - MAX_SHOWN} or more other problems"
+        problems.append(replace(problems[0], message=f"{visible(problems[0].file)}: {more}"))
+    return tuple(problems)
+
+
+@dataclass(frozen=True, kw_only=True)
 class AgentStatus:
     """Status of an agent.
 
@@ -45,13 +87,13 @@ class AgentStatus:
         version: Number of the version in force.
         waiting: True when another one comes into force at the end of its run.
         removal_reason: Why it is removed at the end of its run; empty when it stays.
-        problems: Why its file is not in force, one line each; empty when it is.
+        problems: Why its file is not in force; empty when it is.
     """
 
     version: int
     waiting: bool
     removal_reason: str
-    problems: tuple[str, ...]
+    problems: tuple[FileProblem, ...]
 
 
 @dataclass(kw_only=True, slots=True)
@@ -64,7 +106,7 @@ class VersionHistory:
         versions: Those that can be rolled back to, oldest first.
         waiting: Version that comes into force at the end of its run; None for none.
         removal_reason: Why it is removed at the end of its run; empty when it stays.
-        problems: Why its file is not in force, one line each; empty when it is.
+        problems: Why its file is not in force; empty when it is.
     """
 
     current: Version
@@ -72,7 +114,7 @@ class VersionHistory:
     versions: list[Version] = field(default_factory=list)
     waiting: Version | None = None
     removal_reason: str = ""
-    problems: tuple[str, ...] = ()
+    problems: tuple[FileProblem, ...] = ()
 
     @property
     def newest(self) -> Version:

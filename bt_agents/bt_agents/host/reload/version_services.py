@@ -58,7 +58,9 @@ class ReloadServices:
         # The description of a changed agent names what waits for the end of its run.
         is_named = running in request.agents and not request.error
         waiting = "" if cancelled or is_named else self._versions.waiting_text(running)
-        response.message = "\n".join(reload_lines([*changes, *cancelled], waiting, problems))
+        response.message = "\n".join(
+            reload_lines([*changes, *cancelled], waiting, [one.message for one in problems])
+        )
         return response
 
     async def _roll_back(

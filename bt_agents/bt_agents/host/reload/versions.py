@@ -8,9 +8,15 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents.host.reload.changes import compare
-from bt_agents.host.reload.version_history import AgentStatus, Version, VersionHistory, new_history
+from bt_agents.host.reload.version_history import (
+    AgentStatus,
+    FileProblem,
+    Version,
+    VersionHistory,
+    file_problems,
+    new_history,
+)
 from bt_agents_core.errors import Refused
-from bt_agents_language.diagnostics.renderers import as_hinted_lines
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.specs import AgentSpec
@@ -135,11 +141,12 @@ class AgentVersions:
             number = history.current.number
             history.versions.remove(history.current)
             history.current = history.versions[-1]
-            text = (
-                f"{name}: version {number} could not be brought into force, version "
+            reason = (
+                f"version {number} could not be brought into force, version "
                 f"{history.current.number} stays: {error}"
             )
-            history.problems = (text,)
+            text = f"{name}: {reason}"
+            history.problems = (FileProblem(agent=name, message=reason),)
         return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text, is_error=True)
 
     def status(self, name: str) -> AgentStatus:
@@ -161,11 +168,15 @@ class AgentVersions:
             return f"version {history.waiting.number} of {name} waits"
         return f"{name} leaves" if history.removal_reason else ""
 
-    def folder_problems(self) -> list[str]:
-        """Return what somebody has to fix in the folder, one line each."""
-        broken = (one.error.diagnostics for one in self.trees.broken)
-        lines = (line for found in broken for line in as_hinted_lines(found))
-        return [*lines, *self.trees.problems]
+    def folder_problems(self) -> list[FileProblem]:
+        """Return what somebody has to fix in the folder."""
+        agents = {file: name for name, file in self.trees.holders.items()}
+        problems = [
+            problem
+            for broken in self.trees.broken
+            for problem in file_problems(broken.error.diagnostics, agents.get(broken.file, ""))
+        ]
+        return [*problems, *(FileProblem(message=text) for text in self.trees.problems)]
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all agents that have a version in force."""
@@ -265,12 +276,12 @@ class AgentVersions:
         problems = self._problems(name)
         return problems != history.problems if problems else not history.removal_reason
 
-    def _problems(self, name: str) -> tuple[str, ...]:
+    def _problems(self, name: str) -> tuple[FileProblem, ...]:
         """Return the errors of the file that an agent comes from; none when it is gone."""
         holder = self.trees.holders.get(name)
         for file in self.trees.files:
             if file.file == holder and file.error is not None:
-                return as_hinted_lines(file.error.diagnostics)
+                return file_problems(file.error.diagnostics, name)
         return ()
 
     def _without_good_file(
@@ -283,13 +294,14 @@ class AgentVersions:
             stays = f"version {history.current.number} stays in force"
             if history.waiting is not None:
                 stays = f"version {history.waiting.number} still waits for the end of its run"
-            text = f"{name}: {history.last_read.file.name} is broken, {stays}: {problems[0]}{more}"
+            file = history.last_read.file.name
+            text = f"{name}: {file} is broken, {stays}: {problems[0].message}{more}"
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text, is_error=True)
         reason = self._removal_reason(name, history)
         if name != running:
             return self._remove(name, history, reason)
         history.removal_reason, history.waiting = reason, None
-        history.problems = (reason,)
+        history.problems = (FileProblem(agent=name, message=reason),)
         text = f"{name}: {reason}; it leaves at the end of its run"
         return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
 
