@@ -92,6 +92,13 @@ def degraded_reason(agent: AgentOnCard) -> str:
     return f"broken: {visible(Path(first.file).name)}:{first.line}{others}"
 
 
+def problem_text(problem: ProblemOnCard) -> str:
+    """Return a problem as text, with the agent unless the place of an error says more."""
+    if problem.agent and not problem.file:
+        return f"{problem.agent}: {problem.message}"
+    return problem.message
+
+
 def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
     name = now.name
     changed = []
@@ -113,7 +120,7 @@ def _degraded(now: AgentOnCard) -> str:
         return f"{now.name}: {now.removal_reason}; it leaves at the end of its run"
     first, *more = now.problems
     if not first.file:
-        return _text(first)
+        return problem_text(first)
     others = f" (and {len(more)} more)" if more else ""
     stays = f"version {now.version} stays"
     if now.waiting:
@@ -126,7 +133,7 @@ def _of_folder(
 ) -> list[CardDifference]:
     reported = [problem for agent in agents.values() for problem in agent.problems]
     changed = [
-        CardDifference(text=_text(problem), is_error=True)
+        CardDifference(text=problem_text(problem), is_error=True)
         for problem in card.problems
         if problem not in before.problems and problem not in reported
     ]
@@ -134,11 +141,5 @@ def _of_folder(
     gone = [one for one in before.problems if one not in own and one not in card.problems]
     fixed = {one.file for one in gone} - {one.file for one in (*card.problems, *own)} - {""}
     texts = [f"{visible(file)} is good again" for file in sorted(fixed)]
-    texts += [f"no longer: {_text(one)}" for one in gone if not one.file]
+    texts += [f"no longer: {problem_text(one)}" for one in gone if not one.file]
     return [*changed, *(CardDifference(text=one) for one in texts)]
-
-
-def _text(problem: ProblemOnCard) -> str:
-    if problem.agent and not problem.file:
-        return f"{problem.agent}: {problem.message}"
-    return problem.message

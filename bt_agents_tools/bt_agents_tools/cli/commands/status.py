@@ -10,7 +10,7 @@ from typing import Any
 import click
 from rich.console import Console
 
-from bt_agents.host.reload.host_card_diff import degraded_reason
+from bt_agents.host.reload.host_card_diff import degraded_reason, problem_text
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import (
     SOON_S,
@@ -58,7 +58,7 @@ def status() -> None:
                     f"version {agent.version}{_version_text(agent)})",
                 )
             for problem in card.problems:
-                _print("  problem: ", problem)
+                _print("  problem: ", problem_text(problem))
         for end in ends[-_ENDS_SHOWN:]:
             when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
             place = f"round {end.round}, " if end.round else ""
