@@ -6,7 +6,6 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
@@ -14,6 +13,7 @@ from random import Random
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from bt_agents.engine.node_errors import LocatedReason
 from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.feedback import FeedbackKind
@@ -41,9 +41,6 @@ TICK_S = 0.1
 
 LIVE_SCENE_S = LEASE_S / 2
 """Time between live scenes while a mood rule waits [s]."""
-
-_PLACED = re.compile(r"\((?:tree|on_cancel)\S*, \S.*:\d+:\d+\)$")
-"""A message that ends with a node and its place in a file."""
 
 _NUDGE_S = 1e-6
 """Advance of the clock when a sum of times falls short by a rounding error [s]."""
@@ -184,7 +181,8 @@ class _Rehearsal:
         """Return the reason of the end, with the node that failed."""
         text = result.message
         tip = self._nodes.get(result.tip)
-        if result.outcome is TreeOutcome.FAILED and tip is not None and not _PLACED.search(text):
+        located = isinstance(text, LocatedReason)
+        if result.outcome is TreeOutcome.FAILED and tip is not None and not located:
             text += f" ({tip.path}, {tip.position})"
         if result.orphans:
             text += f" (still under way: {', '.join(result.orphans)})"
