@@ -14,8 +14,8 @@ from typing import TextIO
 from urllib.parse import quote
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
-from feedback_node.ledger.check import CheckReport, check, is_out_of_reach
-from feedback_node.ledger.rows import APPLICATION, FORMAT, create_tables
+from feedback_node.ledger.check import LedgerCheck, check, is_out_of_reach
+from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 
 MEMORY = ":memory:"
 """Path of a ledger that is forgotten when it is closed."""
@@ -108,7 +108,7 @@ def open_database(path: str) -> sqlite3.Connection:
     return database
 
 
-def inspect(path: str) -> CheckReport:
+def inspect(path: str) -> LedgerCheck:
     """Check a ledger, which a feedback node may have open, and change nothing.
 
     Raises:
@@ -117,10 +117,32 @@ def inspect(path: str) -> CheckReport:
     """
     try:
         with closing(connect(path, "ro")) as database:
-            return check(database) if _is_ledger(database, path) else CheckReport()
+            return check(database) if _is_ledger(database, path) else LedgerCheck(database)
     except (sqlite3.Error, UnicodeDecodeError) as error:
         # The message of an error may quote text that is damaged.
         raise unread(path, error) from error
+
+
+def recover(path: str, new: str) -> int:
+    """Copy the good rows of a damaged ledger into a new one; return how many there are.
+
+    Raises:
+        Refused: ``FILE_EXISTS`` for a new file that is there.
+        LedgerError: As in :func:`inspect`, or the new one cannot be written.
+    """
+    if Path(new).exists():
+        raise Refused("FILE_EXISTS", f"{new}: it is there already; choose another name")
+    inspect(path)
+    with closing(open_database(new)) as copy:
+        try:
+            with closing(connect(path, "ro")) as old:
+                rows = LedgerCheck(old)
+                copy.execute("BEGIN IMMEDIATE")
+                copy.executemany(INSERT, rows.good_rows())
+                copy.execute("COMMIT")
+        except sqlite3.Error as error:
+            raise unreadable(new, error) from error
+    return rows.good
 
 
 def _has_content(path: str) -> bool:

@@ -34,7 +34,8 @@ FORGOTTEN_LAYER = "forgotten/"
 COLUMNS = "number, agent, layer, revision, feedback_id, content, checksum"
 INSERT = f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?)"
 
-_TABLE = """CREATE TABLE revision (
+_SCHEMA = (
+    """CREATE TABLE revision (
     number INTEGER PRIMARY KEY,
     agent TEXT NOT NULL,
     layer TEXT NOT NULL,
@@ -42,17 +43,17 @@ _TABLE = """CREATE TABLE revision (
     feedback_id TEXT,
     content TEXT,
     checksum INTEGER NOT NULL
-)"""
-_PENDING = "CREATE TABLE pending (task TEXT PRIMARY KEY)"
-_OF_LAYER = "CREATE UNIQUE INDEX revision_of_layer ON revision (agent, layer, revision)"
-_OF_FEEDBACK = "CREATE UNIQUE INDEX revision_of_feedback ON revision (feedback_id, layer)"
-_NO_DELETE = """CREATE TRIGGER revision_no_delete BEFORE DELETE ON revision
-BEGIN SELECT RAISE(ABORT, 'revisions are never deleted; append a new one'); END"""
-_NO_UPDATE = """CREATE TRIGGER revision_no_update BEFORE UPDATE ON revision
+)""",
+    "CREATE TABLE pending (task TEXT PRIMARY KEY)",
+    "CREATE UNIQUE INDEX revision_of_layer ON revision (agent, layer, revision)",
+    "CREATE UNIQUE INDEX revision_of_feedback ON revision (feedback_id, layer)",
+    """CREATE TRIGGER revision_no_delete BEFORE DELETE ON revision
+BEGIN SELECT RAISE(ABORT, 'revisions are never deleted; append a new one'); END""",
+    """CREATE TRIGGER revision_no_update BEFORE UPDATE ON revision
 WHEN NOT (new.content IS NULL AND new.number IS old.number
     AND new.agent IS old.agent AND new.revision IS old.revision)
-BEGIN SELECT RAISE(ABORT, 'revisions are never changed; append a new one'); END"""
-_SCHEMA = (_TABLE, _PENDING, _OF_LAYER, _OF_FEEDBACK, _NO_DELETE, _NO_UPDATE)
+BEGIN SELECT RAISE(ABORT, 'revisions are never changed; append a new one'); END""",
+)
 
 LONGEST_TEXT = 1000
 """Most characters of a text that comes with feedback."""
@@ -270,17 +271,6 @@ def is_hidden(feedback_id: str) -> bool:
 def name_of(agent: str, layer: str) -> str:
     """Return the name of a profile: the agent, and the layer where it is not everybody's."""
     return f"{agent} for {layer}" if layer else agent
-
-
-def select(database: sqlite3.Connection, where: str, *values: str | int) -> list[ProfileRevision]:
-    """Return the revisions that a condition selects.
-
-    Raises:
-        Damaged: One of them is not what was written.
-        sqlite3.Error: The file cannot be read.
-    """
-    found = database.execute(f"SELECT {COLUMNS} FROM revision {where}", values)
-    return [read_row(Row(*row)) for row in found]
 
 
 def _numbers(values: Any) -> dict[str, float]:

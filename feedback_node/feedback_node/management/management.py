@@ -203,7 +203,7 @@ class Management:
             for one in found
         ]
         ids = [entry.cause.feedback_id for entry in entries]
-        if any(self._ledger.find(one) for one in ids if one is not None):
+        if any(self._ledger.find_all(one) for one in ids if one is not None):
             return ManagementResult(
                 message="this document was taken in before; nothing has changed"
             )
