@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from bt_agents_core.mood import Addressee
 from bt_agents_core.scene import MISSING, Scene, SceneSpace, mood_of
-from feedback_node.announced_runs import AnnouncedRun
 
 MOST_LEAVES = 1000
 """Nodes of one run that are told apart; what others do is counted for nobody."""
@@ -35,14 +34,6 @@ class LeafMood:
     seconds: float
     mean: float
     change: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReportedMood:
-    """Mood trace of an ended run."""
-
-    run: AnnouncedRun
-    leaves: tuple[LeafMood, ...]
 
 
 @dataclass(kw_only=True)

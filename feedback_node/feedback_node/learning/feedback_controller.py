@@ -19,7 +19,7 @@ from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN
-from feedback_node.mood_trace import MoodTrace, ReportedMood
+from feedback_node.mood_trace import LeafMood, MoodTrace
 from feedback_node.rules import Fired, Watch
 from feedback_node.simulated_feedback import SimulatedFeedback
 
@@ -134,15 +134,10 @@ class FeedbackController:
         """Steady time at which a rule acts if nothing comes [s]; infinite for never."""
         return math.inf if self._watch is None else self._watch.due
 
-    @property
-    def tracks_mood(self) -> bool:
-        """True while the mood of a run is traced."""
-        return self._trace is not None
-
     def wants(self, scene_id: str) -> bool:
         """Return True while live scenes of this id count."""
         run = self._runs.current
-        return self.tracks_mood and run is not None and run.scene.scene_id == scene_id
+        return self._trace is not None and run is not None and run.scene.scene_id == scene_id
 
     def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card; see :meth:`Profiles.register_card`."""
@@ -170,18 +165,17 @@ class FeedbackController:
         if self.is_running(run):
             self._stop_watching()
 
-    def on_run_ended(self, run: AnnouncedRun) -> ReportedMood | None:
+    def on_run_ended(self, run: AnnouncedRun) -> tuple[LeafMood, ...]:
         """Take the end of a run, including one that never started for this node.
 
         Returns:
-            Its mood trace; None when it was not traced, or none of its nodes is known.
+            Its mood trace; empty when it was not traced, or none of its nodes is known.
         """
         if not self._runs.ended(run):
-            return None
+            return ()
         self._stop_watching()
         trace, self._trace = self._trace, None
-        leaves = trace.so_far() if trace is not None else ()
-        return ReportedMood(run=run, leaves=leaves) if leaves else None
+        return trace.so_far() if trace is not None else ()
 
     def on_leaf(self, key: tuple[str, int, str], leaf: str) -> None:
         """Take the path of the node that is at work in a run; see :attr:`AnnouncedRun.key`.

@@ -59,7 +59,6 @@ class Step:
     """Move of a profile; all vectors in the order of the space.
 
     Attributes:
-        kind: What was asked for.
         before: Profile before.
         target: Vector moved towards or away from; NaN for no opinion.
         rate: Learning rate η of the agent, 0..1.
@@ -69,7 +68,6 @@ class Step:
         text: The move in words and numbers; says why when nothing has moved.
     """
 
-    kind: FeedbackKind
     before: Vector
     target: Vector
     rate: float
@@ -110,7 +108,10 @@ def step(
     before = space.vector(profile, what="profile")
     wanted = _target(kind, target, space)
     checked_rate(rate)
-    checked_weight(weight)
+    if not 0.0 <= weight < math.inf:
+        raise Refused(
+            "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
+        )
     of_rule = updates.arrays(rule, space)
     at_once = kind is FeedbackKind.SET
     rates = (
@@ -134,7 +135,6 @@ def step(
     ]
     why_not = _why_not(kind, before, wanted, _vector(rates), of_rule, evidence)
     return Step(
-        kind=kind,
         before=before,
         target=wanted,
         rate=1.0 if at_once else rate,
@@ -195,19 +195,6 @@ def checked_rate(rate: float, *, what: str = "feedback") -> float:
     if not 0.0 <= rate <= 1.0:
         raise Refused("BAD_RATE", f"{what}: learning rate {rate:g}, expected a number from 0 to 1")
     return rate
-
-
-def checked_weight(weight: float) -> float:
-    """Return the weight of a source that is finite and not negative.
-
-    Raises:
-        Refused: ``BAD_WEIGHT``.
-    """
-    if not 0.0 <= weight < math.inf:
-        raise Refused(
-            "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
-        )
-    return weight
 
 
 def _target(kind: FeedbackKind, target: Vector, space: SceneSpace) -> Vector:

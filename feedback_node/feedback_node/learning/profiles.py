@@ -73,14 +73,16 @@ class Profiles:
         listed = {agent.name for agent in agents}
         for name, known in list(self._agents.items()):
             if known.host == card.host and name not in listed:
-                self._drop(name)
+                del self._agents[name]
+                for key in [key for key in self._current if key[0] == name]:
+                    del self._current[key]
         fresh = self._starts.get(card.host) != card.instance
         self._starts = {host: start for host, start in self._starts.items() if host in hosts}
         self._starts[card.host] = card.instance
         deliveries, more = [], []
         if fresh and agents and self._ledger.has_layers():
             # Its answer is followed by the layers; it may hold some that are forgotten by now.
-            deliveries.append(self.clearing(card.host))
+            deliveries.append(Delivery(host=card.host, agent="", remove=True))
         for agent in agents:
             known = self._agents.get(agent.name, agent)
             if known.host != agent.host:
@@ -142,10 +144,6 @@ class Profiles:
             values=self.profile(name, layer),
             revision=current.revision,
         )
-
-    def clearing(self, host: str) -> Delivery:
-        """Return the delivery that makes a host forget all layers; the current ones follow it."""
-        return Delivery(host=host, agent="", remove=True)
 
     def layers_at(self, host: str) -> tuple[Delivery, ...]:
         """Return the deliveries of all layers of a host's agents."""
@@ -389,8 +387,3 @@ class Profiles:
             for row in self._ledger.layers(name):
                 self._current[name, row.layer] = row
         return entered.keys()
-
-    def _drop(self, name: str) -> None:
-        del self._agents[name]
-        for key in [key for key in self._current if key[0] == name]:
-            del self._current[key]

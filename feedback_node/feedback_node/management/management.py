@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 from typing import Any
 
 from bt_agents_core.errors import Refused
@@ -109,16 +110,16 @@ class Management:
         check_texts(agent=command.agent, author=command.author, reason=command.reason)
         if command.layer and action is not ManagementAction.EXPIRE:
             checked_layer(command.layer)
-        execute_action = {
+        actions: dict[ManagementAction, Callable[[ManagementCommand], ManagementResult]] = {
             ManagementAction.HISTORY: self._history,
-            ManagementAction.UNDO: self._undo,
-            ManagementAction.RESET: self._reset,
+            ManagementAction.UNDO: partial(self._restore, self._ledger.undo),
+            ManagementAction.RESET: partial(self._restore, self._ledger.reset),
             ManagementAction.EXPORT: self._export,
             ManagementAction.IMPORT: self._import,
             ManagementAction.EXPIRE: self._expire,
             ManagementAction.FORGET: self._forget,
-        }[action]
-        return execute_action(command)
+        }
+        return actions[action](command)
 
     def _history(self, command: ManagementCommand) -> ManagementResult:
         if not command.agent:
@@ -158,16 +159,11 @@ class Management:
             "values": dict(one.profile),
         }
 
-    def _undo(self, command: ManagementCommand) -> ManagementResult:
+    def _restore(
+        self, restore: Callable[..., ProfileRevision], command: ManagementCommand
+    ) -> ManagementResult:
         self._known(command.agent, command.layer)
-        revision = self._ledger.undo(
-            command.agent, command.layer, source=command.author, reason=command.reason
-        )
-        return self._changed((revision,))
-
-    def _reset(self, command: ManagementCommand) -> ManagementResult:
-        self._known(command.agent, command.layer)
-        revision = self._ledger.reset(
+        revision = restore(
             command.agent, command.layer, source=command.author, reason=command.reason
         )
         return self._changed((revision,))
@@ -280,9 +276,8 @@ class Management:
         names = [command.agent] if command.agent else self._ledger.agents()
         own = (self._ledger.current(name) for name in names) if not command.layer else ()
         found = [one for one in own if one is not None]
-        for one in self._layers_of(command.agent):
-            if command.layer in ("", one.layer):
-                found.append(one)
+        layers = self._layers_of(command.agent)
+        found += [one for one in layers if command.layer in ("", one.layer)]
         return sorted(found, key=lambda one: (one.agent, one.layer))
 
     def _layers_of(self, agent: str) -> list[ProfileRevision]:

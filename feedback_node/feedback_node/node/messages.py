@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rclpy.exceptions import NameValidationException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
@@ -20,7 +22,7 @@ from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackRequest
-from feedback_node.mood_trace import ReportedMood
+from feedback_node.mood_trace import LeafMood
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
@@ -173,19 +175,18 @@ def feedback_to_msg(change: ProfileChange, space: SceneSpace) -> Feedback:
     )
 
 
-def mood_trace_to_msg(trace: ReportedMood, stamp: float) -> MoodTrace:
+def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: float) -> MoodTrace:
     """Return the message of the mood trace of a run that ended at a time [s since 1970]."""
-    run = trace.run
     return MoodTrace(
         stamp=to_time(stamp),
         epoch=run.epoch,
         round=run.round,
         agent=run.agent,
         person_id=run.scene.person_id,
-        leaves=[one.leaf for one in trace.leaves],
-        seconds=[one.seconds for one in trace.leaves],
-        mean=[one.mean for one in trace.leaves],
-        change=[one.change for one in trace.leaves],
+        leaves=[one.leaf for one in leaves],
+        seconds=[one.seconds for one in leaves],
+        mean=[one.mean for one in leaves],
+        change=[one.change for one in leaves],
     )
 
 
