@@ -23,7 +23,6 @@ FADES = 0.99
 DRIFT_S = 3600.0
 """Time constant with which an estimate loses what it knows [s]."""
 
-
 FORMAT = 1
 MOST_BYTES = 16 * 2**20
 """No file becomes larger: of what there is no room for, what was seen longest ago is left out."""
@@ -140,13 +139,18 @@ class KnownPerson:
             self.lent = False
         self.values[name] = self.values.get(name, Running()).after(value, std, weight, at)
 
-    def estimate(self, parameter: SceneParameter, now: float) -> tuple[float, float, float] | None:
-        """Return value, standard deviation and age [s]; None of what was never measured."""
+    def estimate(self, parameter: SceneParameter, now: float, source: str) -> Estimated | None:
+        """Return the estimate of a value; None of what was never measured."""
         running = self.values.get(parameter.name)
         if running is None or running.weight <= 0.0:
             return None
         age_s = max(0.0, now - running.at)
-        return parameter.clamp(running.mean), running.std(ignorance(parameter), age_s), age_s
+        return Estimated(
+            value=parameter.clamp(running.mean),
+            std=running.std(ignorance(parameter), age_s),
+            age_s=age_s,
+            source=source,
+        )
 
 
 class Memory:
@@ -206,7 +210,7 @@ class Memory:
         remembered = self._persons.pop(person)
         remembered.seen_at = now
         if measured:
-            self._count(self._place(place), remembered, measured, now)
+            self._count(place, remembered, measured, now)
         if known and person not in self._shunned and remembered.values:
             self._persons[person] = remembered
         self._shunned.discard(person)
@@ -223,16 +227,15 @@ class Memory:
             now: Unix time [s].
         """
         parameter = self._space.parameter(name)
-        known = self._persons.get(person)
-        found = known.estimate(parameter, now) if known is not None else None
-        if known is not None and found is not None:
-            return _estimated(found, f"{person or 'this person'}, {_seen(known.visits)}")
-        here = self._places.get(place)
-        found = here.estimate(parameter, now) if here is not None else None
-        if here is not None and found is not None:
+        found = None
+        if (known := self._persons.get(person)) is not None:
+            seen = "once" if known.visits == 1 else f"{known.visits} times"
+            found = known.estimate(parameter, now, f"{person or 'this person'}, seen {seen}")
+        if found is None and (here := self._places.get(place)) is not None:
             where = f"in {place}" if place else "here"
-            return _estimated(found, f"everybody {where}, {_visits(here.visits)}")
-        return None
+            visits = "1 visit" if here.visits == 1 else f"{here.visits} visits"
+            found = here.estimate(parameter, now, f"everybody {where}, {visits}")
+        return found
 
     def forget(self, *, person: str = "", place: str = "") -> bool:
         """Forget a person or a place; return whether anything was known.
@@ -277,19 +280,15 @@ class Memory:
         self._places.update(places)
         self._bound()
 
-    def _place(self, place: str) -> KnownPerson:
-        known = self._places.pop(place, None) or KnownPerson()
-        self._places[place] = known
-        return known
-
-    def _count(
-        self, place: KnownPerson, person: KnownPerson, measured: set[str], now: float
-    ) -> None:
-        place.visits += 1
-        place.seen_at = now
+    def _count(self, place: str, person: KnownPerson, measured: set[str], now: float) -> None:
+        here = self._places.pop(place, KnownPerson())
+        self._places[place] = here
+        here.visits += 1
+        here.seen_at = now
         for name in sorted(measured):
-            mean, std, _ = person.estimate(self._space.parameter(name), now) or (0.0, 0.0, 0.0)
-            place.add(name, mean, std, 1.0, now)
+            found = person.estimate(self._space.parameter(name), now, place)
+            if found is not None:
+                here.add(name, found.value, found.std, 1.0, now)
 
     def _bound(self) -> None:
         for known in (self._persons, self._places):
@@ -297,19 +296,6 @@ class Memory:
             oldest = sorted(away, key=lambda name: known[name].seen_at)
             for name in oldest[: max(0, len(away) - MOST_KNOWN)]:
                 del known[name]
-
-
-def _estimated(found: tuple[float, float, float], source: str) -> Estimated:
-    value, std, age_s = found
-    return Estimated(value=value, std=std, age_s=age_s, source=source)
-
-
-def _seen(count: int) -> str:
-    return "seen once" if count == 1 else f"seen {count} times"
-
-
-def _visits(count: int) -> str:
-    return "1 visit" if count == 1 else f"{count} visits"
 
 
 Remembered = tuple[Mapping[str, KnownPerson], Mapping[str, KnownPerson]]

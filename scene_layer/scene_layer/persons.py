@@ -93,7 +93,7 @@ class Persons:
     Of several who have been better for so long, the best is taken.
 
     Args:
-        spec: The rules.
+        spec: The rules; None where persons are not told apart, so that nobody is ever tracked.
 
     Attributes:
         addressee: Its id; :data:`NOBODY` without one.
@@ -102,9 +102,10 @@ class Persons:
         refusals: How many ids were refused, by code.
     """
 
-    def __init__(self, spec: PersonsSpec) -> None:
-        self._tracker = spec.tracked
-        self._rule = spec.addressee
+    def __init__(self, spec: PersonsSpec | None) -> None:
+        if spec is not None:
+            self._tracker = spec.tracked
+            self._rule = spec.addressee
         self._tracked: dict[str, _Tracked] = {}
         self._listed: tuple[str, ...] = ()
         self.received_at = -math.inf
@@ -255,17 +256,15 @@ class Encounters:
     they have gone: what is known of them stays as they left it. So does, for :data:`AWAY_S`, that
     of somebody known by name: a tracker that loses them for a moment does not end their visit.
 
-    Args:
-        spec: The scene parameters, their sources and the persons.
-        sources: The latest readings.
-        memory: What is known from before.
+    Attributes:
+        persons: Those with ids.
     """
 
     def __init__(self, spec: SceneSpec, sources: Sources, memory: Memory) -> None:
+        self.persons = Persons(spec.persons)
         self._spec = spec
         self._sources = sources
         self._memory = memory
-        self._persons = Persons(spec.persons) if spec.persons is not None else None
         self._here: tuple[str, ...] = ()
         self._held: str | None = None
         self._away: dict[str, _Departure] = {}
@@ -280,48 +279,12 @@ class Encounters:
     @property
     def identified(self) -> bool:
         """Whether persons have ids."""
-        return self._persons is not None
+        return self._spec.persons is not None
 
     @property
     def enabled(self) -> bool:
         """Whether updates are needed: for persons with ids, or values to remember."""
         return self.identified or bool(self._remembered)
-
-    @property
-    def tracked(self) -> tuple[str, ...]:
-        """Ids of all present persons in order of arrival; empty without identification."""
-        return self._persons.tracked if self._persons is not None else ()
-
-    @property
-    def addressee(self) -> str:
-        """Person whom a scene is about; :data:`NOBODY` without a person or without ids."""
-        return self._persons.addressee if self._persons is not None else NOBODY
-
-    @property
-    def reason(self) -> str:
-        """Reason why this person is the addressee."""
-        return self._persons.reason if self._persons is not None else ""
-
-    @property
-    def candidates(self) -> tuple[str, ...]:
-        """Ids of all who are here, or are from the next update on."""
-        return self._persons.candidates if self._persons is not None else ()
-
-    @property
-    def received_at(self) -> float:
-        """Steady time of the last message of the tracker; −∞ before the first [s]."""
-        return self._persons.received_at if self._persons is not None else -math.inf
-
-    def receive_ids(self, ids: Iterable[object], now: float) -> tuple[Refused, int] | None:
-        """Take a message of the tracker; see :meth:`Persons.receive_ids`.
-
-        Returns:
-            The last id that was left out, and how often that has happened; None for none.
-        """
-        if self._persons is None:
-            return None
-        refused = self._persons.receive_ids(ids, now)
-        return (refused, self._persons.refusals[refused.code]) if refused is not None else None
 
     def update(self, now: float, wall: float) -> bool:
         """Update who is here, and remember what was measured of them.
@@ -333,7 +296,7 @@ class Encounters:
         Returns:
             True when somebody has come or gone, or somebody else is the addressee.
         """
-        before = self._here, self.addressee
+        before = self._here, self.persons.addressee
         came, gone = self._moved(now)
         self._end_visits(now)
         for person in came:
@@ -347,7 +310,7 @@ class Encounters:
             self._away[person] = _Departure(at=now, wall=wall, place=self._sources.place(now))
         self._end_visits(now)
         self._forget_others()
-        return before != (self._here, self.addressee)
+        return before != (self._here, self.persons.addressee)
 
     def hold(self, person: str | None) -> None:
         """Keep what is known of the person of a run; None between runs."""
@@ -359,9 +322,9 @@ class Encounters:
         return frozenset(self._names)
 
     def _moved(self, now: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        if self._persons is not None:
-            moved = self._persons.update(self._ranks(now), now)
-            self._here = self._persons.tracked
+        if self._spec.persons is not None:
+            moved = self.persons.update(self._ranks(self._spec.persons, now), now)
+            self._here = self.persons.tracked
             return moved.came, moved.gone
         here = (NOBODY,) if somebody_is_measured(self._spec, self._sources, now) else ()
         came = here if not self._here else ()
@@ -369,14 +332,12 @@ class Encounters:
         self._here = here
         return came, gone
 
-    def _ranks(self, now: float) -> dict[str, float]:
+    def _ranks(self, spec: PersonsSpec, now: float) -> dict[str, float]:
         """Return the rank of each person by which the addressee is chosen, where it is known."""
-        assert self._persons is not None
-        assert self._spec.persons is not None
-        source = self._spec.persons.addressee.source
+        source = spec.addressee.source
         if source is None:
             return {}
-        found = {p: self._sources.reading(source, now, p) for p in self._persons.candidates}
+        found = {p: self._sources.reading(source, now, p) for p in self.persons.candidates}
         return {person: read.value for person, read in found.items() if read is not None}
 
     def _observe(self, person: str, now: float, wall: float) -> None:
@@ -406,7 +367,7 @@ class Encounters:
 
     def _forget_others(self) -> None:
         """Drop readings of persons who are neither present, nor listed, nor still awaited."""
-        for person in self._sources.people - {*self.candidates, *self._away}:
+        for person in self._sources.people - {*self.persons.candidates, *self._away}:
             self._sources.forget(person)
 
 

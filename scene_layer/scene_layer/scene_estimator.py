@@ -99,6 +99,7 @@ class SceneEstimator:
         self._memory = memory
         self._interactions: dict[str, SceneInteraction] = {}
         self.encounters = Encounters(spec, sources, memory)
+        self._persons = self.encounters.persons
 
     def begin(
         self,
@@ -183,7 +184,7 @@ class SceneEstimator:
         """Return the scene of a person with nothing given; times as in :meth:`scene`."""
         one = SceneInteraction(scene_id=f"person/{person_id}", person_id=person_id, met=True)
         values = [self._value(name, one, now) for name in self._spec.space.names]
-        present = person_id in self.encounters.tracked
+        present = person_id in self._persons.tracked
         return self._complete(one, values, present, now, wall, stamp)
 
     def _complete(
@@ -203,7 +204,7 @@ class SceneEstimator:
             urgent=interaction.urgent,
             person_id=interaction.person_id,
             place=place,
-            persons=len(self.encounters.tracked),
+            persons=len(self._persons.tracked),
             values=tuple(
                 self._expected(value.name, interaction, place, wall)
                 if value.origin is Origin.MISSING
@@ -233,7 +234,7 @@ class SceneEstimator:
         if absent or (known.person_id and scene_id):
             return known
         met = known.met and bool(scene_id)
-        return self._update(replace(known, person_id=self.encounters.addressee, met=met))
+        return self._update(replace(known, person_id=self._persons.addressee, met=met))
 
     def _update(self, interaction: SceneInteraction) -> SceneInteraction:
         """Keep an interaction at its place in line, where it is known."""
@@ -245,7 +246,7 @@ class SceneEstimator:
         """Return a value as given or measured, else missing."""
         given = interaction.values.get(name)
         person = interaction.person_id
-        lost = bool(person) and person not in self.encounters.tracked
+        lost = bool(person) and person not in self._persons.tracked
         read = self._sources.latest(name, now, person, alone=lost)
         if given is not None and (read is None or read.at <= given.at):
             return SceneValue(name=name, value=given.value, origin=Origin.GIVEN, source="given")
@@ -311,9 +312,9 @@ class SceneEstimator:
         """
         given = interaction.person
         if self.encounters.identified:
-            if given is not None and (not given.value or self.encounters.received_at <= given.at):
+            if given is not None and (not given.value or self._persons.received_at <= given.at):
                 return given.value >= THRESHOLD
-            return interaction.person_id in self.encounters.tracked
+            return interaction.person_id in self._persons.tracked
         if self._spec.person is None and given is None:
             return any(value.origin is not Origin.MISSING for value in values)
         read = self._sources.latest_person()

@@ -100,9 +100,9 @@ class SceneLayerNode(BaseNode):
         self._playing: ScriptPlayer | None = None
         self._listening: SourceSubscriptions | None = None
         if script is None:
-            encounters = self._estimate.encounters
+            persons = self._estimate.encounters.persons
             self._listening = SourceSubscriptions(
-                self, spec, self._sources, encounters, self._on_change
+                self, spec, self._sources, persons, self._on_change
             )
         else:
             listened = self._market_listens
@@ -155,17 +155,17 @@ class SceneLayerNode(BaseNode):
 
     def _publish_persons(self) -> None:
         now, wall = time.monotonic(), time.time()
-        encounters = self._estimate.encounters
-        if not encounters.identified or now - self._persons_at < self._period_s:
+        if self._spec.persons is None or now - self._persons_at < self._period_s:
             return
         stamp = self._stamp()
+        persons = self._estimate.encounters.persons
         scenes = [
             self._estimate.scene_of(person, now=now, wall=wall, stamp=stamp)
-            for person in encounters.tracked
+            for person in persons.tracked
         ]
         shown = (
-            encounters.addressee,
-            encounters.reason,
+            persons.addressee,
+            persons.reason,
             [
                 (s.person_id, s.place, [(repr(v.value), v.origin) for v in s.values])
                 for s in scenes
@@ -175,13 +175,12 @@ class SceneLayerNode(BaseNode):
             return
         self._shown = shown
         self._persons_at = now
-        assert self._spec.persons is not None
         self._persons.publish(
             Persons(
                 stamp=to_time(stamp),
                 rule=self._spec.persons.addressee.rule.value,
-                addressee=encounters.addressee,
-                reason=encounters.reason,
+                addressee=persons.addressee,
+                reason=persons.reason,
                 scenes=[scene_to_msg(scene) for scene in scenes],
             )
         )
@@ -189,7 +188,7 @@ class SceneLayerNode(BaseNode):
     # Scenes
 
     def _on_trigger(self, _message: Empty) -> None:
-        self._announce("", {}, None)
+        self._announce("", {}, None, urgent=False)
 
     def _on_analyze(self, request: Any, response: Any) -> Any:
         try:
@@ -208,7 +207,7 @@ class SceneLayerNode(BaseNode):
             response.code, response.message = refused.code, refused.reason
             return response
         if request.announce:
-            scene = self._announce(request.label, values, person, urgent=request.urgent)
+            scene = self._announce(request.label, values, person, request.urgent)
             response.message = f"scene {scene.scene_id} announced"
         else:
             scene = self._give(values, person)
@@ -218,7 +217,7 @@ class SceneLayerNode(BaseNode):
         return response
 
     def _announce(
-        self, label: str, values: Mapping[str, float], person: bool | None, *, urgent: bool = False
+        self, label: str, values: Mapping[str, float], person: bool | None, urgent: bool
     ) -> Scene:
         if self._estimate.encounters.enabled:
             self._poll()
