@@ -60,14 +60,6 @@ class MoodTrace:
     def __init__(
         self, awarded: Scene, space: SceneSpace, clock: Callable[[], float], lease_s: float
     ) -> None:
-        """Start before the first node.
-
-        Args:
-            awarded: Scene as awarded.
-            space: Says which parameter is the mood.
-            clock: Steady time [s].
-            lease_s: A live scene counts for so long after it has come [s].
-        """
         self.lease_s = lease_s
         self._space = space
         self._clock = clock

@@ -14,9 +14,6 @@ class SimulatedFeedback:
 
     Section 2.3.4 of the paper: "a previously generated list of simulated user feedback". Every row
     of the list counts, the first one too.
-
-    Args:
-        prepared: The feedback.
     """
 
     def __init__(self, prepared: PreparedFeedback) -> None:
@@ -25,11 +22,7 @@ class SimulatedFeedback:
         self._used = 0
 
     def resume(self, given: Mapping[str, int]) -> None:
-        """Go on after feedback that was given before a restart.
-
-        Args:
-            given: Agent → how often it was given some.
-        """
+        """Go on after a restart before which each agent was given some feedback, so often."""
         prepared = self._prepared
         self._given = sum(given.values())
         self._used = sum(count for agent, count in given.items() if agent not in prepared.each)

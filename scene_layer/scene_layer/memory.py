@@ -99,11 +99,7 @@ class Running:
         What is known from the beginning counts as one measurement,
         s² = (scatter + ignorance²) / (weight + 1), and time takes it back to not knowing:
         std² = s² + (ignorance² − s²) (1 − exp(−2 age / :data:`DRIFT_S`)), the variance of the
-        prediction of an Ornstein-Uhlenbeck process. It never falls with age.
-
-        Args:
-            ignorance: Standard deviation when nothing is known.
-            age_s: Time since the last value, 0 or more [s].
+        prediction of an Ornstein-Uhlenbeck process. It never falls with age, which is 0 or more.
         """
         limit = ignorance * ignorance
         known = (self.scatter + limit) / (self.weight + 1.0)
@@ -157,10 +153,8 @@ class Memory:
     """Running estimates of persons and averages of places, made of measured values only.
 
     A person is remembered over the end of tracking only when the id is the name of a known
-    person. Each visit counts once in the average of its place, with what was measured of it.
-
-    Args:
-        space: The scene parameters.
+    person. Each visit counts once in the average of its place, with what was measured of it. All
+    times are unix times [s].
 
     Attributes:
         changes: Counts what should be saved.
@@ -175,7 +169,7 @@ class Memory:
         self._shunned: set[str] = set()
 
     def came(self, person: str, now: float) -> None:
-        """Begin the visit of a person; ``now`` is in unix time [s], as everywhere here."""
+        """Begin the visit of a person."""
         known = self._persons.pop(person, None) or KnownPerson()
         known.visits += 1
         known.seen_at = now
@@ -196,14 +190,7 @@ class Memory:
         self.changes += 1
 
     def left(self, person: str, place: str, *, known: bool, now: float) -> None:
-        """End a visit.
-
-        Args:
-            person: Who has gone; somebody who never came changes nothing.
-            place: Where the visit was; may be empty.
-            known: True when the id is a name by which this person comes again.
-            now: Unix time [s].
-        """
+        """End a visit to a place; who is ``known`` by name may come again."""
         measured = self._visits.pop(person, None)
         if measured is None:
             return
@@ -218,14 +205,7 @@ class Memory:
         self.changes += 1
 
     def estimate(self, person: str, place: str, name: str, now: float) -> Estimated | None:
-        """Return the estimate for a person, else for those who come to the place.
-
-        Args:
-            person: Who; may be empty.
-            place: Where; may be empty.
-            name: A parameter of the space.
-            now: Unix time [s].
-        """
+        """Return the estimate for a person, else for those who come to the place."""
         parameter = self._space.parameter(name)
         found = None
         if (known := self._persons.get(person)) is not None:
@@ -260,9 +240,7 @@ class Memory:
     ) -> tuple[dict[str, KnownPerson], dict[str, KnownPerson]]:
         """Return what outlives a restart, persons and places, as a copy that does not change.
 
-        Args:
-            known: Those of the present persons who are known by name; others who are here are
-                left out.
+        Of the present persons only those ``known`` by name are in it.
         """
         names = set(known) - self._shunned
         persons = {
@@ -337,10 +315,7 @@ def to_text(
 def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
     """Return the content of a text; values of other parameters, or out of range, are left out.
 
-    Args:
-        text: Of a file.
-        space: The scene parameters.
-        now: Unix time; what was seen later, by a clock that was wrong, was seen now [s].
+    What was seen later than now, by a clock that was wrong, was seen now (unix time [s]).
 
     Raises:
         DamagedMemoryError: It is not what :func:`to_text` writes.
@@ -360,11 +335,6 @@ def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
 
 def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
     """Return the content of a file; nothing when it is empty or not there.
-
-    Args:
-        path: Of the file.
-        space: The scene parameters.
-        now: Unix time [s].
 
     Raises:
         DamagedMemoryError: It is one of ours, and damaged.

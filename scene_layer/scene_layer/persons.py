@@ -128,11 +128,7 @@ class Persons:
         return tuple(dict.fromkeys((*self._tracked, *self._listed)))
 
     def receive_ids(self, ids: Iterable[object], now: float) -> Refused | None:
-        """Take a message of the tracker.
-
-        Args:
-            ids: Of all persons there are, as the tracker says them; bad ones are left out.
-            now: Steady time [s].
+        """Take the ids of all persons there are, as the tracker says; bad ones are left out.
 
         Returns:
             The refusal of the last id that was left out; None when all are taken.
@@ -166,12 +162,10 @@ class Persons:
         return refused
 
     def update(self, ranks: Mapping[str, float], now: float) -> Moved:
-        """Update who is there, and choose the addressee.
+        """Update who is there at a steady time [s], and choose the addressee.
 
-        Args:
-            ranks: Engagement [0..1] or distance [m] by person, as the rule wants it; who is not
-                in it, or NaN, is ranked last.
-            now: Steady time [s], never earlier than before.
+        Ranks are engagement [0..1] or distance [m], as the rule wants it; who has none, or NaN, is
+        ranked last.
         """
         stale = now > self.received_at + self._tracker.stale_after_s
         fresh = () if stale else self._listed
@@ -287,11 +281,7 @@ class Encounters:
         return self.identified or bool(self._remembered)
 
     def update(self, now: float, wall: float) -> bool:
-        """Update who is here, and remember what was measured of them.
-
-        Args:
-            now: Steady time [s].
-            wall: Unix time [s].
+        """Update who is here, and remember what was measured of them; times steady and unix [s].
 
         Returns:
             True when somebody has come or gone, or somebody else is the addressee.

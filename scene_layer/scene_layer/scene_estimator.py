@@ -53,8 +53,6 @@ class SceneInteraction:
     """Values given for one interaction, from its scene to the end of its runs.
 
     Attributes:
-        scene_id: Of its scene.
-        label: Words for people.
         values: Given values by parameter.
         person: 1 where somebody was said to be there, 0 for nobody; None as measured.
         urgent: Whether it may stop a running tree.
@@ -85,12 +83,7 @@ class SceneEstimator:
     A given value holds for its interaction until a source brings a newer reading. It never
     reaches another interaction: a scene that waits does not change the one that runs. An
     interaction stays with the person whom it began with; one that began with nobody takes the
-    first addressee there is.
-
-    Args:
-        spec: The scene parameters and their sources.
-        sources: The latest readings.
-        memory: What is known from before.
+    first addressee there is. Here ``now`` is steady time [s] and ``wall`` unix time [s].
     """
 
     def __init__(self, spec: SceneSpec, sources: Sources, memory: Memory) -> None:
@@ -112,16 +105,10 @@ class SceneEstimator:
         urgent: bool = False,
         person_id: str | None = None,
     ) -> SceneInteraction:
-        """Open an interaction.
+        """Open an interaction with checked values, which may stop a running tree if ``urgent``.
 
-        Args:
-            scene_id: Of its scene.
-            label: Words for people.
-            values: Checked values that are given for it.
-            person: Whether somebody is there; None as measured.
-            now: Steady time [s].
-            urgent: Whether it may stop a running tree.
-            person_id: Whom it is about; None takes the addressee.
+        Whether there is a ``person`` is as measured where it is None; it is about ``person_id``,
+        else about the addressee.
         """
         empty = SceneInteraction(scene_id=scene_id, label=label, urgent=urgent)
         begun = empty.with_given(values, person, now)
@@ -153,26 +140,13 @@ class SceneEstimator:
         )
 
     def update(self, now: float, wall: float, running: str | None) -> bool:
-        """Update who is here; return whether that has changed.
-
-        Args:
-            now: Steady time [s].
-            wall: Unix time [s].
-            running: Scene id of the run under way; None between runs.
-        """
+        """Update who is here, while the scene ``running`` has a run; return True for a change."""
         person = None if running is None else self._bound(running).person_id
         self.encounters.hold(person)
         return self.encounters.update(now, wall)
 
     def scene(self, scene_id: str, *, now: float, wall: float, stamp: float) -> Scene:
-        """Put the scene of an interaction together.
-
-        Args:
-            scene_id: Id of the interaction; an unknown one has no given values.
-            now: Steady time [s].
-            wall: Unix time [s].
-            stamp: Time for the message [s].
-        """
+        """Put the scene of an interaction together; an unknown one has no given values."""
         known = self._bound(scene_id)
         values = [self._value(name, known, now) for name in self._spec.space.names]
         present = self._present(known, values, now)
@@ -181,7 +155,7 @@ class SceneEstimator:
         return self._complete(known, values, present, now, wall, stamp)
 
     def scene_of(self, person_id: str, *, now: float, wall: float, stamp: float) -> Scene:
-        """Return the scene of a person with nothing given; times as in :meth:`scene`."""
+        """Return the scene of a person with nothing given."""
         one = SceneInteraction(scene_id=f"person/{person_id}", person_id=person_id, met=True)
         values = [self._value(name, one, now) for name in self._spec.space.names]
         present = person_id in self._persons.tracked

@@ -72,13 +72,10 @@ class Agent:
     """Checked agent of a card.
 
     Attributes:
-        name: Unique name.
         host: Fully qualified name of its host.
         authored: Profile of its file.
         held: Ledger revision that its host bids with.
         rate: Learning rate, 0..1.
-        learning: How feedback moves its profile.
-        rules: Mood rules that could be read.
         entry: What it was read from.
     """
 
@@ -111,10 +108,7 @@ def read_card(
 ) -> tuple[tuple[Agent, ...], tuple[str, ...]]:
     """Check a card; one bad agent or rule does not spoil the others.
 
-    Args:
-        card: The card.
-        space: The scene parameters.
-        known: Agents of earlier cards by name; those that have not changed are not read anew.
+    Those of ``known``, the agents of earlier cards, that have not changed are not read anew.
 
     Returns:
         The agents that can learn, and the problems of the others in words.
@@ -167,11 +161,6 @@ def read_card(
 
 def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> LearningRule:
     """Return the learning rule of an entry.
-
-    Args:
-        entry: As a card has it.
-        space: The parameters of the card.
-        what: Whose it is, for messages.
 
     Raises:
         Refused: ``BAD_LEARNING``.

@@ -17,8 +17,6 @@ class ProfileChange:
 
     Attributes:
         revision: Row of the ledger, with agent, layer, cause and time.
-        before: Profile before.
-        after: Profile after.
         target: Vector moved towards or away from; NaN for no opinion.
         rates: What each parameter has moved by, of the distance; empty when all by the learning
             rate.
@@ -55,7 +53,6 @@ class Delivery:
         layer: Empty for everybody's.
         remove: True when the host is to forget it.
         values: The profile; empty when it is removed.
-        revision: Of the profile.
     """
 
     host: str

@@ -78,7 +78,13 @@ class _Pending:
 
 
 class FeedbackController:
-    """Turns events of runs, live scenes and given feedback into changes of profiles."""
+    """Turns events of runs, live scenes and given feedback into changes of profiles.
+
+    Args:
+        clock: Steady time [s].
+        new_id: Returns a unique id for feedback that has none.
+        lease_s: A live scene counts for so long after it has come [s].
+    """
 
     def __init__(
         self,
@@ -89,15 +95,6 @@ class FeedbackController:
         simulated: SimulatedFeedback | None = None,
         lease_s: float = LEASE_S,
     ) -> None:
-        """Start without any run.
-
-        Args:
-            profiles: The profiles to change.
-            clock: Steady time [s].
-            new_id: Returns a unique id for feedback that has none.
-            simulated: Feedback of an experiment.
-            lease_s: A live scene counts for so long after it has come [s].
-        """
         self.profiles = profiles
         self._lease_s = lease_s
         self._clock = clock
@@ -146,11 +143,9 @@ class FeedbackController:
         return result
 
     def on_run_started(self, run: AnnouncedRun, *, replayed: bool = False) -> None:
-        """Begin to evaluate the rules of a run, unless it is known to be over.
+        """Evaluate the rules of a run from now on, unless it is known to be over.
 
-        Args:
-            run: The run.
-            replayed: True when the event is older than this node.
+        An event that is older than this node is ``replayed``.
         """
         if self._runs.started(run):
             self._watch = None

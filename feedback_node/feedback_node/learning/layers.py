@@ -27,8 +27,6 @@ class LayerStep:
     """Step of one layer for one feedback.
 
     Attributes:
-        cause: For the ledger.
-        step: The move.
         false_rate: 0..1, how much of what the layer was taught, this included, seems to be
             wrong; NaN when too little is known.
         recent: What the layer was taught last, this included; see :func:`taught`.
@@ -81,16 +79,8 @@ def layer_step(
 ) -> LayerStep:
     """Return the step of one layer of an agent for one feedback.
 
-    Args:
-        kind: Which way.
-        profile: Of the layer.
-        target: Wanted profile or scene, NaN for no opinion.
-        agent: Whose.
-        share: How much of the feedback the layer learns, 0..1.
-        cause: Without what the step says.
-        changes: How many feedbacks have led to the profile.
-        recent: What they have asked for; see :func:`taught`.
-        space: The parameters and their ranges.
+    The layer learns a ``share`` of it, 0..1; ``changes`` many feedbacks have led to its profile,
+    which have asked for ``recent``, see :func:`taught`. The ``cause`` lacks what the step says.
 
     Raises:
         Refused: As in :func:`learning_step.step`.

@@ -146,13 +146,7 @@ def step(
 
 
 def requested(kind: FeedbackKind, profile: Vector, target: Vector) -> Vector:
-    """Return the profile that a feedback asked for, which is the ``recent`` of later ones.
-
-    Args:
-        kind: Which way; not ``SET``.
-        profile: Profile before it.
-        target: Its target; NaN for no opinion.
-    """
+    """Return the profile that a feedback, but not ``SET``, asked for: ``recent`` of later ones."""
     return _vector(updates.requested(kind, np.array(profile), np.array(target)))
 
 
@@ -162,11 +156,8 @@ def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
     A feedback is an outlier when one of its values is farther from the median than
     :data:`OUTLIER_DEVIATIONS` robust standard deviations, ``1.4826 · MAD`` (Iglewicz and Hoaglin,
     "How to Detect and Handle Outliers", 1993), where a deviation is at least 1/40 of the range. Up
-    to half of the feedbacks can be found to be wrong.
-
-    Args:
-        recent: What the last feedbacks asked for, as of :func:`requested`; NaN for no opinion.
-        space: The parameters and their ranges.
+    to half of the feedbacks can be found to be wrong. They are given by what they asked for, as of
+    :func:`requested`, NaN for no opinion.
 
     Returns:
         0..1; NaN for less than :data:`FEWEST_SAMPLES` feedbacks.

@@ -203,18 +203,8 @@ class Profiles:
         """Move an agent's profile and record it; the same id is applied once.
 
         Where the agent learns apart for the person or the place of the run's scene, their layers
-        move, and the profile for everybody in part; ``SET`` sets that for everybody.
-
-        Args:
-            name: Whose profile.
-            kind: Which way.
-            target: Wanted profile or scene, NaN for no opinion.
-            feedback_id: Unique.
-            source: Who gave it.
-            reason: Why, in words.
-            run: The run that it belongs to, if any.
-            cancels: True when the run is stopped because of it.
-            leaf: Path of the node that it is about; may be empty.
+        move, and the profile for everybody in part; ``SET`` sets that for everybody. The target is
+        a wanted profile or a scene, NaN for no opinion.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, ``BAD_TEXT``, ``RESERVED_ID``,
@@ -282,9 +272,7 @@ class Profiles:
     ) -> ProfileChange:
         """Adopt revisions that the ledger has recorded, of agents known or not.
 
-        Args:
-            revisions: One or more; beginnings of layers belong to what follows them.
-            steps: By layer, when they come from feedback.
+        Beginnings of layers belong to what follows them. Of feedback there are steps, by layer.
 
         Raises:
             LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.

@@ -143,11 +143,7 @@ def apply_update(
 
 
 def median(samples: Array) -> Array:
-    """Return the median over the last but one axis, NaN left out; NaN where all are.
-
-    Args:
-        samples: [..., k, n].
-    """
+    """Return the median of samples [..., k, n] over k, NaN left out; NaN where all are."""
     ordered = np.sort(samples, axis=-2)
     count = np.sum(~np.isnan(samples), axis=-2, keepdims=True)
     below = np.take_along_axis(ordered, np.maximum(count - 1, 0) // 2, axis=-2)

@@ -48,10 +48,6 @@ class Ledger(LedgerReader):
     def __init__(self, path: str | Path, *, wall: Callable[[], float] = time.time) -> None:
         """Open a ledger and check all of it; a missing file and its folder are created.
 
-        Args:
-            path: SQLite file, or ``":memory:"``.
-            wall: Wall time of the entries [s].
-
         Raises:
             LedgerError: ``LEDGER_IN_USE``, or as in :func:`open_database`.
         """
@@ -74,10 +70,8 @@ class Ledger(LedgerReader):
         """Move what was committed from the write-ahead log into the database file.
 
         A close would do it otherwise, and on a slow disk outlast the time a process has to stop.
-        Traces of what was forgotten go from the file here when they could not go at once.
-
-        Returns:
-            False when they still could not.
+        Traces of what was forgotten go from the file here when they could not go at once; returns
+        False when they still could not.
         """
         self._erasure.retry()
         with suppress(sqlite3.OperationalError):
@@ -104,9 +98,6 @@ class Ledger(LedgerReader):
         was learned before; a layer of the agent takes the edited values only. Where only
         parameters have come or gone, the learned values stay and new parameters take the
         authored value.
-
-        Args:
-            profiles: Agent → parameter → value, as the file has it.
 
         Raises:
             LedgerError: As in :func:`failed`, or ``LEDGER_CORRUPT``; nothing is recorded.
@@ -200,10 +191,6 @@ class Ledger(LedgerReader):
         """Erase the content of layers from the file; a row for each says that it was there.
 
         Hashes of the feedback ids stay, so that late repetitions are not applied again.
-
-        Args:
-            profiles: Agent and layer of each.
-            source: Who asks.
 
         Returns:
             Why traces of them stay in the file for now; empty when they are gone.

@@ -75,11 +75,7 @@ def lock_file(path: Path) -> TextIO:
 
 
 def connect(path: str, mode: str) -> sqlite3.Connection:
-    """Open a database; ``ro``, ``rwc`` or ``memory`` as in SQLite's URI.
-
-    Raises:
-        sqlite3.Error: It cannot be opened.
-    """
+    """Open a database; ``ro``, ``rwc`` or ``memory`` as in SQLite's URI."""
     address = f"file:{quote(path)}?mode={mode}"
     database = sqlite3.connect(address, uri=True, timeout=_LOCK_WAIT_S, isolation_level=None)
     # Damaged text is for the checksum of its row to find.
@@ -201,11 +197,7 @@ def _set_up(database: sqlite3.Connection) -> None:
 
 
 def integer(database: sqlite3.Connection, pragma: str) -> int:
-    """Return the number that a pragma of the file has.
-
-    Raises:
-        sqlite3.Error: It cannot be read.
-    """
+    """Return the number that a pragma of the file has."""
     return int(database.execute(f"PRAGMA {pragma}").fetchone()[0])
 
 

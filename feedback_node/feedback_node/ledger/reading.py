@@ -30,12 +30,7 @@ _LARGEST_BATCH = 1024
 
 
 class LedgerReader:
-    """Queries of an open ledger; each may raise ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
-
-    Args:
-        database: The ledger.
-        path: Its file, for messages.
-    """
+    """Queries of an open ledger; each may raise ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``."""
 
     def __init__(self, database: sqlite3.Connection, path: str) -> None:
         self._database = database
@@ -109,15 +104,10 @@ class LedgerReader:
         return tuple(reversed(found))
 
     def taught(self, agent: str, layer: str = "", *, newest: int) -> tuple[ProfileRevision, ...]:
-        """Return the feedbacks that have led to the current profile, oldest first.
+        """Return the newest feedbacks that have led to the current profile, oldest first.
 
         Those that were undone are left out, and those before the author, a reset or an import has
         set the profile; those that set it are none.
-
-        Args:
-            agent: Whose.
-            layer: Which.
-            newest: At most so many.
         """
         found: list[ProfileRevision] = []
         for row in self._back(agent, layer):

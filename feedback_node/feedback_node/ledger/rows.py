@@ -69,8 +69,6 @@ class RevisionCause:
         cause: ``authored``, ``layer`` (where one begins), ``feedback``, ``undo``, ``reset``,
             ``import`` or ``forgotten``.
         kind: Number of the feedback's kind as in ``Feedback.msg``; 0 for no feedback.
-        source: Who gave it.
-        reason: Why, as a text.
         feedback_id: Unique among all feedback; None for a change without feedback.
         epoch: Market of the run; may be empty.
         round: Round of the run; 0 for none.
@@ -109,12 +107,10 @@ class ProfileRevision:
     """Profile of an agent, or of one of its layers, from one change to the next.
 
     Attributes:
-        agent: Whose profile.
         layer: Empty for everybody's, ``person/anna``, ``place/lobby``.
         revision: Counts up from 0 in each layer; 0 is what the agent's file began with, or what
             the layer began with.
         profile: Parameter → value; empty when it was forgotten.
-        cause: Why it was written.
         stamp: Wall time of the entry [s].
     """
 
@@ -131,12 +127,8 @@ class Row(NamedTuple):
 
     Attributes:
         number: Order of entry.
-        agent: Whose.
-        layer: Which.
-        revision: Of the layer.
         feedback_id: None without one; a hash of it when it was forgotten.
         content: The rest as JSON; None when it was forgotten.
-        checksum: See :func:`checksum_of`.
     """
 
     number: int
@@ -172,11 +164,7 @@ _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
 def create_tables(database: sqlite3.Connection) -> None:
-    """Create the tables of an empty ledger, inside a transaction of the caller.
-
-    Raises:
-        sqlite3.Error: They cannot be created.
-    """
+    """Create the tables of an empty ledger, inside a transaction of the caller."""
     database.execute(f"PRAGMA application_id = {APPLICATION}")
     database.execute(f"PRAGMA user_version = {FORMAT}")
     for statement in _SCHEMA:
@@ -184,11 +172,7 @@ def create_tables(database: sqlite3.Connection) -> None:
 
 
 def has_tables(database: sqlite3.Connection) -> bool:
-    """Return True when the tables, indexes and triggers are those of a ledger.
-
-    Raises:
-        sqlite3.Error: They cannot be read.
-    """
+    """Return True when the tables, indexes and triggers are those of a ledger."""
     found = database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")
     return sorted(str(sql) for (sql,) in found) == sorted(_SCHEMA)
 

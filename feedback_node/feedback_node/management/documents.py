@@ -37,13 +37,7 @@ def to_document(
     *,
     document_id: str,
 ) -> str:
-    """Return a document.
-
-    Args:
-        profiles: Summary of each profile.
-        revisions: Their history.
-        document_id: Unique; the same document is imported once.
-    """
+    """Return a document of summaries and their history; one of the same id is imported once."""
     return json.dumps(
         {
             "format": FORMAT,

@@ -53,12 +53,10 @@ class ManagementCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class ManagementResult:
-    """Result of a request.
+    """Result of a request; its message is for people.
 
     Attributes:
-        message: What was done, for people.
         document: JSON, of those actions that return one.
-        changes: Changes of profiles.
         deliveries: Profiles for the hosts, beside the changes.
         forgets: True when somebody was forgotten.
     """
@@ -71,14 +69,7 @@ class ManagementResult:
 
 
 class Management:
-    """Execution of requests; each is carried out as a whole or not at all.
-
-    Args:
-        profiles: The profiles.
-        ledger: Their ledger.
-        wall: Wall time [s].
-        new_id: Returns a unique id.
-    """
+    """Execution of requests; each is carried out as a whole or not at all."""
 
     def __init__(
         self,

@@ -75,14 +75,7 @@ class FeedbackNode(BaseNode):
         simulated: SimulatedFeedback | None = None,
         **node_kwargs: Any,
     ) -> None:
-        """Create the node.
-
-        Args:
-            space: The scene parameters.
-            ledger: Open ledger; its owner closes it after the node is destroyed.
-            simulated: Feedback of an experiment; None gives none.
-            node_kwargs: Passed on to ``Node``.
-        """
+        """Create the node; the owner of the open ledger closes it after the node is destroyed."""
         super().__init__("feedback", **node_kwargs)
         self._space = space
         self._ledger = ledger
@@ -263,11 +256,7 @@ class FeedbackNode(BaseNode):
         return response
 
     async def _once_known(self, teach: Callable[[], ResultT]) -> ResultT:
-        """Apply feedback that may precede the agent's card after a restart; wait for the card.
-
-        Raises:
-            Refused: As ``teach``.
-        """
+        """Apply feedback that may precede the agent's card after a restart; wait for the card."""
         while True:
             try:
                 return teach()

@@ -21,13 +21,7 @@ _MOST_UNDER_WAY = 200
 
 
 class HostProfiles:
-    """Delivers profiles; one that its host has not answered is delivered again.
-
-    Args:
-        node: The feedback node.
-        calls: Its bounded calls.
-        profiles: What the hosts are to bid with.
-    """
+    """Delivers profiles; one that its host has not answered is delivered again."""
 
     def __init__(self, node: Node, calls: Calls, profiles: Profiles) -> None:
         self._node = node

@@ -54,11 +54,9 @@ class SceneLayerNode(BaseNode):
     """Listens to the sources, or plays a script in their stead, and publishes scenes.
 
     Args:
-        spec: The scene parameters and their sources.
         script: Visits to play instead of listening to the sources.
         memory: File in which what is known of persons and places outlives the node; None for none.
         ids: Makes the scene ids; random ones by default.
-        node_kwargs: For :class:`rclpy.node.Node`.
 
     Raises:
         Refused: A source names a type or field that is not installed, or a topic that cannot be
@@ -109,15 +107,12 @@ class SceneLayerNode(BaseNode):
             self._playing = ScriptPlayer(self, script, self._announce, self._give, listened)
 
     def request_stop(self) -> None:
-        """Save what is known of persons and places."""
         self._remembering.request_stop()
 
     def stopped(self) -> bool:
-        """Return True when it is saved."""
         return self._remembering.stopped()
 
     def destroy_node(self) -> None:
-        """Destroy the node and end its thread."""
         self._remembering.close()
         super().destroy_node()
 

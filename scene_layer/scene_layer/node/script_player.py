@@ -23,10 +23,7 @@ class ScriptPlayer:
     """Announces the visits of a script and gives their changes.
 
     Args:
-        node: The scene layer's node.
-        script: The visits.
         announce: Announces the scene of a visit by its label, values, person and urgency.
-        give: Gives values to the interaction that runs.
         listened: Says whether a market takes scenes.
     """
 

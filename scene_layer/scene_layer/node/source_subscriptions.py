@@ -42,13 +42,6 @@ class _Key:
 class SourceSubscriptions:
     """Subscriptions of all sources; their messages become readings.
 
-    Args:
-        node: The scene layer's node.
-        spec: The sources.
-        sources: Takes the readings.
-        persons: Takes who is tracked.
-        changed: Called when a reading has changed something.
-
     Raises:
         Refused: A source names a type or field that is not installed, or a topic that cannot be
             subscribed to.
@@ -216,12 +209,9 @@ class SourceSubscriptions:
 
 
 def _raw(message: Any, path: str, nothing: Any) -> Any:
-    """Return a field as it is; :func:`read_field` would turn a long list into plain data.
+    """Return a field as it is, or ``nothing`` for an item of a list that is too short.
 
-    Args:
-        message: A message of a type that has such a field.
-        path: As for :func:`read_field`.
-        nothing: What stands for an item of a list that is too short.
+    :func:`read_field` would turn a long list into plain data.
     """
     try:
         return value_at(message, path, message_field)
