@@ -68,14 +68,6 @@ def check_id(person_id: object) -> str:
     return person_id
 
 
-@dataclass(frozen=True, kw_only=True)
-class Moved:
-    """Persons who have come and gone since the last update, in order."""
-
-    came: tuple[str, ...] = ()
-    gone: tuple[str, ...] = ()
-
-
 @dataclass
 class _Tracked:
     number: int
@@ -161,11 +153,16 @@ class Persons:
             one.absent_since = math.inf if listed else min(one.absent_since, now)
         return refused
 
-    def update(self, ranks: Mapping[str, float], now: float) -> Moved:
+    def update(
+        self, ranks: Mapping[str, float], now: float
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Update who is there at a steady time [s], and choose the addressee.
 
         Ranks are engagement [0..1] or distance [m], as the rule wants it; who has none, or NaN, is
         ranked last.
+
+        Returns:
+            Who has come and who has gone, in order.
         """
         stale = now > self.received_at + self._tracker.stale_after_s
         fresh = () if stale else self._listed
@@ -182,7 +179,7 @@ class Persons:
             self._count += 1
             self._tracked[person] = _Tracked(number=self._count)
         self._choose([person for person in self._tracked if person in fresh], ranks, now)
-        return Moved(came=came, gone=gone)
+        return came, gone
 
     def _refuse(self, problem: Refused) -> Refused:
         self.refusals[problem.code] += 1
@@ -315,7 +312,7 @@ class Encounters:
         if self._spec.persons is not None:
             moved = self.persons.update(self._ranks(self._spec.persons, now), now)
             self._here = self.persons.tracked
-            return moved.came, moved.gone
+            return moved
         here = (NOBODY,) if somebody_is_measured(self._spec, self._sources, now) else ()
         came = here if not self._here else ()
         gone = self._here if not here else ()

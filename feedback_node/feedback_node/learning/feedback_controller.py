@@ -303,7 +303,7 @@ class FeedbackController:
         if run is not None and self._card_awaited and self.profiles.knows(run.agent):
             self._card_awaited = False
             self._watch = Watch(
-                self.profiles.agent(run.agent).rules,
+                self.profiles.agent(run.agent).entry.rules,
                 run.scene,
                 self.profiles.space,
                 self._clock,

@@ -107,7 +107,7 @@ def step(
     """
     before = space.vector(profile, what="profile")
     wanted = _target(kind, target, space)
-    checked_rate(rate)
+    check_rate(rate)
     if not 0.0 <= weight < math.inf:
         raise Refused(
             "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
@@ -177,15 +177,14 @@ def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
     return sum(far) / len(far)
 
 
-def checked_rate(rate: float, *, what: str = "feedback") -> float:
-    """Return a learning rate that is finite and in 0..1.
+def check_rate(rate: float, *, what: str = "feedback") -> None:
+    """Check that a learning rate is finite and in 0..1.
 
     Raises:
         Refused: ``BAD_RATE``.
     """
     if not 0.0 <= rate <= 1.0:
         raise Refused("BAD_RATE", f"{what}: learning rate {rate:g}, expected a number from 0 to 1")
-    return rate
 
 
 def _target(kind: FeedbackKind, target: Vector, space: SceneSpace) -> Vector:

@@ -16,14 +16,7 @@ from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange, Table, changed, moved, together
-from feedback_node.learning.layers import (
-    LayerFeedback,
-    LayerStep,
-    anonymous,
-    layer_step,
-    shares,
-    taught,
-)
+from feedback_node.learning.layers import LayerStep, anonymous, layer_step, shares, taught
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause, check_texts
@@ -31,7 +24,8 @@ from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, Revisio
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""
 
-_BEGINS = "begins as the profile for everybody"
+_REMEMBERED = 1000
+"""Layers of which it is remembered what they were taught."""
 
 
 class Profiles:
@@ -44,7 +38,7 @@ class Profiles:
         self._starts: dict[str, str] = {}
         self._current: dict[tuple[str, str], ProfileRevision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
-        self._layer_feedback = LayerFeedback()
+        self._recent: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
 
     def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
@@ -92,12 +86,13 @@ class Profiles:
                 )
             self._agents[agent.name] = agent
             revision = self._current[agent.name, ""].revision
-            if agent.held < revision:
+            if agent.entry.revision < revision:
                 deliveries.append(self.delivery(agent.name))
-            elif agent.held > revision:
+            elif agent.entry.revision > revision:
                 more.append(
-                    f"STALE_LEDGER: {agent.host} holds revision {agent.held} of '{agent.name}', "
-                    f"the ledger ends at {revision}; restart the host, or put its ledger back"
+                    f"STALE_LEDGER: {agent.host} holds revision {agent.entry.revision} of "
+                    f"'{agent.name}', the ledger ends at {revision}; restart the host, or put its "
+                    "ledger back"
                 )
         if not fresh:
             deliveries += [d for d in self.layers_at(card.host) if d.agent in entered]
@@ -261,7 +256,10 @@ class Profiles:
         recorded = self._ledger.record(entries)
         for revision in recorded:
             if (step := steps.get(revision.layer)) and revision.cause is step.cause:
-                self._layer_feedback.store(revision, window, step.recent)
+                self._recent.pop((name, revision.layer), None)
+                self._recent[name, revision.layer] = (revision.revision, window, step.recent)
+        while len(self._recent) > _REMEMBERED:
+            del self._recent[next(iter(self._recent))]
         change = self.on_recorded(recorded, steps)
         if crowded:
             change = replace(change, text=f"{change.text}; {crowded[0].reason}")
@@ -307,7 +305,7 @@ class Profiles:
         for name, layer in profiles:
             self._current.pop((name, layer), None)
             self._false_rates.pop((name, layer), None)
-            self._layer_feedback.forget(name, layer)
+            self._recent.pop((name, layer), None)
             if self.knows(name):
                 deliveries.append(self.delivery(name, layer))
         return tuple(deliveries)
@@ -323,8 +321,10 @@ class Profiles:
 
     def _taught(self, name: str, layer: str, window: int) -> tuple[Vector, ...]:
         current = self._current.get((name, layer))
-        known = self._layer_feedback.known(current, window) if current is not None else None
-        return taught(self._ledger, name, layer, self.space, window) if known is None else known
+        number, reach, recent = self._recent.get((name, layer), (-1, 0, ()))
+        if current is not None and (number, reach) == (current.revision, window):
+            return recent
+        return taught(self._ledger, name, layer, self.space, window)
 
     def _false_rate_of(self, revision: ProfileRevision, step: LayerStep | None) -> float:
         """Return it for the current revision of a profile; estimated once for each."""
@@ -352,7 +352,9 @@ class Profiles:
                 f"{MOST_LAYERS} at most; 'bt-agents profile expire' forgets those that have not "
                 "changed for long",
             )
-        cause = RevisionCause(cause=LAYER, source="feedback", reason=_BEGINS)
+        cause = RevisionCause(
+            cause=LAYER, source="feedback", reason="begins as the profile for everybody"
+        )
         everybody = self._ledger.current(name)
         profile = everybody.profile if everybody is not None else {}
         return LedgerEntry(agent=name, layer=layer, profile=profile, cause=cause)
