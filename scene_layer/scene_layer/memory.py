@@ -12,7 +12,7 @@ from typing import Any
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 
 MOST_KNOWN = 1000
 """Persons, and as many places, that are remembered; the one not seen for longest goes first."""
@@ -34,23 +34,6 @@ _SHOWN = 100
 
 LONGEST_NAME = 200
 """Characters of the name of a person or a place."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimated:
-    """Estimate of a value that is not measured now.
-
-    Attributes:
-        value: In the unit of the parameter.
-        std: Standard deviation of the value now, in the unit of the parameter.
-        age_s: Time since the last measurement that it is made of [s].
-        source: What it is made of, in words.
-    """
-
-    value: float
-    std: float
-    age_s: float
-    source: str
 
 
 def ignorance(parameter: SceneParameter) -> float:
@@ -135,16 +118,23 @@ class KnownPerson:
             self.lent = False
         self.values[name] = self.values.get(name, Running()).after(value, std, weight, at)
 
-    def estimate(self, parameter: SceneParameter, now: float, source: str) -> Estimated | None:
-        """Return the estimate of a value; None of what was never measured."""
+    def estimate(
+        self, parameter: SceneParameter, now: float, source: str = ""
+    ) -> SceneValue | None:
+        """Return what a value is now, as sure as that is known; None if it never was measured."""
         running = self.values.get(parameter.name)
         if running is None or running.weight <= 0.0:
             return None
+        unknown = ignorance(parameter)
         age_s = max(0.0, now - running.at)
-        return Estimated(
+        std = running.std(unknown, age_s)
+        return SceneValue(
+            name=parameter.name,
             value=parameter.clamp(running.mean),
-            std=running.std(ignorance(parameter), age_s),
+            origin=Origin.ESTIMATED,
             age_s=age_s,
+            std=std,
+            confidence=max(0.0, 1.0 - (std / unknown) ** 2),
             source=source,
         )
 
@@ -204,7 +194,7 @@ class Memory:
         self._bound()
         self.changes += 1
 
-    def estimate(self, person: str, place: str, name: str, now: float) -> Estimated | None:
+    def estimate(self, person: str, place: str, name: str, now: float) -> SceneValue | None:
         """Return the estimate for a person, else for those who come to the place."""
         parameter = self._space.parameter(name)
         found = None
@@ -264,7 +254,7 @@ class Memory:
         here.visits += 1
         here.seen_at = now
         for name in sorted(measured):
-            found = person.estimate(self._space.parameter(name), now, place)
+            found = person.estimate(self._space.parameter(name), now)
             if found is not None:
                 here.add(name, found.value, found.std, 1.0, now)
 

@@ -68,12 +68,6 @@ def check_id(person_id: object) -> str:
     return person_id
 
 
-@dataclass
-class _Tracked:
-    number: int
-    absent_since: float = math.inf
-
-
 class Persons:
     """Persons of a tracker, and the addressee: whom the scene is about.
 
@@ -98,10 +92,9 @@ class Persons:
         if spec is not None:
             self._tracker = spec.tracked
             self._rule = spec.addressee
-        self._tracked: dict[str, _Tracked] = {}
+        self._absent_since: dict[str, float] = {}
         self._listed: tuple[str, ...] = ()
         self.received_at = -math.inf
-        self._count = 0
         self._last = NOBODY
         self._chosen_at = -math.inf
         self._better_since: dict[str, float] = {}
@@ -112,12 +105,12 @@ class Persons:
     @property
     def tracked(self) -> tuple[str, ...]:
         """Ids of all tracked persons, in the order they came."""
-        return tuple(self._tracked)
+        return tuple(self._absent_since)
 
     @property
     def candidates(self) -> tuple[str, ...]:
         """Ids of all who are tracked, or are from the next update on."""
-        return tuple(dict.fromkeys((*self._tracked, *self._listed)))
+        return tuple(dict.fromkeys((*self._absent_since, *self._listed)))
 
     def receive_ids(self, ids: Iterable[object], now: float) -> Refused | None:
         """Take the ids of all persons there are, as the tracker says; bad ones are left out.
@@ -137,7 +130,7 @@ class Persons:
                 continue
             found[person] = None
         # Whoever is tracked already goes first.
-        ordered = sorted(found, key=lambda person: person not in self._tracked)
+        ordered = sorted(found, key=lambda person: person not in self._absent_since)
         if len(ordered) > MOST_PERSONS:
             refused = self._refuse(
                 Refused(
@@ -148,9 +141,9 @@ class Persons:
             )
         self._listed = tuple(ordered[:MOST_PERSONS])
         self.received_at = now
-        for person, one in self._tracked.items():
+        for person, since in self._absent_since.items():
             listed = person in self._listed
-            one.absent_since = math.inf if listed else min(one.absent_since, now)
+            self._absent_since[person] = math.inf if listed else min(since, now)
         return refused
 
     def update(
@@ -168,17 +161,15 @@ class Persons:
         fresh = () if stale else self._listed
         gone = tuple(
             person
-            for person, one in self._tracked.items()
-            if stale or now >= one.absent_since + self._tracker.lost_after_s
+            for person, since in self._absent_since.items()
+            if stale or now >= since + self._tracker.lost_after_s
         )
         for person in gone:
-            del self._tracked[person]
-        room = MOST_PERSONS - len(self._tracked)
-        came = tuple(person for person in fresh if person not in self._tracked)[:room]
-        for person in came:
-            self._count += 1
-            self._tracked[person] = _Tracked(number=self._count)
-        self._choose([person for person in self._tracked if person in fresh], ranks, now)
+            del self._absent_since[person]
+        room = MOST_PERSONS - len(self._absent_since)
+        came = tuple(person for person in fresh if person not in self._absent_since)[:room]
+        self._absent_since.update(dict.fromkeys(came, math.inf))
+        self._choose([person for person in self.tracked if person in fresh], ranks, now)
         return came, gone
 
     def _refuse(self, problem: Refused) -> Refused:
@@ -186,7 +177,7 @@ class Persons:
         return problem
 
     def _choose(self, candidates: list[str], ranks: Mapping[str, float], now: float) -> None:
-        if self.addressee and self.addressee not in self._tracked:
+        if self.addressee and self.addressee not in self._absent_since:
             self.reason = f"{self.addressee} is gone"
             self.addressee = NOBODY
         if not self.addressee:
@@ -213,7 +204,7 @@ class Persons:
         self._better_since = {}
 
     def _why(self, person: str, ranks: Mapping[str, float]) -> str:
-        if len(self._tracked) == 1:
+        if len(self._absent_since) == 1:
             return f"{person} is the only one"
         rank = ranks.get(person, math.nan)
         if self._rule.rule is AddresseeRule.FIRST or math.isnan(rank):
@@ -223,7 +214,7 @@ class Persons:
 
     def _best(self, candidates: list[str], ranks: Mapping[str, float]) -> str:
         """Return the best ranked person; of equal ones the one who came first."""
-        return max(candidates, key=lambda p: (self._score(p, ranks), -self._tracked[p].number))
+        return max(candidates, key=lambda person: self._score(person, ranks))
 
     def _challengers(self, candidates: list[str], ranks: Mapping[str, float]) -> list[str]:
         """Return all who are better than the addressee by more than the margin."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, check_value
 from bt_agents_language.model.scene_specs import MissingRule, SceneSpec
+from scene_layer.fusion import Reading
 from scene_layer.memory import Memory, ignorance
 from scene_layer.persons import NOBODY, THRESHOLD, Encounters, somebody_is_measured
 from scene_layer.sources import Sources
@@ -41,14 +42,6 @@ def check_given(
 
 
 @dataclass(frozen=True, kw_only=True)
-class GivenValue:
-    """Value given for a scene, with its steady time of arrival [s]."""
-
-    value: float
-    at: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class SceneInteraction:
     """Values given for one interaction, from its scene to the end of its runs.
 
@@ -62,8 +55,8 @@ class SceneInteraction:
 
     scene_id: str
     label: str = ""
-    values: Mapping[str, GivenValue] = field(default_factory=dict)
-    person: GivenValue | None = None
+    values: Mapping[str, Reading] = field(default_factory=dict)
+    person: Reading | None = None
     urgent: bool = False
     person_id: str = NOBODY
     met: bool = False
@@ -72,8 +65,8 @@ class SceneInteraction:
         self, values: Mapping[str, float], person: bool | None, now: float
     ) -> SceneInteraction:
         """Return the interaction with more values given; a person of None stays as it was."""
-        given = {name: GivenValue(value=value, at=now) for name, value in values.items()}
-        present = self.person if person is None else GivenValue(value=float(person), at=now)
+        given = {name: Reading(value=value, at=now) for name, value in values.items()}
+        present = self.person if person is None else Reading(value=float(person), at=now)
         return replace(self, values={**self.values, **given}, person=present)
 
 
@@ -252,26 +245,17 @@ class SceneEstimator:
             return SceneValue.missing(name)
         if rule is MissingRule.LEAVE_OUT:
             return SceneValue.missing(name)
-        parameter = self._spec.space.parameter(name)
-        unknown = ignorance(parameter)
         found = self._memory.estimate(interaction.person_id, place, name, wall)
         if found is not None:
-            return SceneValue(
-                name=name,
-                value=found.value,
-                origin=Origin.ESTIMATED,
-                age_s=found.age_s,
-                std=found.std,
-                confidence=max(0.0, 1.0 - (found.std / unknown) ** 2),
-                source=found.source,
-            )
+            return found
         if rule is MissingRule.ESTIMATE:
             return SceneValue.missing(name)
+        parameter = self._spec.space.parameter(name)
         return SceneValue(
             name=name,
             value=parameter.default,
             origin=Origin.DEFAULT,
-            std=unknown,
+            std=ignorance(parameter),
             confidence=0.0,
             source="default",
         )
