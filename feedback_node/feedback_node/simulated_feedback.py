@@ -31,22 +31,15 @@ class SimulatedFeedback:
 
     def next(self, agent: str) -> Vector | None:
         """Return the feedback for a run of ``agent`` that has just ended; None for no feedback."""
-        meant = self._meant(agent)
+        prepared = self._prepared
+        meant = prepared.each.get(agent)
         if meant is None:
-            return None
-        errors = self._prepared.errors
-        wrong = errors.instead(self._given) if errors else None
+            if prepared.repeat and self._used >= len(prepared.sequence):
+                self._used = 0
+            if self._used >= len(prepared.sequence):
+                return None
+            meant = prepared.sequence[self._used]
+            self._used += 1
+        wrong = prepared.errors.instead(self._given) if prepared.errors else None
         self._given += 1
         return meant if wrong is None else wrong
-
-    def _meant(self, agent: str) -> Vector | None:
-        prepared = self._prepared
-        if agent in prepared.each:
-            return prepared.each[agent]
-        if self._used >= len(prepared.sequence):
-            if not (prepared.repeat and prepared.sequence):
-                return None
-            self._used = 0
-        vector = prepared.sequence[self._used]
-        self._used += 1
-        return vector

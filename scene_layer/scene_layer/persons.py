@@ -248,7 +248,6 @@ class Encounters:
         self._sources = sources
         self._memory = memory
         self._here: tuple[str, ...] = ()
-        self._held: str | None = None
         self._away: dict[str, _Departure] = {}
         self._observed_at: dict[str, float] = {}
         self._names: set[str] = set()
@@ -268,15 +267,17 @@ class Encounters:
         """Whether updates are needed: for persons with ids, or values to remember."""
         return self.identified or bool(self._remembered)
 
-    def update(self, now: float, wall: float) -> bool:
+    def update(self, now: float, wall: float, held: str | None = None) -> bool:
         """Update who is here, and remember what was measured of them; times steady and unix [s].
+
+        What is known of the person of a run, who is ``held``, is kept.
 
         Returns:
             True when somebody has come or gone, or somebody else is the addressee.
         """
         before = self._here, self.persons.addressee
         came, gone = self._moved(now)
-        self._end_visits(now)
+        self._end_visits(now, held)
         for person in came:
             if self._away.pop(person, None) is None:
                 self._memory.came(person, wall)
@@ -286,13 +287,9 @@ class Encounters:
         for person in gone:
             self._observe(person, now, wall)
             self._away[person] = _Departure(at=now, wall=wall, place=self._sources.place(now))
-        self._end_visits(now)
+        self._end_visits(now, held)
         self._forget_others()
         return before != (self._here, self.persons.addressee)
-
-    def hold(self, person: str | None) -> None:
-        """Keep what is known of the person of a run; None between runs."""
-        self._held = person
 
     @property
     def known(self) -> frozenset[str]:
@@ -331,12 +328,12 @@ class Encounters:
         if read is not None:
             (self._names.add if read.value >= THRESHOLD else self._names.discard)(person)
 
-    def _end_visits(self, now: float) -> None:
+    def _end_visits(self, now: float, held: str | None) -> None:
         """End the visits of those who will hardly come back to them, oldest departure first."""
         spare = len(self._away) - MOST_AWAY
         for number, (person, left) in enumerate(list(self._away.items())):
             named = person in self._names and number >= spare
-            if person == self._held or (named and now < left.at + AWAY_S):
+            if person == held or (named and now < left.at + AWAY_S):
                 continue
             del self._away[person]
             self._memory.left(person, left.place, known=person in self._names, now=left.wall)
@@ -344,7 +341,6 @@ class Encounters:
             self._observed_at.pop(person, None)
 
     def _forget_others(self) -> None:
-        """Drop readings of persons who are neither present, nor listed, nor still awaited."""
         for person in self._sources.people - {*self.persons.candidates, *self._away}:
             self._sources.forget(person)
 

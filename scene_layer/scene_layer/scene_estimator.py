@@ -134,35 +134,25 @@ class SceneEstimator:
 
     def update(self, now: float, wall: float, running: str | None) -> bool:
         """Update who is here, while the scene ``running`` has a run; return True for a change."""
-        person = None if running is None else self._bound(running).person_id
-        self.encounters.hold(person)
-        return self.encounters.update(now, wall)
+        held = None if running is None else self._bound(running).person_id
+        return self.encounters.update(now, wall, held)
 
     def scene(self, scene_id: str, *, now: float, wall: float, stamp: float) -> Scene:
         """Put the scene of an interaction together; an unknown one has no given values."""
-        known = self._bound(scene_id)
-        values = [self._value(name, known, now) for name in self._spec.space.names]
-        present = self._present(known, values, now)
-        if present and not known.met:
-            known = self._update(replace(known, met=True))
-        return self._complete(known, values, present, now, wall, stamp)
+        return self._put_together(self._bound(scene_id), now, wall, stamp)
 
     def scene_of(self, person_id: str, *, now: float, wall: float, stamp: float) -> Scene:
         """Return the scene of a person with nothing given."""
         one = SceneInteraction(scene_id=f"person/{person_id}", person_id=person_id, met=True)
-        values = [self._value(name, one, now) for name in self._spec.space.names]
-        present = person_id in self._persons.tracked
-        return self._complete(one, values, present, now, wall, stamp)
+        return self._put_together(one, now, wall, stamp)
 
-    def _complete(
-        self,
-        interaction: SceneInteraction,
-        values: Sequence[SceneValue],
-        present: bool,
-        now: float,
-        wall: float,
-        stamp: float,
+    def _put_together(
+        self, interaction: SceneInteraction, now: float, wall: float, stamp: float
     ) -> Scene:
+        values = [self._value(name, interaction, now) for name in self._spec.space.names]
+        present = self._present(interaction, values, now)
+        if present and not interaction.met:
+            interaction = self._update(replace(interaction, met=True))
         place = self._sources.place(now)
         return Scene(
             scene_id=interaction.scene_id,

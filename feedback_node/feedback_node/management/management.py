@@ -10,14 +10,13 @@ from functools import partial
 from typing import Any
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
 from bt_agents_core.scene import finite_or_none
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.rows import IMPORT, ProfileRevision, RevisionCause, check_texts
-from feedback_node.management.documents import ImportedProfiles, from_document, to_document
+from feedback_node.ledger.rows import IMPORT, ProfileRevision, check_texts
+from feedback_node.management.documents import from_document, to_document
 
 MOST_REVISIONS = 5000
 """Newest revisions that one document holds."""
@@ -160,7 +159,10 @@ class Management:
         return self._changed((revision,))
 
     def _import(self, command: ManagementCommand) -> ManagementResult:
-        document_id, found = from_document(command.document, self._profiles.space)
+        reason = command.reason or "taken in from a document"
+        found = from_document(
+            command.document, self._profiles.space, source=command.author, reason=reason
+        )
         unknown = sorted({one.agent for one in found} - set(self._ledger.agents()))
         if unknown:
             raise Refused(
@@ -170,34 +172,19 @@ class Management:
             )
         self._check_room(found)
         known = {(one.agent, one.layer) for one in self._layers_of("")}
-        begun = (one for one in found if one.layer and (one.agent, one.layer) not in known)
-        entries = [self._profiles.first_layer_entry(one.agent, one.layer) for one in begun]
-        entries += [
-            LedgerEntry(
-                agent=one.agent,
-                layer=one.layer,
-                profile=self._profiles.space.named(one.values),
-                cause=RevisionCause(
-                    cause=IMPORT,
-                    kind=FeedbackKind.SET,
-                    source=command.author,
-                    reason=command.reason or "taken in from a document",
-                    feedback_id=f"import/{document_id}/{one.agent}/{one.layer}",
-                    target=self._profiles.space.named(one.values),
-                    changes=one.changes,
-                ),
-            )
+        begun = [
+            self._profiles.first_layer_entry(one.agent, one.layer)
             for one in found
+            if one.layer and (one.agent, one.layer) not in known
         ]
-        ids = [entry.cause.feedback_id for entry in entries]
-        if any(self._ledger.find_all(one) for one in ids if one is not None):
+        if any(self._ledger.find_all(one.cause.feedback_id or "") for one in found):
             return ManagementResult(
                 message="this document was taken in before; nothing has changed"
             )
-        recorded = self._ledger.record(entries)
+        recorded = self._ledger.record([*begun, *found])
         return self._changed([one for one in recorded if one.cause.cause == IMPORT])
 
-    def _check_room(self, found: Iterable[ImportedProfiles]) -> None:
+    def _check_room(self, found: Iterable[LedgerEntry]) -> None:
         layers: dict[str, set[str]] = {}
         for one in found:
             if one.layer:
