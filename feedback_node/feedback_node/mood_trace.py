@@ -38,8 +38,6 @@ class LeafMood:
 
 @dataclass(kw_only=True)
 class _Account:
-    """Sums of one node so far."""
-
     seconds: float = 0.0
     known_s: float = 0.0
     sum: float = 0.0
@@ -115,7 +113,6 @@ class MoodTrace:
         )
 
     def _count(self) -> None:
-        """Add the time since the last update to the node at work."""
         now = self._clock()
         account = self._accounts.get(self._leaf)
         if account is not None:

@@ -71,12 +71,8 @@ def smoothed(before: Reading, new: Reading, time_constant_s: float) -> Reading:
     times (A. Eckner, "Algorithms for Unevenly Spaced Time Series: Moving Averages and Other
     Rolling Operators", 2017), where time counts less the less confident a reading is. The standard
     deviation and the confidence move in the same way: errors of neighbouring readings are not
-    independent, so a mean of them is not taken to be surer than each.
-
-    Args:
-        before: The smoothed reading before; a stale one counts no more.
-        new: What has been read.
-        time_constant_s: After so long a reading counts by a third of what it did; 0 for none [s].
+    independent, so a mean of them is not taken to be surer than each. A stale reading counts no
+    more, and a time constant of 0 smooths nothing.
     """
     if time_constant_s <= 0.0 or new.at > before.stale_at:
         return new

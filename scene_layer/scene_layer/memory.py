@@ -52,9 +52,7 @@ class Running:
     multiplied by :data:`FADES` at each value, as Finch (2009) does.
 
     Attributes:
-        mean: Weighted mean.
         scatter: Weighted sum of the squared deviations, with the variances of the values.
-        weight: Sum of the weights.
         at: When the last value was taken, in unix time [s].
     """
 
@@ -96,7 +94,6 @@ class KnownPerson:
 
     Attributes:
         visits: How often the person came; of a place, how many came.
-        values: By parameter.
         seen_at: Last time, in unix time [s].
         lent: Whether a copy has the same values, so that they must not be changed in place.
     """
@@ -373,11 +370,7 @@ def save_memory(
 
 
 def set_aside(path: Path) -> Path:
-    """Give a damaged file another name; return it.
-
-    Raises:
-        OSError: It cannot be renamed.
-    """
+    """Give a damaged file another name; return it."""
     names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in range(MOST_KNOWN))
     free = next((name for name in names if not name.exists()), path.with_name(f"{path.name}.old"))
     return path.rename(free)

@@ -237,9 +237,6 @@ class Encounters:
     what no source says of one. The person whom a run began with is kept until the run ends, though
     they have gone: what is known of them stays as they left it. So does, for :data:`AWAY_S`, that
     of somebody known by name: a tracker that loses them for a moment does not end their visit.
-
-    Attributes:
-        persons: Those with ids.
     """
 
     def __init__(self, spec: SceneSpec, sources: Sources, memory: Memory) -> None:
@@ -316,7 +313,6 @@ class Encounters:
         return {person: read.value for person, read in found.items() if read is not None}
 
     def _observe(self, person: str, now: float, wall: float) -> None:
-        """Remember what has been measured of a person since the last update."""
         observed_at = self._observed_at.get(person, -math.inf)
         for name in self._remembered:
             read = self._sources.latest(name, now, person, alone=True)

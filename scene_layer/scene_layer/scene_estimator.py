@@ -46,7 +46,6 @@ class SceneInteraction:
     """Values given for one interaction, from its scene to the end of its runs.
 
     Attributes:
-        values: Given values by parameter.
         person: 1 where somebody was said to be there, 0 for nobody; None as measured.
         urgent: Whether it may stop a running tree.
         person_id: Whom it is about; empty as long as nobody is.

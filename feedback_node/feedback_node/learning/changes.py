@@ -23,7 +23,6 @@ class ProfileChange:
         false_rate: 0..1, how much of what the profile was taught seems to be wrong; NaN when too
             little is known.
         fresh: False when the same feedback had been recorded earlier and was not applied again.
-        text: The change in words and numbers.
         others: What the same feedback has changed in other layers.
     """
 

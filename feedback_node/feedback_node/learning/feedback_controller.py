@@ -59,7 +59,6 @@ class RuleOutcome:
 
     Attributes:
         change: The recorded change; None when it was refused.
-        problem: Reason of the refusal.
         stop: Set when the rule also stops the run, whether or not the profile could move.
     """
 
@@ -70,8 +69,6 @@ class RuleOutcome:
 
 @dataclass(frozen=True, kw_only=True)
 class _Pending:
-    """Feedback of a rule that is not recorded yet."""
-
     run: AnnouncedRun
     fired: Fired
     leaf: str

@@ -119,11 +119,7 @@ def layer_step(
 def taught(
     ledger: Ledger, agent: str, layer: str, space: SceneSpace, window: int
 ) -> tuple[Vector, ...]:
-    """Return the targets of the last feedbacks, newest last; enough for ``window`` of them.
-
-    Raises:
-        LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
-    """
+    """Return the targets of the last feedbacks, newest last; enough for ``window`` of them."""
     found = []
     for row in ledger.taught(agent, layer, newest=max(window, _RECENT)):
         target = space.ordered(row.cause.target)

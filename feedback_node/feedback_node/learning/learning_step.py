@@ -59,7 +59,6 @@ class Step:
     """Move of a profile; all vectors in the order of the space.
 
     Attributes:
-        before: Profile before.
         target: Vector moved towards or away from; NaN for no opinion.
         rate: Learning rate η of the agent, 0..1.
         weight: Of the source of the feedback.
@@ -90,16 +89,9 @@ def step(
 ) -> Step:
     """Move a profile by one feedback; see :func:`updates.apply_update` for the formulas.
 
-    Args:
-        kind: Which way. ``SET`` is ``p ← f`` at once, whatever rates, weight and drift.
-        profile: Profile p.
-        target: Wanted profile, or the scene that it moves towards or away from; NaN leaves its
-            parameter alone.
-        rate: Learning rate η of the agent.
-        space: The parameters and their ranges.
-        rule: How the agent learns.
-        weight: Of the source, 0 or more.
-        evidence: What the agent has been taught before.
+    The target f is a wanted profile, or the scene that the profile p moves towards or away from;
+    NaN leaves its parameter alone. ``SET`` is ``p ← f`` at once, whatever the learning rate η, the
+    weight of the source, 0 or more, and the drift.
 
     Raises:
         Refused: ``NO_OPINION`` or ``NO_SCENE`` when all of ``target`` is NaN, ``BAD_RATE``,

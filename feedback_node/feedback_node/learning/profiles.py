@@ -29,7 +29,7 @@ _REMEMBERED = 1000
 
 
 class Profiles:
-    """Agents of all cards, with their profiles in the ledger."""
+    """Agents of all cards, with their profiles in the ledger, whose errors come through."""
 
     def __init__(self, space: SceneSpace, ledger: Ledger) -> None:
         self.space = space
@@ -51,7 +51,7 @@ class Profiles:
 
         Raises:
             Refused: The card as a whole is not taken: ``TOO_MANY_HOSTS``, or see
-                :func:`read_card` and :meth:`Ledger.enter`.
+                :func:`read_card` and :class:`Ledger`.
         """
         agents, problems = read_card(card, self.space, self._agents)
         hosts = self.hosts
@@ -204,7 +204,7 @@ class Profiles:
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, ``BAD_TEXT``, ``RESERVED_ID``,
                 ``BAD_LAYER``, ``TOO_MANY_LAYERS`` when nothing else learns, or as in
-                :func:`learning_step.step` and :meth:`Ledger.record`; nothing has changed.
+                :func:`learning_step.step` and :class:`Ledger`; nothing has changed.
         """
         if (known := self.recorded(feedback_id)) is not None:
             return known
@@ -271,9 +271,6 @@ class Profiles:
         """Adopt revisions that the ledger has recorded, of agents known or not.
 
         Beginnings of layers belong to what follows them. Of feedback there are steps, by layer.
-
-        Raises:
-            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
         """
         changes = []
         for revision in revisions:
@@ -311,11 +308,7 @@ class Profiles:
         return tuple(deliveries)
 
     def false_rate(self, name: str, layer: str = "") -> float:
-        """Return the share of a profile's feedback that seems wrong; see :class:`ProfileChange`.
-
-        Raises:
-            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
-        """
+        """Return the share of a profile's feedback that seems wrong, as :class:`ProfileChange`."""
         current = self._ledger.current(name, layer)
         return math.nan if current is None else self._false_rate_of(current, None)
 
@@ -342,7 +335,6 @@ class Profiles:
 
         Raises:
             Refused: ``TOO_MANY_LAYERS``.
-            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
         """
         count = self._ledger.count_layers(name)
         if count >= MOST_LAYERS:

@@ -26,10 +26,8 @@ class RuleArrays:
     """A learning rule with its values in the order of the parameters.
 
     Attributes:
-        update: How the profile follows feedback.
         rates: [n], learning rates; NaN for the agent's.
         width: [n], of ``HUBER``; in the units of the parameters.
-        window: Of ``MEDIAN``.
         anneal: The rate after m changes is ``rate / (1 + anneal * m)``.
         drift: [n], farthest from the authored profile; NaN for no bound.
     """

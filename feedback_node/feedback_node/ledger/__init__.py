@@ -43,6 +43,8 @@ class Ledger(LedgerReader):
     """The only writer of one SQLite file; a change is on the disk when its method returns.
 
     A lock file beside the database keeps a second writer out; readers are welcome at any time.
+    Changes raise :class:`LedgerError` as :func:`failed` says, or with ``LEDGER_CORRUPT``; whatever
+    is raised, nothing of them is recorded.
     """
 
     def __init__(self, path: str | Path, *, wall: Callable[[], float] = time.time) -> None:
@@ -98,9 +100,6 @@ class Ledger(LedgerReader):
         was learned before; a layer of the agent takes the edited values only. Where only
         parameters have come or gone, the learned values stay and new parameters take the
         authored value.
-
-        Raises:
-            LedgerError: As in :func:`failed`, or ``LEDGER_CORRUPT``; nothing is recorded.
         """
         with self._transaction():
             return {agent: self._enter(agent, profile) for agent, profile in profiles.items()}
@@ -117,7 +116,6 @@ class Ledger(LedgerReader):
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` for an agent that was never entered.
-            LedgerError: As in :meth:`enter`; nothing is recorded.
         """
         with self._transaction():
             ids = {e.cause.feedback_id for e in entries if e.cause.feedback_id is not None}
@@ -141,7 +139,6 @@ class Ledger(LedgerReader):
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_LAYER`` or ``NOTHING_TO_UNDO``.
-            LedgerError: As in :meth:`enter`; nothing is recorded.
         """
         with self._transaction():
             last = self._last(agent, layer)
@@ -173,7 +170,6 @@ class Ledger(LedgerReader):
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``UNKNOWN_LAYER``.
-            LedgerError: As in :meth:`enter`; nothing is recorded.
         """
         with self._transaction():
             self._last(agent, layer)
@@ -197,7 +193,6 @@ class Ledger(LedgerReader):
 
         Raises:
             Refused: ``UNKNOWN_LAYER``, also for everybody's profile.
-            LedgerError: As in :meth:`enter`; nothing is forgotten.
         """
         with self._transaction():
             self._revisions.clear()

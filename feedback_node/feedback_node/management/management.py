@@ -89,7 +89,7 @@ class Management:
         Raises:
             Refused: ``UNKNOWN_ACTION``, ``TOO_LONG``, ``BAD_LAYER``, ``UNKNOWN_AGENT``,
                 ``UNKNOWN_LAYER``, ``NOTHING_TO_UNDO``, ``BAD_AGE``, ``TOO_MANY_LAYERS``, or as in
-                :func:`from_document` and :meth:`Ledger.enter`; nothing has changed.
+                :func:`from_document` and :class:`Ledger`; nothing has changed.
         """
         try:
             action = ManagementAction(command.action)
@@ -250,7 +250,6 @@ class Management:
         return ManagementResult(message=message, changes=changes)
 
     def _selected(self, command: ManagementCommand) -> list[ProfileRevision]:
-        """Return the current revisions that an order is about."""
         names = [command.agent] if command.agent else self._ledger.agents()
         own = (self._ledger.current(name) for name in names) if not command.layer else ()
         found = [one for one in own if one is not None]

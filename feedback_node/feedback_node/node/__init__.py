@@ -164,7 +164,6 @@ class FeedbackNode(BaseNode):
         self._set_timer()
 
     def _subscribe_to_trees(self, hosts: Collection[str]) -> None:
-        """Subscribe to the trees of these hosts, and of no others."""
         for host in self._trees.keys() - set(hosts):
             self.destroy_subscription(self._trees.pop(host))
         for host in sorted(set(hosts) - self._trees.keys()):

@@ -60,7 +60,7 @@ class SourceSubscriptions:
         self._sources = sources
         self._persons = persons
         self._changed = changed
-        self._dynamic: dict[_Key, tuple[Any, frozenset[SourceSpec]]] = {}
+        self._dynamic: dict[_Key, tuple[Any, set[SourceSpec]]] = {}
         self._unnamed: dict[str, None] = {}
         self._of_item = [source for source in spec.every_source if source.of_item]
         for source in spec.every_source:
@@ -85,16 +85,15 @@ class SourceSubscriptions:
         for (source, person), topic in topics.items():
             key = _Key(topic, source.type, source.latched, person)
             found.setdefault(key, set()).add(source)
-        needed = {key: frozenset(read) for key, read in found.items()}
         for key, (subscription, read) in list(self._dynamic.items()):
-            if needed.get(key) != read:
+            if found.get(key) != read:
                 self._node.destroy_subscription(subscription)
                 del self._dynamic[key]
-        for key, new in needed.items():
+        for key, new in found.items():
             if key not in self._dynamic and key.topic not in self._unnamed:
                 self._subscribe_to(key, new)
 
-    def _subscribe_to(self, key: _Key, read: frozenset[SourceSpec]) -> None:
+    def _subscribe_to(self, key: _Key, read: set[SourceSpec]) -> None:
         try:
             subscription = self._subscribe(key, sorted(read, key=lambda s: str(s.position)))
         except Refused as refused:
@@ -138,7 +137,6 @@ class SourceSubscriptions:
             ) from None
 
     def _paths(self, source: SourceSpec) -> list[str]:
-        """Return the paths of all fields that a source reads."""
         read = [e for e in (source.field, source.confidence, source.std) if e is not None]
         paths = sorted({name.removeprefix(f"{MESSAGE}.") for one in read for name in one.names})
         if source.of_item and self._spec.persons is not None:
