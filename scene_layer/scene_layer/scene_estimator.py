@@ -193,7 +193,7 @@ class SceneEstimator:
         return self._update(replace(known, person_id=self._persons.addressee, met=met))
 
     def _update(self, interaction: SceneInteraction) -> SceneInteraction:
-        """Keep an interaction at its place in line, where it is known."""
+        """Replace an interaction where it is known, at its place among the others."""
         if interaction.scene_id in self._interactions:
             self._interactions[interaction.scene_id] = interaction
         return interaction

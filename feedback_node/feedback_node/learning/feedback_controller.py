@@ -184,14 +184,16 @@ class FeedbackController:
             return ()
         if self._trace is not None:
             self._trace.receive(live)
-        return () if self._watch is None else self._outcomes(run, self._watch.receive(live))
+        if self._watch is None:
+            return ()
+        return tuple(self._outcome(run, fired) for fired in self._watch.receive(live))
 
     def tick(self) -> tuple[RuleOutcome, ...]:
         """Return what follows because time has passed."""
         run = self._runs.current
         if run is None or self._watch is None:
             return ()
-        return self._outcomes(run, self._watch.tick())
+        return tuple(self._outcome(run, fired) for fired in self._watch.tick())
 
     def retry(self) -> tuple[RuleOutcome, ...]:
         """Retry to record feedback of rules that the full disk did not take."""
@@ -311,9 +313,6 @@ class FeedbackController:
     def _stop_watching(self) -> None:
         self._watch = None
         self._card_awaited = False
-
-    def _outcomes(self, run: AnnouncedRun, fired: tuple[Fired, ...]) -> tuple[RuleOutcome, ...]:
-        return tuple(self._outcome(run, one) for one in fired)
 
     def _outcome(self, run: AnnouncedRun, fired: Fired) -> RuleOutcome:
         cancels = fired.rule.action is MoodAction.CANCEL

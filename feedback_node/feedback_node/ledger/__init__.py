@@ -19,8 +19,8 @@ from feedback_node.ledger.rows import (
     AUTHORED,
     FORGOTTEN,
     INSERT,
+    LAYER,
     RESET,
-    STARTS,
     UNDO,
     ProfileRevision,
     RevisionCause,
@@ -143,7 +143,7 @@ class Ledger(LedgerReader):
         with self._transaction():
             last = self._last(agent, layer)
             undone = self._restored(last)
-            if undone.cause.cause in STARTS:
+            if undone.cause.cause in (AUTHORED, LAYER):
                 start = "where the layer begins"
                 if undone.cause.cause == AUTHORED:
                     start = "what its file says; edit the profile there"

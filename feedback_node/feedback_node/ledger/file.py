@@ -20,10 +20,6 @@ from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 MEMORY = ":memory:"
 """Path of a ledger that is forgotten when it is closed."""
 
-FAILED = "LEDGER_FAILED"
-CORRUPT = "LEDGER_CORRUPT"
-UNREADABLE = "LEDGER_UNREADABLE"
-
 _LOCK_WAIT_S = 0.5
 _MOST_PROBLEMS = 3
 _REPAIR = (
@@ -60,7 +56,7 @@ def lock_file(path: Path) -> TextIO:
         lock = path.with_name(path.name + ".lock").open("w")
     except OSError as error:
         raise LedgerError(
-            UNREADABLE,
+            "LEDGER_UNREADABLE",
             f"{path}: {error.strerror}; give the parameter 'ledger' a path that can be written",
         ) from error
     try:
@@ -206,7 +202,7 @@ def unreadable(path: str, error: Exception) -> LedgerError:
     if is_full(error):
         return failed(path, error)
     return LedgerError(
-        UNREADABLE,
+        "LEDGER_UNREADABLE",
         f"{path}: {error}; expected an SQLite file of this program that can be read and written",
     )
 
@@ -215,7 +211,7 @@ def damaged(path: str, problems: Sequence[str]) -> LedgerError:
     """Return the error for a file with damaged content."""
     more = len(problems) - _MOST_PROBLEMS
     found = "; ".join(problems[:_MOST_PROBLEMS]) + (f"; and {more} more" if more > 0 else "")
-    return LedgerError(CORRUPT, f"{path}: {found}. {_REPAIR}")
+    return LedgerError("LEDGER_CORRUPT", f"{path}: {found}. {_REPAIR}")
 
 
 def unread(path: str, error: Exception) -> LedgerError:
@@ -239,5 +235,6 @@ def failed(path: str, error: Exception) -> LedgerError:
             "given after that is recorded again",
         )
     return LedgerError(
-        FAILED, f"{path}: {error}; nothing was recorded, look at the disk's space and rights"
+        "LEDGER_FAILED",
+        f"{path}: {error}; nothing was recorded, look at the disk's space and rights",
     )

@@ -25,9 +25,6 @@ RESET = "reset"
 IMPORT = "import"
 FORGOTTEN = "forgotten"
 
-STARTS = (AUTHORED, LAYER)
-"""Causes of revisions behind which no undo goes back."""
-
 FORGOTTEN_LAYER = "forgotten/"
 """Prefix of the layer under which erased rows stay; the number of the first of them follows."""
 

@@ -370,9 +370,9 @@ def main(args: Sequence[str] | None = None) -> int:
             simulated = (
                 SimulatedFeedback(read_simulated_feedback(Path(path), space)) if path else None
             )
-            book = owned.enter_context(Ledger(ledger_path(values["ledger"], os.environ)))
-            node = FeedbackNode(space, book, simulated)
-            node.get_logger().info(f"the ledger is {book.path}")
+            ledger = owned.enter_context(Ledger(ledger_path(values["ledger"], os.environ)))
+            node = FeedbackNode(space, ledger, simulated)
+            node.get_logger().info(f"the ledger is {ledger.path}")
             return node
 
         return run(lambda: make_from_parameters("feedback", _START, make), args)

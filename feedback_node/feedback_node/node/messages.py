@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of cards, runs and feedback from and to messages."""
+"""Conversion of cards, runs and feedback from and to messages; scenes are checked."""
 
 from __future__ import annotations
 
@@ -106,11 +106,7 @@ def rule_from_msg(message: MoodRuleMsg, space: SceneSpace) -> MoodRule:
 
 
 def run_from_msg(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -> AnnouncedRun:
-    """Return the run of an event.
-
-    Raises:
-        Refused: As in :func:`scene_from_msg`.
-    """
+    """Return the run of an event."""
     return AnnouncedRun(
         epoch=message.epoch,
         round=message.round,
@@ -131,11 +127,7 @@ def collected_from_msg(request: CollectFeedback.Request, space: SceneSpace) -> A
 
 
 def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> FeedbackRequest:
-    """Return the feedback of a request.
-
-    Raises:
-        Refused: As in :func:`scene_from_msg` when it names a scene.
-    """
+    """Return the feedback of a request."""
     return FeedbackRequest(
         feedback_id=request.feedback_id,
         agent=request.agent,

@@ -60,7 +60,7 @@ class SceneLayerNode(BaseNode):
 
     Raises:
         Refused: A source names a type or field that is not installed, or a topic that cannot be
-            heard.
+            subscribed to.
         BtAgentsError: The file of the memory is none, or cannot be read.
     """
 
@@ -79,12 +79,12 @@ class SceneLayerNode(BaseNode):
         self._sources = Sources(spec)
         known = Memory(spec.space)
         self._estimate = SceneEstimator(spec, self._sources, known)
-        self._following = RunTracker()
+        self._runs = RunTracker()
         self._announced_id = ""
         self._live_at = 0.0
         self._persons_at = 0.0
         self._shown: object = None
-        self._remembering = MemoryStore(
+        self._store = MemoryStore(
             self, known, spec.space, memory, lambda: self._estimate.encounters.known
         )
         self._scene = self.create_publisher(SceneMsg, "scene", qos.FACT)
@@ -95,25 +95,25 @@ class SceneLayerNode(BaseNode):
         self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
         self.create_subscription(Empty, "~/trigger", self._on_trigger, qos.EVENTS)
         self.create_service(Analyze, "~/analyze", self._on_analyze, qos_profile=qos.SERVICE)
-        self._playing: ScriptPlayer | None = None
-        self._listening: SourceSubscriptions | None = None
+        self._player: ScriptPlayer | None = None
+        self._source_subscriptions: SourceSubscriptions | None = None
         if script is None:
             persons = self._estimate.encounters.persons
-            self._listening = SourceSubscriptions(
+            self._source_subscriptions = SourceSubscriptions(
                 self, spec, self._sources, persons, self._on_change
             )
         else:
             listened = self._market_listens
-            self._playing = ScriptPlayer(self, script, self._announce, self._give, listened)
+            self._player = ScriptPlayer(self, script, self._announce, self._give, listened)
 
     def request_stop(self) -> None:
-        self._remembering.request_stop()
+        self._store.request_stop()
 
     def stopped(self) -> bool:
-        return self._remembering.stopped()
+        return self._store.stopped()
 
     def destroy_node(self) -> None:
-        self._remembering.close()
+        self._store.close()
         super().destroy_node()
 
     def _make_timers(self) -> None:
@@ -139,11 +139,11 @@ class SceneLayerNode(BaseNode):
 
     def _poll(self) -> None:
         """Update who is there; publish it when it has changed."""
-        running = self._following.run
+        running = self._runs.run
         scene_id = running.scene_id if running is not None else None
         moved = self._estimate.update(time.monotonic(), time.time(), scene_id)
-        if self._listening is not None:
-            self._listening.subscribe_to_tracked()
+        if self._source_subscriptions is not None:
+            self._source_subscriptions.subscribe_to_tracked()
         if moved and running is not None:
             self._publish_live()
         self._publish_persons()
@@ -234,7 +234,7 @@ class SceneLayerNode(BaseNode):
 
     def _present_id(self) -> str:
         """Return the scene that runs, else the one announced last; empty when that is over."""
-        running = self._following.run
+        running = self._runs.run
         return running.scene_id if running is not None else self._announced_id
 
     def _put_together(self, scene_id: str, now: float) -> Scene:
@@ -249,7 +249,7 @@ class SceneLayerNode(BaseNode):
         if message.event == Run.STARTED:
             self._on_started(message)
         elif message.event == Run.ENDED:
-            self._following.ended(message.epoch, message.round)
+            self._runs.ended(message.epoch, message.round)
             self._stop_when_over()
 
     def _on_started(self, message: Any) -> None:
@@ -258,16 +258,16 @@ class SceneLayerNode(BaseNode):
         except Refused as refused:
             self.get_logger().warning(f"no live scene for round {message.round}: {refused}")
             return
-        following = LiveRun(epoch=message.epoch, round=message.round, scene_id=scene.scene_id)
-        if not self._following.started(following):
+        started = LiveRun(epoch=message.epoch, round=message.round, scene_id=scene.scene_id)
+        if not self._runs.started(started):
             return
         self._estimate.adopt(scene, time.monotonic())
         self._live_timer.reset()
-        if self._playing is not None:
-            self._playing.started(scene.scene_id)
+        if self._player is not None:
+            self._player.started(scene.scene_id)
 
     def _on_change(self) -> None:
-        if self._following.run is None:
+        if self._runs.run is None:
             return
         if time.monotonic() - self._live_at >= SHORTEST_S:
             self._publish_live()
@@ -276,26 +276,26 @@ class SceneLayerNode(BaseNode):
 
     def _publish_live(self) -> None:
         self._soon_timer.cancel()
-        if self._following.run is None:
+        if self._runs.run is None:
             return
         self._live_at = time.monotonic()
-        scene = self._put_together(self._following.run.scene_id, self._live_at)
+        scene = self._put_together(self._runs.run.scene_id, self._live_at)
         self._live.publish(scene_to_msg(scene))
 
     def _stop_when_over(self) -> None:
-        if self._following.run is None:
+        if self._runs.run is None:
             self._live_timer.cancel()
             self._soon_timer.cancel()
 
     def _on_market(self, message: Any) -> None:
         idle = message.state == MarketStatus.IDLE
-        self._following.market(message.epoch, message.round, idle)
+        self._runs.market(message.epoch, message.round, idle)
         self._stop_when_over()
         if message.finished_scene_id.removesuffix(AGAIN) == self._announced_id:
             # What was given for it holds for nothing that comes now.
             self._announced_id = ""
-        if self._playing is not None:
-            self._playing.market(message)
+        if self._player is not None:
+            self._player.market(message)
 
     def _market_listens(self) -> bool:
         """Whether the publisher of the market's status is matched as a subscriber of scenes."""

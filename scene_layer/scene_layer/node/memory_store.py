@@ -62,7 +62,7 @@ class MemoryStore:
         self._saving: ThreadFuture[None] | None = None
         if path is not None:
             steady_timer(node, SAVE_S, self._save_changes)
-        # One that waits for the disk holds up no other.
+        # One that waits for the disk stalls no other.
         group = ReentrantCallbackGroup()
         node.create_service(
             ManageProfiles, "~/manage", self._manage, qos_profile=qos.SERVICE, callback_group=group

@@ -78,8 +78,6 @@ class SourceSubscriptions:
 
     def subscribe_to_tracked(self) -> None:
         """Subscribe to the topics of the persons tracked now, and of no others."""
-        if self._spec.persons is None:
-            return
         topics = self._sources.topics(self._persons.tracked, time.monotonic())
         found: dict[_Key, set[SourceSpec]] = {}
         for (source, person), topic in topics.items():
@@ -114,12 +112,6 @@ class SourceSubscriptions:
     def _create_subscription(
         self, topic: str, type_name: str, take: Callable[[Any], None], latched: bool
     ) -> Any:
-        """Subscribe to a topic.
-
-        Raises:
-            Refused: ``UNUSABLE_TOPIC``: its name is none, or this process uses it with another
-                type.
-        """
         kind = load_type(type_name, BindingKind.TOPIC)
         profile = qos.FACT if latched else qos.SENSOR
         try:
