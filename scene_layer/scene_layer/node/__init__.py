@@ -57,6 +57,7 @@ class SceneLayerNode(BaseNode):
         script: Visits to play instead of listening to the sources.
         memory: File in which what is known of persons and places outlives the node; None for none.
         ids: Makes the scene ids; random ones by default.
+        node_kwargs: For :class:`rclpy.node.Node`.
 
     Raises:
         Refused: A source names a type or field that is not installed, or a topic that cannot be
