@@ -88,7 +88,7 @@ class Agent:
             and not known.invalid_rules
             and entry.profile == known.profile
             and entry.learning_rate == known.learning_rate
-            # As text, for NaN, which stands for no value, is equal to itself there.
+            # As text, in which NaN, which stands for no value, equals itself.
             and repr(entry.learning) == repr(known.learning)
             and entry.rules == known.rules
         )
