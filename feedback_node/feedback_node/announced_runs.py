@@ -14,14 +14,7 @@ _REMEMBERED_AGENTS = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class AnnouncedRun:
-    """One run of one agent.
-
-    Attributes:
-        epoch: Market that awarded it.
-        round: Its round.
-        agent: Who runs.
-        scene: As awarded.
-    """
+    """One run of one agent, with its scene as awarded."""
 
     epoch: str
     round: int

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from bt_agents_core.mood import Addressee
 from bt_agents_core.scene import MISSING, Scene, SceneSpace, mood_of
-from feedback_node.announced_runs import AnnouncedRun
 
 MOST_LEAVES = 1000
 """Nodes of one run that are told apart; what others do is counted for nobody."""
@@ -37,18 +36,8 @@ class LeafMood:
     change: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReportedMood:
-    """Mood trace of an ended run."""
-
-    run: AnnouncedRun
-    leaves: tuple[LeafMood, ...]
-
-
 @dataclass(kw_only=True)
 class _Account:
-    """Sums of one node so far."""
-
     seconds: float = 0.0
     known_s: float = 0.0
     sum: float = 0.0
@@ -69,14 +58,6 @@ class MoodTrace:
     def __init__(
         self, awarded: Scene, space: SceneSpace, clock: Callable[[], float], lease_s: float
     ) -> None:
-        """Start before the first node.
-
-        Args:
-            awarded: Scene as awarded.
-            space: Says which parameter is the mood.
-            clock: Steady time [s].
-            lease_s: A live scene counts for so long after it has come [s].
-        """
         self.lease_s = lease_s
         self._space = space
         self._clock = clock
@@ -132,7 +113,6 @@ class MoodTrace:
         )
 
     def _count(self) -> None:
-        """Add the time since the last update to the node at work."""
         now = self._clock()
         account = self._accounts.get(self._leaf)
         if account is not None:

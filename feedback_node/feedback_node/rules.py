@@ -24,12 +24,10 @@ class Fired:
     """Firing of a mood rule whose condition has held long enough.
 
     Attributes:
-        rule: The rule.
         index: Its place among the rules of the run, from 0.
         count: How often it had fired before in this run.
         since: When its condition began to hold, on the steady clock [s].
         reason: Text with the condition, its time and the mood.
-        live: The live scene that it fired on.
     """
 
     rule: MoodRule
@@ -41,13 +39,7 @@ class Fired:
 
 
 class _Watched:
-    """State of one mood rule during a run.
-
-    Attributes:
-        since: When its condition began to hold [s]; None while it does not.
-        count: How often it has fired.
-        done: True when it fires no more.
-    """
+    """State of one mood rule during a run; ``since`` when its condition has held [s]."""
 
     def __init__(self, rule: MoodRule, mood: Mood) -> None:
         self.rule = rule
@@ -93,6 +85,11 @@ class Watch:
     has to hold anew for its whole time after it. A live scene that is about another person than
     the run says that nobody is there.
 
+    Args:
+        clock: Steady time [s].
+        settle_s: No rule holds during this time, so that a run which is only being replayed can
+            turn out to be over [s].
+
     Attributes:
         lease_s: A live scene counts for so long after it has come [s].
     """
@@ -106,17 +103,6 @@ class Watch:
         settle_s: float = 0.0,
         lease_s: float = LEASE_S,
     ) -> None:
-        """Start watching.
-
-        Args:
-            rules: Rules of the agent that runs.
-            awarded: Scene as awarded.
-            space: The scene parameters.
-            clock: Steady time [s].
-            settle_s: No rule holds during this time, so that a run which is only being replayed
-                can turn out to be over [s].
-            lease_s: A live scene counts for so long after it has come [s].
-        """
         self._rules = tuple(
             _Watched(
                 rule,

@@ -14,9 +14,6 @@ class SimulatedFeedback:
 
     Section 2.3.4 of the paper: "a previously generated list of simulated user feedback". Every row
     of the list counts, the first one too.
-
-    Args:
-        prepared: The feedback.
     """
 
     def __init__(self, prepared: PreparedFeedback) -> None:
@@ -25,11 +22,7 @@ class SimulatedFeedback:
         self._used = 0
 
     def resume(self, given: Mapping[str, int]) -> None:
-        """Go on after feedback that was given before a restart.
-
-        Args:
-            given: Agent → how often it was given some.
-        """
+        """Go on after a restart before which each agent was given some feedback, so often."""
         prepared = self._prepared
         self._given = sum(given.values())
         self._used = sum(count for agent, count in given.items() if agent not in prepared.each)
@@ -38,22 +31,15 @@ class SimulatedFeedback:
 
     def next(self, agent: str) -> Vector | None:
         """Return the feedback for a run of ``agent`` that has just ended; None for no feedback."""
-        meant = self._meant(agent)
+        prepared = self._prepared
+        meant = prepared.each.get(agent)
         if meant is None:
-            return None
-        errors = self._prepared.errors
-        wrong = errors.instead(self._given) if errors else None
+            if prepared.repeat and self._used >= len(prepared.sequence):
+                self._used = 0
+            if self._used >= len(prepared.sequence):
+                return None
+            meant = prepared.sequence[self._used]
+            self._used += 1
+        wrong = prepared.errors.instead(self._given) if prepared.errors else None
         self._given += 1
         return meant if wrong is None else wrong
-
-    def _meant(self, agent: str) -> Vector | None:
-        prepared = self._prepared
-        if agent in prepared.each:
-            return prepared.each[agent]
-        if self._used >= len(prepared.sequence):
-            if not (prepared.repeat and prepared.sequence):
-                return None
-            self._used = 0
-        vector = prepared.sequence[self._used]
-        self._used += 1
-        return vector

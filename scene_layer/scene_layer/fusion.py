@@ -30,7 +30,7 @@ class Reading:
 
 
 def fused(readings: Sequence[Reading]) -> Reading:
-    """Return the inverse-variance mean of several readings of one thing.
+    """Return the inverse-variance mean of one or several readings of one thing.
 
     The value is the mean weighted by ``w_i = c_i / s_i²``, its standard deviation ``1 / √Σ w_i``:
     the inverse-variance mean (see J. Hartung, G. Knapp, B. K. Sinha, "Statistical Meta-Analysis
@@ -41,9 +41,6 @@ def fused(readings: Sequence[Reading]) -> Reading:
     those that do, and takes nothing from the resulting one; when none states any, the confidences
     alone are the weights. The result is as sure as the surest reading, as new as the newest, and
     holds as long as any.
-
-    Args:
-        readings: At least one.
     """
     stated = [reading.std for reading in readings if reading.std > 0.0]
     # Relative to the smallest deviation, so that no square leaves the range of numbers.
@@ -74,12 +71,8 @@ def smoothed(before: Reading, new: Reading, time_constant_s: float) -> Reading:
     times (A. Eckner, "Algorithms for Unevenly Spaced Time Series: Moving Averages and Other
     Rolling Operators", 2017), where time counts less the less confident a reading is. The standard
     deviation and the confidence move in the same way: errors of neighbouring readings are not
-    independent, so a mean of them is not taken to be surer than each.
-
-    Args:
-        before: The smoothed reading before; a stale one counts no more.
-        new: What has been read.
-        time_constant_s: After so long a reading counts by a third of what it did; 0 for none [s].
+    independent, so a mean of them is not taken to be surer than each. A stale reading counts no
+    more, and a time constant of 0 smooths nothing.
     """
     if time_constant_s <= 0.0 or new.at > before.stale_at:
         return new

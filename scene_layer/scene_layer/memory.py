@@ -12,7 +12,7 @@ from typing import Any
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 
 MOST_KNOWN = 1000
 """Persons, and as many places, that are remembered; the one not seen for longest goes first."""
@@ -22,7 +22,6 @@ FADES = 0.99
 
 DRIFT_S = 3600.0
 """Time constant with which an estimate loses what it knows [s]."""
-
 
 FORMAT = 1
 MOST_BYTES = 16 * 2**20
@@ -35,23 +34,6 @@ _SHOWN = 100
 
 LONGEST_NAME = 200
 """Characters of the name of a person or a place."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimated:
-    """Estimate of a value that is not measured now.
-
-    Attributes:
-        value: In the unit of the parameter.
-        std: Standard deviation of the value now, in the unit of the parameter.
-        age_s: Time since the last measurement that it is made of [s].
-        source: What it is made of, in words.
-    """
-
-    value: float
-    std: float
-    age_s: float
-    source: str
 
 
 def ignorance(parameter: SceneParameter) -> float:
@@ -70,9 +52,7 @@ class Running:
     multiplied by :data:`FADES` at each value, as Finch (2009) does.
 
     Attributes:
-        mean: Weighted mean.
         scatter: Weighted sum of the squared deviations, with the variances of the values.
-        weight: Sum of the weights.
         at: When the last value was taken, in unix time [s].
     """
 
@@ -100,11 +80,7 @@ class Running:
         What is known from the beginning counts as one measurement,
         s² = (scatter + ignorance²) / (weight + 1), and time takes it back to not knowing:
         std² = s² + (ignorance² − s²) (1 − exp(−2 age / :data:`DRIFT_S`)), the variance of the
-        prediction of an Ornstein-Uhlenbeck process. It never falls with age.
-
-        Args:
-            ignorance: Standard deviation when nothing is known.
-            age_s: Time since the last value, 0 or more [s].
+        prediction of an Ornstein-Uhlenbeck process. It never falls with age, which is 0 or more.
         """
         limit = ignorance * ignorance
         known = (self.scatter + limit) / (self.weight + 1.0)
@@ -118,7 +94,6 @@ class KnownPerson:
 
     Attributes:
         visits: How often the person came; of a place, how many came.
-        values: By parameter.
         seen_at: Last time, in unix time [s].
         lent: Whether a copy has the same values, so that they must not be changed in place.
     """
@@ -140,23 +115,33 @@ class KnownPerson:
             self.lent = False
         self.values[name] = self.values.get(name, Running()).after(value, std, weight, at)
 
-    def estimate(self, parameter: SceneParameter, now: float) -> tuple[float, float, float] | None:
-        """Return value, standard deviation and age [s]; None of what was never measured."""
+    def estimate(
+        self, parameter: SceneParameter, now: float, source: str = ""
+    ) -> SceneValue | None:
+        """Return what a value is now, as sure as that is known; None if it never was measured."""
         running = self.values.get(parameter.name)
         if running is None or running.weight <= 0.0:
             return None
+        unknown = ignorance(parameter)
         age_s = max(0.0, now - running.at)
-        return parameter.clamp(running.mean), running.std(ignorance(parameter), age_s), age_s
+        std = running.std(unknown, age_s)
+        return SceneValue(
+            name=parameter.name,
+            value=parameter.clamp(running.mean),
+            origin=Origin.ESTIMATED,
+            age_s=age_s,
+            std=std,
+            confidence=max(0.0, 1.0 - (std / unknown) ** 2),
+            source=source,
+        )
 
 
 class Memory:
     """Running estimates of persons and averages of places, made of measured values only.
 
     A person is remembered over the end of tracking only when the id is the name of a known
-    person. Each visit counts once in the average of its place, with what was measured of it.
-
-    Args:
-        space: The scene parameters.
+    person. Each visit counts once in the average of its place, with what was measured of it. All
+    times are unix times [s].
 
     Attributes:
         changes: Counts what should be saved.
@@ -171,7 +156,7 @@ class Memory:
         self._shunned: set[str] = set()
 
     def came(self, person: str, now: float) -> None:
-        """Begin the visit of a person; ``now`` is in unix time [s], as everywhere here."""
+        """Begin the visit of a person."""
         known = self._persons.pop(person, None) or KnownPerson()
         known.visits += 1
         known.seen_at = now
@@ -192,47 +177,32 @@ class Memory:
         self.changes += 1
 
     def left(self, person: str, place: str, *, known: bool, now: float) -> None:
-        """End a visit.
-
-        Args:
-            person: Who has gone; somebody who never came changes nothing.
-            place: Where the visit was; may be empty.
-            known: True when the id is a name by which this person comes again.
-            now: Unix time [s].
-        """
+        """End a visit to a place; who is ``known`` by name may come again."""
         measured = self._visits.pop(person, None)
         if measured is None:
             return
         remembered = self._persons.pop(person)
         remembered.seen_at = now
         if measured:
-            self._count(self._place(place), remembered, measured, now)
+            self._count(place, remembered, measured, now)
         if known and person not in self._shunned and remembered.values:
             self._persons[person] = remembered
         self._shunned.discard(person)
         self._bound()
         self.changes += 1
 
-    def estimate(self, person: str, place: str, name: str, now: float) -> Estimated | None:
-        """Return the estimate for a person, else for those who come to the place.
-
-        Args:
-            person: Who; may be empty.
-            place: Where; may be empty.
-            name: A parameter of the space.
-            now: Unix time [s].
-        """
+    def estimate(self, person: str, place: str, name: str, now: float) -> SceneValue | None:
+        """Return the estimate for a person, else for those who come to the place."""
         parameter = self._space.parameter(name)
-        known = self._persons.get(person)
-        found = known.estimate(parameter, now) if known is not None else None
-        if known is not None and found is not None:
-            return _estimated(found, f"{person or 'this person'}, {_seen(known.visits)}")
-        here = self._places.get(place)
-        found = here.estimate(parameter, now) if here is not None else None
-        if here is not None and found is not None:
+        found = None
+        if (known := self._persons.get(person)) is not None:
+            seen = "once" if known.visits == 1 else f"{known.visits} times"
+            found = known.estimate(parameter, now, f"{person or 'this person'}, seen {seen}")
+        if found is None and (here := self._places.get(place)) is not None:
             where = f"in {place}" if place else "here"
-            return _estimated(found, f"everybody {where}, {_visits(here.visits)}")
-        return None
+            visits = "1 visit" if here.visits == 1 else f"{here.visits} visits"
+            found = here.estimate(parameter, now, f"everybody {where}, {visits}")
+        return found
 
     def forget(self, *, person: str = "", place: str = "") -> bool:
         """Forget a person or a place; return whether anything was known.
@@ -257,9 +227,7 @@ class Memory:
     ) -> tuple[dict[str, KnownPerson], dict[str, KnownPerson]]:
         """Return what outlives a restart, persons and places, as a copy that does not change.
 
-        Args:
-            known: Those of the present persons who are known by name; others who are here are
-                left out.
+        Of the present persons only those ``known`` by name are in it.
         """
         names = set(known) - self._shunned
         persons = {
@@ -277,19 +245,15 @@ class Memory:
         self._places.update(places)
         self._bound()
 
-    def _place(self, place: str) -> KnownPerson:
-        known = self._places.pop(place, None) or KnownPerson()
-        self._places[place] = known
-        return known
-
-    def _count(
-        self, place: KnownPerson, person: KnownPerson, measured: set[str], now: float
-    ) -> None:
-        place.visits += 1
-        place.seen_at = now
+    def _count(self, place: str, person: KnownPerson, measured: set[str], now: float) -> None:
+        here = self._places.pop(place, KnownPerson())
+        self._places[place] = here
+        here.visits += 1
+        here.seen_at = now
         for name in sorted(measured):
-            mean, std, _ = person.estimate(self._space.parameter(name), now) or (0.0, 0.0, 0.0)
-            place.add(name, mean, std, 1.0, now)
+            found = person.estimate(self._space.parameter(name), now)
+            if found is not None:
+                here.add(name, found.value, found.std, 1.0, now)
 
     def _bound(self) -> None:
         for known in (self._persons, self._places):
@@ -297,19 +261,6 @@ class Memory:
             oldest = sorted(away, key=lambda name: known[name].seen_at)
             for name in oldest[: max(0, len(away) - MOST_KNOWN)]:
                 del known[name]
-
-
-def _estimated(found: tuple[float, float, float], source: str) -> Estimated:
-    value, std, age_s = found
-    return Estimated(value=value, std=std, age_s=age_s, source=source)
-
-
-def _seen(count: int) -> str:
-    return "seen once" if count == 1 else f"seen {count} times"
-
-
-def _visits(count: int) -> str:
-    return "1 visit" if count == 1 else f"{count} visits"
 
 
 Remembered = tuple[Mapping[str, KnownPerson], Mapping[str, KnownPerson]]
@@ -351,10 +302,7 @@ def to_text(
 def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
     """Return the content of a text; values of other parameters, or out of range, are left out.
 
-    Args:
-        text: Of a file.
-        space: The scene parameters.
-        now: Unix time; what was seen later, by a clock that was wrong, was seen now [s].
+    What was seen later than now, by a clock that was wrong, was seen now (unix time [s]).
 
     Raises:
         DamagedMemoryError: It is not what :func:`to_text` writes.
@@ -374,11 +322,6 @@ def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
 
 def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
     """Return the content of a file; nothing when it is empty or not there.
-
-    Args:
-        path: Of the file.
-        space: The scene parameters.
-        now: Unix time [s].
 
     Raises:
         DamagedMemoryError: It is one of ours, and damaged.
@@ -427,11 +370,7 @@ def save_memory(
 
 
 def set_aside(path: Path) -> Path:
-    """Give a damaged file another name; return it.
-
-    Raises:
-        OSError: It cannot be renamed.
-    """
+    """Give a damaged file another name; return it."""
     names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in range(MOST_KNOWN))
     free = next((name for name in names if not name.exists()), path.with_name(f"{path.name}.old"))
     return path.rename(free)

@@ -68,20 +68,6 @@ def check_id(person_id: object) -> str:
     return person_id
 
 
-@dataclass(frozen=True, kw_only=True)
-class Moved:
-    """Persons who have come and gone since the last update, in order."""
-
-    came: tuple[str, ...] = ()
-    gone: tuple[str, ...] = ()
-
-
-@dataclass
-class _Tracked:
-    number: int
-    absent_since: float = math.inf
-
-
 class Persons:
     """Persons of a tracker, and the addressee: whom the scene is about.
 
@@ -93,7 +79,7 @@ class Persons:
     Of several who have been better for so long, the best is taken.
 
     Args:
-        spec: The rules.
+        spec: The rules; None where persons are not told apart, so that nobody is ever tracked.
 
     Attributes:
         addressee: Its id; :data:`NOBODY` without one.
@@ -102,13 +88,13 @@ class Persons:
         refusals: How many ids were refused, by code.
     """
 
-    def __init__(self, spec: PersonsSpec) -> None:
-        self._tracker = spec.tracked
-        self._rule = spec.addressee
-        self._tracked: dict[str, _Tracked] = {}
+    def __init__(self, spec: PersonsSpec | None) -> None:
+        if spec is not None:
+            self._tracker = spec.tracked
+            self._rule = spec.addressee
+        self._absent_since: dict[str, float] = {}
         self._listed: tuple[str, ...] = ()
         self.received_at = -math.inf
-        self._count = 0
         self._last = NOBODY
         self._chosen_at = -math.inf
         self._better_since: dict[str, float] = {}
@@ -119,19 +105,15 @@ class Persons:
     @property
     def tracked(self) -> tuple[str, ...]:
         """Ids of all tracked persons, in the order they came."""
-        return tuple(self._tracked)
+        return tuple(self._absent_since)
 
     @property
     def candidates(self) -> tuple[str, ...]:
         """Ids of all who are tracked, or are from the next update on."""
-        return tuple(dict.fromkeys((*self._tracked, *self._listed)))
+        return tuple(dict.fromkeys((*self._absent_since, *self._listed)))
 
     def receive_ids(self, ids: Iterable[object], now: float) -> Refused | None:
-        """Take a message of the tracker.
-
-        Args:
-            ids: Of all persons there are, as the tracker says them; bad ones are left out.
-            now: Steady time [s].
+        """Take the ids of all persons there are, as the tracker says; bad ones are left out.
 
         Returns:
             The refusal of the last id that was left out; None when all are taken.
@@ -148,7 +130,7 @@ class Persons:
                 continue
             found[person] = None
         # Whoever is tracked already goes first.
-        ordered = sorted(found, key=lambda person: person not in self._tracked)
+        ordered = sorted(found, key=lambda person: person not in self._absent_since)
         if len(ordered) > MOST_PERSONS:
             refused = self._refuse(
                 Refused(
@@ -159,42 +141,43 @@ class Persons:
             )
         self._listed = tuple(ordered[:MOST_PERSONS])
         self.received_at = now
-        for person, one in self._tracked.items():
+        for person, since in self._absent_since.items():
             listed = person in self._listed
-            one.absent_since = math.inf if listed else min(one.absent_since, now)
+            self._absent_since[person] = math.inf if listed else min(since, now)
         return refused
 
-    def update(self, ranks: Mapping[str, float], now: float) -> Moved:
-        """Update who is there, and choose the addressee.
+    def update(
+        self, ranks: Mapping[str, float], now: float
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Update who is there at a steady time [s], and choose the addressee.
 
-        Args:
-            ranks: Engagement [0..1] or distance [m] by person, as the rule wants it; who is not
-                in it, or NaN, is ranked last.
-            now: Steady time [s], never earlier than before.
+        Ranks are engagement [0..1] or distance [m], as the rule wants it; who has none, or NaN, is
+        ranked last.
+
+        Returns:
+            Who has come and who has gone, in order.
         """
         stale = now > self.received_at + self._tracker.stale_after_s
         fresh = () if stale else self._listed
         gone = tuple(
             person
-            for person, one in self._tracked.items()
-            if stale or now >= one.absent_since + self._tracker.lost_after_s
+            for person, since in self._absent_since.items()
+            if stale or now >= since + self._tracker.lost_after_s
         )
         for person in gone:
-            del self._tracked[person]
-        room = MOST_PERSONS - len(self._tracked)
-        came = tuple(person for person in fresh if person not in self._tracked)[:room]
-        for person in came:
-            self._count += 1
-            self._tracked[person] = _Tracked(number=self._count)
-        self._choose([person for person in self._tracked if person in fresh], ranks, now)
-        return Moved(came=came, gone=gone)
+            del self._absent_since[person]
+        room = MOST_PERSONS - len(self._absent_since)
+        came = tuple(person for person in fresh if person not in self._absent_since)[:room]
+        self._absent_since.update(dict.fromkeys(came, math.inf))
+        self._choose([person for person in self.tracked if person in fresh], ranks, now)
+        return came, gone
 
     def _refuse(self, problem: Refused) -> Refused:
         self.refusals[problem.code] += 1
         return problem
 
     def _choose(self, candidates: list[str], ranks: Mapping[str, float], now: float) -> None:
-        if self.addressee and self.addressee not in self._tracked:
+        if self.addressee and self.addressee not in self._absent_since:
             self.reason = f"{self.addressee} is gone"
             self.addressee = NOBODY
         if not self.addressee:
@@ -221,7 +204,7 @@ class Persons:
         self._better_since = {}
 
     def _why(self, person: str, ranks: Mapping[str, float]) -> str:
-        if len(self._tracked) == 1:
+        if len(self._absent_since) == 1:
             return f"{person} is the only one"
         rank = ranks.get(person, math.nan)
         if self._rule.rule is AddresseeRule.FIRST or math.isnan(rank):
@@ -231,7 +214,7 @@ class Persons:
 
     def _best(self, candidates: list[str], ranks: Mapping[str, float]) -> str:
         """Return the best ranked person; of equal ones the one who came first."""
-        return max(candidates, key=lambda p: (self._score(p, ranks), -self._tracked[p].number))
+        return max(candidates, key=lambda person: self._score(person, ranks))
 
     def _challengers(self, candidates: list[str], ranks: Mapping[str, float]) -> list[str]:
         """Return all who are better than the addressee by more than the margin."""
@@ -254,20 +237,14 @@ class Encounters:
     what no source says of one. The person whom a run began with is kept until the run ends, though
     they have gone: what is known of them stays as they left it. So does, for :data:`AWAY_S`, that
     of somebody known by name: a tracker that loses them for a moment does not end their visit.
-
-    Args:
-        spec: The scene parameters, their sources and the persons.
-        sources: The latest readings.
-        memory: What is known from before.
     """
 
     def __init__(self, spec: SceneSpec, sources: Sources, memory: Memory) -> None:
+        self.persons = Persons(spec.persons)
         self._spec = spec
         self._sources = sources
         self._memory = memory
-        self._persons = Persons(spec.persons) if spec.persons is not None else None
         self._here: tuple[str, ...] = ()
-        self._held: str | None = None
         self._away: dict[str, _Departure] = {}
         self._observed_at: dict[str, float] = {}
         self._names: set[str] = set()
@@ -280,62 +257,24 @@ class Encounters:
     @property
     def identified(self) -> bool:
         """Whether persons have ids."""
-        return self._persons is not None
+        return self._spec.persons is not None
 
     @property
     def enabled(self) -> bool:
         """Whether updates are needed: for persons with ids, or values to remember."""
         return self.identified or bool(self._remembered)
 
-    @property
-    def tracked(self) -> tuple[str, ...]:
-        """Ids of all present persons in order of arrival; empty without identification."""
-        return self._persons.tracked if self._persons is not None else ()
+    def update(self, now: float, wall: float, held: str | None = None) -> bool:
+        """Update who is here, and remember what was measured of them; times steady and unix [s].
 
-    @property
-    def addressee(self) -> str:
-        """Person whom a scene is about; :data:`NOBODY` without a person or without ids."""
-        return self._persons.addressee if self._persons is not None else NOBODY
-
-    @property
-    def reason(self) -> str:
-        """Reason why this person is the addressee."""
-        return self._persons.reason if self._persons is not None else ""
-
-    @property
-    def candidates(self) -> tuple[str, ...]:
-        """Ids of all who are here, or are from the next update on."""
-        return self._persons.candidates if self._persons is not None else ()
-
-    @property
-    def received_at(self) -> float:
-        """Steady time of the last message of the tracker; −∞ before the first [s]."""
-        return self._persons.received_at if self._persons is not None else -math.inf
-
-    def receive_ids(self, ids: Iterable[object], now: float) -> tuple[Refused, int] | None:
-        """Take a message of the tracker; see :meth:`Persons.receive_ids`.
-
-        Returns:
-            The last id that was left out, and how often that has happened; None for none.
-        """
-        if self._persons is None:
-            return None
-        refused = self._persons.receive_ids(ids, now)
-        return (refused, self._persons.refusals[refused.code]) if refused is not None else None
-
-    def update(self, now: float, wall: float) -> bool:
-        """Update who is here, and remember what was measured of them.
-
-        Args:
-            now: Steady time [s].
-            wall: Unix time [s].
+        What is known of the person of a run, who is ``held``, is kept.
 
         Returns:
             True when somebody has come or gone, or somebody else is the addressee.
         """
-        before = self._here, self.addressee
+        before = self._here, self.persons.addressee
         came, gone = self._moved(now)
-        self._end_visits(now)
+        self._end_visits(now, held)
         for person in came:
             if self._away.pop(person, None) is None:
                 self._memory.came(person, wall)
@@ -345,13 +284,9 @@ class Encounters:
         for person in gone:
             self._observe(person, now, wall)
             self._away[person] = _Departure(at=now, wall=wall, place=self._sources.place(now))
-        self._end_visits(now)
+        self._end_visits(now, held)
         self._forget_others()
-        return before != (self._here, self.addressee)
-
-    def hold(self, person: str | None) -> None:
-        """Keep what is known of the person of a run; None between runs."""
-        self._held = person
+        return before != (self._here, self.persons.addressee)
 
     @property
     def known(self) -> frozenset[str]:
@@ -359,28 +294,25 @@ class Encounters:
         return frozenset(self._names)
 
     def _moved(self, now: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        if self._persons is not None:
-            moved = self._persons.update(self._ranks(now), now)
-            self._here = self._persons.tracked
-            return moved.came, moved.gone
+        if self._spec.persons is not None:
+            moved = self.persons.update(self._ranks(self._spec.persons, now), now)
+            self._here = self.persons.tracked
+            return moved
         here = (NOBODY,) if somebody_is_measured(self._spec, self._sources, now) else ()
         came = here if not self._here else ()
         gone = self._here if not here else ()
         self._here = here
         return came, gone
 
-    def _ranks(self, now: float) -> dict[str, float]:
+    def _ranks(self, spec: PersonsSpec, now: float) -> dict[str, float]:
         """Return the rank of each person by which the addressee is chosen, where it is known."""
-        assert self._persons is not None
-        assert self._spec.persons is not None
-        source = self._spec.persons.addressee.source
+        source = spec.addressee.source
         if source is None:
             return {}
-        found = {p: self._sources.reading(source, now, p) for p in self._persons.candidates}
+        found = {p: self._sources.reading(source, now, p) for p in self.persons.candidates}
         return {person: read.value for person, read in found.items() if read is not None}
 
     def _observe(self, person: str, now: float, wall: float) -> None:
-        """Remember what has been measured of a person since the last update."""
         observed_at = self._observed_at.get(person, -math.inf)
         for name in self._remembered:
             read = self._sources.latest(name, now, person, alone=True)
@@ -392,12 +324,12 @@ class Encounters:
         if read is not None:
             (self._names.add if read.value >= THRESHOLD else self._names.discard)(person)
 
-    def _end_visits(self, now: float) -> None:
+    def _end_visits(self, now: float, held: str | None) -> None:
         """End the visits of those who will hardly come back to them, oldest departure first."""
         spare = len(self._away) - MOST_AWAY
         for number, (person, left) in enumerate(list(self._away.items())):
             named = person in self._names and number >= spare
-            if person == self._held or (named and now < left.at + AWAY_S):
+            if person == held or (named and now < left.at + AWAY_S):
                 continue
             del self._away[person]
             self._memory.left(person, left.place, known=person in self._names, now=left.wall)
@@ -405,8 +337,7 @@ class Encounters:
             self._observed_at.pop(person, None)
 
     def _forget_others(self) -> None:
-        """Drop readings of persons who are neither present, nor listed, nor still awaited."""
-        for person in self._sources.people - {*self.candidates, *self._away}:
+        for person in self._sources.people - {*self.persons.candidates, *self._away}:
             self._sources.forget(person)
 
 

@@ -16,11 +16,7 @@ class LiveRun:
 
 
 class RunTracker:
-    """Tracks the run under way by the events of runs and the state of the market.
-
-    Attributes:
-        run: The run under way; None between runs.
-    """
+    """Tracks the run under way, None between runs, by events of runs and the market's state."""
 
     def __init__(self) -> None:
         self.run: LiveRun | None = None

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, check_value
 from bt_agents_language.model.scene_specs import MissingRule, SceneSpec
+from scene_layer.fusion import Reading
 from scene_layer.memory import Memory, ignorance
 from scene_layer.persons import NOBODY, THRESHOLD, Encounters, somebody_is_measured
 from scene_layer.sources import Sources
@@ -41,21 +42,10 @@ def check_given(
 
 
 @dataclass(frozen=True, kw_only=True)
-class GivenValue:
-    """Value given for a scene, with its steady time of arrival [s]."""
-
-    value: float
-    at: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class SceneInteraction:
     """Values given for one interaction, from its scene to the end of its runs.
 
     Attributes:
-        scene_id: Of its scene.
-        label: Words for people.
-        values: Given values by parameter.
         person: 1 where somebody was said to be there, 0 for nobody; None as measured.
         urgent: Whether it may stop a running tree.
         person_id: Whom it is about; empty as long as nobody is.
@@ -64,8 +54,8 @@ class SceneInteraction:
 
     scene_id: str
     label: str = ""
-    values: Mapping[str, GivenValue] = field(default_factory=dict)
-    person: GivenValue | None = None
+    values: Mapping[str, Reading] = field(default_factory=dict)
+    person: Reading | None = None
     urgent: bool = False
     person_id: str = NOBODY
     met: bool = False
@@ -74,8 +64,8 @@ class SceneInteraction:
         self, values: Mapping[str, float], person: bool | None, now: float
     ) -> SceneInteraction:
         """Return the interaction with more values given; a person of None stays as it was."""
-        given = {name: GivenValue(value=value, at=now) for name, value in values.items()}
-        present = self.person if person is None else GivenValue(value=float(person), at=now)
+        given = {name: Reading(value=value, at=now) for name, value in values.items()}
+        present = self.person if person is None else Reading(value=float(person), at=now)
         return replace(self, values={**self.values, **given}, person=present)
 
 
@@ -85,12 +75,7 @@ class SceneEstimator:
     A given value holds for its interaction until a source brings a newer reading. It never
     reaches another interaction: a scene that waits does not change the one that runs. An
     interaction stays with the person whom it began with; one that began with nobody takes the
-    first addressee there is.
-
-    Args:
-        spec: The scene parameters and their sources.
-        sources: The latest readings.
-        memory: What is known from before.
+    first addressee there is. Here ``now`` is steady time [s] and ``wall`` unix time [s].
     """
 
     def __init__(self, spec: SceneSpec, sources: Sources, memory: Memory) -> None:
@@ -99,6 +84,7 @@ class SceneEstimator:
         self._memory = memory
         self._interactions: dict[str, SceneInteraction] = {}
         self.encounters = Encounters(spec, sources, memory)
+        self._persons = self.encounters.persons
 
     def begin(
         self,
@@ -111,16 +97,10 @@ class SceneEstimator:
         urgent: bool = False,
         person_id: str | None = None,
     ) -> SceneInteraction:
-        """Open an interaction.
+        """Open an interaction with checked values, which may stop a running tree if ``urgent``.
 
-        Args:
-            scene_id: Of its scene.
-            label: Words for people.
-            values: Checked values that are given for it.
-            person: Whether somebody is there; None as measured.
-            now: Steady time [s].
-            urgent: Whether it may stop a running tree.
-            person_id: Whom it is about; None takes the addressee.
+        Whether there is a ``person`` is as measured where it is None; it is about ``person_id``,
+        else about the addressee.
         """
         empty = SceneInteraction(scene_id=scene_id, label=label, urgent=urgent)
         begun = empty.with_given(values, person, now)
@@ -152,49 +132,26 @@ class SceneEstimator:
         )
 
     def update(self, now: float, wall: float, running: str | None) -> bool:
-        """Update who is here; return whether that has changed.
-
-        Args:
-            now: Steady time [s].
-            wall: Unix time [s].
-            running: Scene id of the run under way; None between runs.
-        """
-        person = None if running is None else self._bound(running).person_id
-        self.encounters.hold(person)
-        return self.encounters.update(now, wall)
+        """Update who is here, while the scene ``running`` has a run; return True for a change."""
+        held = None if running is None else self._bound(running).person_id
+        return self.encounters.update(now, wall, held)
 
     def scene(self, scene_id: str, *, now: float, wall: float, stamp: float) -> Scene:
-        """Put the scene of an interaction together.
-
-        Args:
-            scene_id: Id of the interaction; an unknown one has no given values.
-            now: Steady time [s].
-            wall: Unix time [s].
-            stamp: Time for the message [s].
-        """
-        known = self._bound(scene_id)
-        values = [self._value(name, known, now) for name in self._spec.space.names]
-        present = self._present(known, values, now)
-        if present and not known.met:
-            known = self._update(replace(known, met=True))
-        return self._complete(known, values, present, now, wall, stamp)
+        """Put the scene of an interaction together; an unknown one has no given values."""
+        return self._put_together(self._bound(scene_id), now, wall, stamp)
 
     def scene_of(self, person_id: str, *, now: float, wall: float, stamp: float) -> Scene:
-        """Return the scene of a person with nothing given; times as in :meth:`scene`."""
+        """Return the scene of a person with nothing given."""
         one = SceneInteraction(scene_id=f"person/{person_id}", person_id=person_id, met=True)
-        values = [self._value(name, one, now) for name in self._spec.space.names]
-        present = person_id in self.encounters.tracked
-        return self._complete(one, values, present, now, wall, stamp)
+        return self._put_together(one, now, wall, stamp)
 
-    def _complete(
-        self,
-        interaction: SceneInteraction,
-        values: Sequence[SceneValue],
-        present: bool,
-        now: float,
-        wall: float,
-        stamp: float,
+    def _put_together(
+        self, interaction: SceneInteraction, now: float, wall: float, stamp: float
     ) -> Scene:
+        values = [self._value(name, interaction, now) for name in self._spec.space.names]
+        present = self._present(interaction, values, now)
+        if present and not interaction.met:
+            interaction = self._update(replace(interaction, met=True))
         place = self._sources.place(now)
         return Scene(
             scene_id=interaction.scene_id,
@@ -203,7 +160,7 @@ class SceneEstimator:
             urgent=interaction.urgent,
             person_id=interaction.person_id,
             place=place,
-            persons=len(self.encounters.tracked),
+            persons=len(self._persons.tracked),
             values=tuple(
                 self._expected(value.name, interaction, place, wall)
                 if value.origin is Origin.MISSING
@@ -233,10 +190,10 @@ class SceneEstimator:
         if absent or (known.person_id and scene_id):
             return known
         met = known.met and bool(scene_id)
-        return self._update(replace(known, person_id=self.encounters.addressee, met=met))
+        return self._update(replace(known, person_id=self._persons.addressee, met=met))
 
     def _update(self, interaction: SceneInteraction) -> SceneInteraction:
-        """Keep an interaction at its place in line, where it is known."""
+        """Replace an interaction where it is known, at its place among the others."""
         if interaction.scene_id in self._interactions:
             self._interactions[interaction.scene_id] = interaction
         return interaction
@@ -245,7 +202,7 @@ class SceneEstimator:
         """Return a value as given or measured, else missing."""
         given = interaction.values.get(name)
         person = interaction.person_id
-        lost = bool(person) and person not in self.encounters.tracked
+        lost = bool(person) and person not in self._persons.tracked
         read = self._sources.latest(name, now, person, alone=lost)
         if given is not None and (read is None or read.at <= given.at):
             return SceneValue(name=name, value=given.value, origin=Origin.GIVEN, source="given")
@@ -277,26 +234,17 @@ class SceneEstimator:
             return SceneValue.missing(name)
         if rule is MissingRule.LEAVE_OUT:
             return SceneValue.missing(name)
-        parameter = self._spec.space.parameter(name)
-        unknown = ignorance(parameter)
         found = self._memory.estimate(interaction.person_id, place, name, wall)
         if found is not None:
-            return SceneValue(
-                name=name,
-                value=found.value,
-                origin=Origin.ESTIMATED,
-                age_s=found.age_s,
-                std=found.std,
-                confidence=max(0.0, 1.0 - (found.std / unknown) ** 2),
-                source=found.source,
-            )
+            return found
         if rule is MissingRule.ESTIMATE:
             return SceneValue.missing(name)
+        parameter = self._spec.space.parameter(name)
         return SceneValue(
             name=name,
             value=parameter.default,
             origin=Origin.DEFAULT,
-            std=unknown,
+            std=ignorance(parameter),
             confidence=0.0,
             source="default",
         )
@@ -311,9 +259,9 @@ class SceneEstimator:
         """
         given = interaction.person
         if self.encounters.identified:
-            if given is not None and (not given.value or self.encounters.received_at <= given.at):
+            if given is not None and (not given.value or self._persons.received_at <= given.at):
                 return given.value >= THRESHOLD
-            return interaction.person_id in self.encounters.tracked
+            return interaction.person_id in self._persons.tracked
         if self._spec.person is None and given is None:
             return any(value.origin is not Origin.MISSING for value in values)
         read = self._sources.latest_person()

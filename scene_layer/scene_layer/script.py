@@ -33,6 +33,10 @@ class ScriptPerformance:
     restarted market knows nothing of it, or when its scene was not taken, so a play neither hangs
     nor skips a visit, nor serves a visitor twice.
 
+    Args:
+        wait_for_agents: The market must have so many agents before a visit begins.
+        pace: Speed of the visits relative to real time.
+
     Example:
         The owner reports what happens and asks what to do: ``market`` and ``over`` at every
         status, ``next`` between visits, ``announced`` with the id of the visit's scene,
@@ -40,13 +44,6 @@ class ScriptPerformance:
     """
 
     def __init__(self, script: Script, *, wait_for_agents: int = 1, pace: float = 1.0) -> None:
-        """Prepare the play.
-
-        Args:
-            script: The visits.
-            wait_for_agents: The market must have so many agents before a visit begins.
-            pace: Speed of the visits relative to real time.
-        """
         self._script = script
         self._pace = pace
         self._wait_for_agents = wait_for_agents

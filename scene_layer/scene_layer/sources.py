@@ -75,13 +75,7 @@ class Sources:
         self.refusals: Counter[tuple[str, str]] = Counter()
 
     def read(self, source: SourceSpec, message: Message, now: float, person: str = "") -> bool:
-        """Take a message.
-
-        Args:
-            source: Any source of the scene's specification.
-            message: The fields of the message; of a source of items those of one item.
-            now: Steady time of arrival [s].
-            person: Id of the person whom it is about, for sources that are about one.
+        """Take a message, of a source of items one item, that has arrived at a steady time [s].
 
         Returns:
             True when the value differs from what held before; False also when the message says
@@ -132,11 +126,7 @@ class Sources:
         are about one, it counts for somebody only beside a reading of that person: the voice of
         the room is not the mood of whoever stands there silently.
 
-        Args:
-            parameter: Its name.
-            now: Steady time [s].
-            person: Whose; empty for nobody in particular.
-            alone: Leave out what is not about this person, where others are.
+        With ``alone`` what is not about this person is left out, where others are.
 
         Returns:
             Stale ones are left out; when all are stale, the newest as it was, and None when there
@@ -173,14 +163,10 @@ class Sources:
         return place if isinstance(place, str) else self._text(place, now, "")
 
     def topics(self, people: Iterable[str], now: float) -> dict[tuple[SourceSpec, str], str]:
-        """Return the topics with readings of each of some persons.
+        """Return the topics with readings of each of some persons: (source, person) → topic.
 
-        Args:
-            people: Their ids; those that cannot stand in the name of a topic have no topics.
-            now: Steady time [s]; topics of parts are known once the part's id is.
-
-        Returns:
-            (source, person) → topic.
+        Ids that cannot stand in the name of a topic have none; topics of parts are known once the
+        part's id is.
         """
         found: dict[tuple[SourceSpec, str], str] = {}
         sources = [source for source in self._spec.every_source if source.placeholders]

@@ -61,13 +61,13 @@ def test_the_feedback_node_learns_by_what_the_file_says(rule):
     (known,), problems = read_card(card_from_msg(message, SPACE), SPACE)
     assert problems == ()
     assert known.learning == replace(rule, weights={**WEIGHTS, **rule.weights})
-    assert known.rules == spec.rules
-    assert known.rules[1] == MoodRule(
-        when=known.rules[1].when,
+    assert known.entry.rules == spec.rules
+    assert known.entry.rules[1] == MoodRule(
+        when=known.entry.rules[1].when,
         hold_s=2.0,
         give=FeedbackKind.NEGATIVE,
         baseline_s=3.0,
-        release=known.rules[1].release,
+        release=known.entry.rules[1].release,
         cooldown_s=5.0,
         confidence=0.5,
     )

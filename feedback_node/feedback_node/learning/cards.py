@@ -13,7 +13,7 @@ from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import MAX_WEIGHT, SceneSpace, Vector
 from bt_agents_language.files.learning_reader import LAYERS, MAX_ANNEAL, MAX_WINDOW
 from bt_agents_language.model.mood_rule import MoodRule
-from feedback_node.learning.learning_step import PLAIN, checked_rate
+from feedback_node.learning.learning_step import PLAIN, check_rate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,10 +33,6 @@ class LearningEntry:
     weights: tuple[float, ...] = ()
     layers: tuple[str, ...] = ()
     general: float = 1.0
-
-    def matches(self, other: LearningEntry) -> bool:
-        """Return whether another entry is equal; two NaN are, which stand for no value."""
-        return repr(self) == repr(other)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,36 +68,28 @@ class Agent:
     """Checked agent of a card.
 
     Attributes:
-        name: Unique name.
         host: Fully qualified name of its host.
         authored: Profile of its file.
-        held: Ledger revision that its host bids with.
-        rate: Learning rate, 0..1.
-        learning: How feedback moves its profile.
-        rules: Mood rules that could be read.
-        entry: What it was read from.
+        entry: What it was read from; its learning rate is in 0..1.
     """
 
     name: str
     host: str
     authored: Vector
-    held: int
-    rate: float
-    learning: LearningRule = PLAIN
-    rules: tuple[MoodRule, ...] = ()
-    entry: AgentEntry | None = None
+    learning: LearningRule
+    entry: AgentEntry
 
     def matches(self, entry: AgentEntry, host: str) -> bool:
         """Return whether an entry leads to the same agent, but for its revision."""
         known = self.entry
         return (
-            known is not None
-            and host == self.host
+            host == self.host
             and not entry.invalid_rules
             and not known.invalid_rules
             and entry.profile == known.profile
             and entry.learning_rate == known.learning_rate
-            and entry.learning.matches(known.learning)
+            # As text, in which NaN, which stands for no value, equals itself.
+            and repr(entry.learning) == repr(known.learning)
             and entry.rules == known.rules
         )
 
@@ -111,10 +99,7 @@ def read_card(
 ) -> tuple[tuple[Agent, ...], tuple[str, ...]]:
     """Check a card; one bad agent or rule does not spoil the others.
 
-    Args:
-        card: The card.
-        space: The scene parameters.
-        known: Agents of earlier cards by name; those that have not changed are not read anew.
+    Those of ``known``, the agents of earlier cards, that have not changed are not read anew.
 
     Returns:
         The agents that can learn, and the problems of the others in words.
@@ -144,16 +129,15 @@ def read_card(
                     "BAD_NAME", f"{what}: expected a name that no other agent of the host has"
                 )
             if entry.name in known and known[entry.name].matches(entry, card.host):
-                agents[entry.name] = replace(known[entry.name], held=entry.revision)
+                agents[entry.name] = replace(known[entry.name], entry=entry)
                 continue
+            authored = space.vector(entry.profile, what=what)
+            check_rate(entry.learning_rate, what=what)
             agents[entry.name] = Agent(
                 name=entry.name,
                 host=card.host,
-                authored=space.vector(entry.profile, what=what),
-                held=entry.revision,
-                rate=checked_rate(entry.learning_rate, what=what),
+                authored=authored,
                 learning=read_learning(entry.learning, space, what=what),
-                rules=entry.rules,
                 entry=entry,
             )
             problems += [
@@ -167,11 +151,6 @@ def read_card(
 
 def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> LearningRule:
     """Return the learning rule of an entry.
-
-    Args:
-        entry: As a card has it.
-        space: The parameters of the card.
-        what: Whose it is, for messages.
 
     Raises:
         Refused: ``BAD_LEARNING``.

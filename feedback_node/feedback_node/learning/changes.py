@@ -17,15 +17,12 @@ class ProfileChange:
 
     Attributes:
         revision: Row of the ledger, with agent, layer, cause and time.
-        before: Profile before.
-        after: Profile after.
         target: Vector moved towards or away from; NaN for no opinion.
         rates: What each parameter has moved by, of the distance; empty when all by the learning
             rate.
         false_rate: 0..1, how much of what the profile was taught seems to be wrong; NaN when too
             little is known.
         fresh: False when the same feedback had been recorded earlier and was not applied again.
-        text: The change in words and numbers.
         others: What the same feedback has changed in other layers.
     """
 
@@ -55,7 +52,6 @@ class Delivery:
         layer: Empty for everybody's.
         remove: True when the host is to forget it.
         values: The profile; empty when it is removed.
-        revision: Of the profile.
     """
 
     host: str

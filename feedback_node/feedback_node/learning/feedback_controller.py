@@ -19,7 +19,7 @@ from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN
-from feedback_node.mood_trace import MoodTrace, ReportedMood
+from feedback_node.mood_trace import LeafMood, MoodTrace
 from feedback_node.rules import Fired, Watch
 from feedback_node.simulated_feedback import SimulatedFeedback
 
@@ -59,7 +59,6 @@ class RuleOutcome:
 
     Attributes:
         change: The recorded change; None when it was refused.
-        problem: Reason of the refusal.
         stop: Set when the rule also stops the run, whether or not the profile could move.
     """
 
@@ -70,15 +69,19 @@ class RuleOutcome:
 
 @dataclass(frozen=True, kw_only=True)
 class _Pending:
-    """Feedback of a rule that is not recorded yet."""
-
     run: AnnouncedRun
     fired: Fired
     leaf: str
 
 
 class FeedbackController:
-    """Turns events of runs, live scenes and given feedback into changes of profiles."""
+    """Turns events of runs, live scenes and given feedback into changes of profiles.
+
+    Args:
+        clock: Steady time [s].
+        new_id: Returns a unique id for feedback that has none.
+        lease_s: A live scene counts for so long after it has come [s].
+    """
 
     def __init__(
         self,
@@ -89,15 +92,6 @@ class FeedbackController:
         simulated: SimulatedFeedback | None = None,
         lease_s: float = LEASE_S,
     ) -> None:
-        """Start without any run.
-
-        Args:
-            profiles: The profiles to change.
-            clock: Steady time [s].
-            new_id: Returns a unique id for feedback that has none.
-            simulated: Feedback of an experiment.
-            lease_s: A live scene counts for so long after it has come [s].
-        """
         self.profiles = profiles
         self._lease_s = lease_s
         self._clock = clock
@@ -134,15 +128,10 @@ class FeedbackController:
         """Steady time at which a rule acts if nothing comes [s]; infinite for never."""
         return math.inf if self._watch is None else self._watch.due
 
-    @property
-    def tracks_mood(self) -> bool:
-        """True while the mood of a run is traced."""
-        return self._trace is not None
-
     def wants(self, scene_id: str) -> bool:
         """Return True while live scenes of this id count."""
         run = self._runs.current
-        return self.tracks_mood and run is not None and run.scene.scene_id == scene_id
+        return self._trace is not None and run is not None and run.scene.scene_id == scene_id
 
     def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card; see :meth:`Profiles.register_card`."""
@@ -151,11 +140,9 @@ class FeedbackController:
         return result
 
     def on_run_started(self, run: AnnouncedRun, *, replayed: bool = False) -> None:
-        """Begin to evaluate the rules of a run, unless it is known to be over.
+        """Evaluate the rules of a run from now on, unless it is known to be over.
 
-        Args:
-            run: The run.
-            replayed: True when the event is older than this node.
+        An event that is older than this node is ``replayed``.
         """
         if self._runs.started(run):
             self._watch = None
@@ -170,18 +157,17 @@ class FeedbackController:
         if self.is_running(run):
             self._stop_watching()
 
-    def on_run_ended(self, run: AnnouncedRun) -> ReportedMood | None:
+    def on_run_ended(self, run: AnnouncedRun) -> tuple[LeafMood, ...]:
         """Take the end of a run, including one that never started for this node.
 
         Returns:
-            Its mood trace; None when it was not traced, or none of its nodes is known.
+            Its mood trace; empty when it was not traced, or none of its nodes is known.
         """
         if not self._runs.ended(run):
-            return None
+            return ()
         self._stop_watching()
         trace, self._trace = self._trace, None
-        leaves = trace.so_far() if trace is not None else ()
-        return ReportedMood(run=run, leaves=leaves) if leaves else None
+        return trace.so_far() if trace is not None else ()
 
     def on_leaf(self, key: tuple[str, int, str], leaf: str) -> None:
         """Take the path of the node that is at work in a run; see :attr:`AnnouncedRun.key`.
@@ -198,14 +184,16 @@ class FeedbackController:
             return ()
         if self._trace is not None:
             self._trace.receive(live)
-        return () if self._watch is None else self._outcomes(run, self._watch.receive(live))
+        if self._watch is None:
+            return ()
+        return tuple(self._outcome(run, fired) for fired in self._watch.receive(live))
 
     def tick(self) -> tuple[RuleOutcome, ...]:
         """Return what follows because time has passed."""
         run = self._runs.current
         if run is None or self._watch is None:
             return ()
-        return self._outcomes(run, self._watch.tick())
+        return tuple(self._outcome(run, fired) for fired in self._watch.tick())
 
     def retry(self) -> tuple[RuleOutcome, ...]:
         """Retry to record feedback of rules that the full disk did not take."""
@@ -314,7 +302,7 @@ class FeedbackController:
         if run is not None and self._card_awaited and self.profiles.knows(run.agent):
             self._card_awaited = False
             self._watch = Watch(
-                self.profiles.agent(run.agent).rules,
+                self.profiles.agent(run.agent).entry.rules,
                 run.scene,
                 self.profiles.space,
                 self._clock,
@@ -325,9 +313,6 @@ class FeedbackController:
     def _stop_watching(self) -> None:
         self._watch = None
         self._card_awaited = False
-
-    def _outcomes(self, run: AnnouncedRun, fired: tuple[Fired, ...]) -> tuple[RuleOutcome, ...]:
-        return tuple(self._outcome(run, one) for one in fired)
 
     def _outcome(self, run: AnnouncedRun, fired: Fired) -> RuleOutcome:
         cancels = fired.rule.action is MoodAction.CANCEL

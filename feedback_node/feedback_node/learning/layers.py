@@ -11,13 +11,10 @@ from bt_agents_core.scene import Scene, SceneSpace, Vector
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent
 from feedback_node.ledger import Ledger
-from feedback_node.ledger.rows import ProfileRevision, RevisionCause, hidden
+from feedback_node.ledger.rows import RevisionCause, hidden
 
 _RECENT = 30
 """Feedbacks from which the share of wrong ones is estimated."""
-
-_REMEMBERED = 1000
-"""Layers of which it is remembered what they were taught."""
 
 _IN_PART = "taught by somebody, or at a place, that has a profile of its own"
 
@@ -27,8 +24,6 @@ class LayerStep:
     """Step of one layer for one feedback.
 
     Attributes:
-        cause: For the ledger.
-        step: The move.
         false_rate: 0..1, how much of what the layer was taught, this included, seems to be
             wrong; NaN when too little is known.
         recent: What the layer was taught last, this included; see :func:`taught`.
@@ -81,16 +76,8 @@ def layer_step(
 ) -> LayerStep:
     """Return the step of one layer of an agent for one feedback.
 
-    Args:
-        kind: Which way.
-        profile: Of the layer.
-        target: Wanted profile or scene, NaN for no opinion.
-        agent: Whose.
-        share: How much of the feedback the layer learns, 0..1.
-        cause: Without what the step says.
-        changes: How many feedbacks have led to the profile.
-        recent: What they have asked for; see :func:`taught`.
-        space: The parameters and their ranges.
+    The layer learns a ``share`` of it, 0..1; ``changes`` many feedbacks have led to its profile,
+    which have asked for ``recent``, see :func:`taught`. The ``cause`` lacks what the step says.
 
     Raises:
         Refused: As in :func:`learning_step.step`.
@@ -100,7 +87,7 @@ def layer_step(
         kind,
         profile,
         target,
-        rate=agent.rate,
+        rate=agent.entry.learning_rate,
         space=space,
         rule=rule,
         weight=rule.weight(cause.source) * share,
@@ -132,11 +119,7 @@ def layer_step(
 def taught(
     ledger: Ledger, agent: str, layer: str, space: SceneSpace, window: int
 ) -> tuple[Vector, ...]:
-    """Return the targets of the last feedbacks, newest last; enough for ``window`` of them.
-
-    Raises:
-        LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
-    """
+    """Return the targets of the last feedbacks, newest last; enough for ``window`` of them."""
     found = []
     for row in ledger.taught(agent, layer, newest=max(window, _RECENT)):
         target = space.ordered(row.cause.target)
@@ -147,27 +130,3 @@ def taught(
             )
         found.append(target)
     return tuple(found)
-
-
-class LayerFeedback:
-    """Cache of the last targets of each layer, so that a feedback reads no rows before it."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
-
-    def known(self, current: ProfileRevision, window: int) -> tuple[Vector, ...] | None:
-        """Return the targets before a revision, as of :func:`taught`; None when not cached."""
-        number, reach, recent = self._known.get((current.agent, current.layer), (-1, 0, ()))
-        return recent if (number, reach) == (current.revision, window) else None
-
-    def store(self, revision: ProfileRevision, window: int, recent: tuple[Vector, ...]) -> None:
-        """Cache the targets that have led to a revision."""
-        key = (revision.agent, revision.layer)
-        self._known.pop(key, None)
-        self._known[key] = (revision.revision, window, recent)
-        if len(self._known) > _REMEMBERED:
-            del self._known[next(iter(self._known))]
-
-    def forget(self, agent: str, layer: str) -> None:
-        """Drop a layer; one of the same name counts its revisions from the start."""
-        self._known.pop((agent, layer), None)

@@ -59,8 +59,6 @@ class Step:
     """Move of a profile; all vectors in the order of the space.
 
     Attributes:
-        kind: What was asked for.
-        before: Profile before.
         target: Vector moved towards or away from; NaN for no opinion.
         rate: Learning rate η of the agent, 0..1.
         weight: Of the source of the feedback.
@@ -69,7 +67,6 @@ class Step:
         text: The move in words and numbers; says why when nothing has moved.
     """
 
-    kind: FeedbackKind
     before: Vector
     target: Vector
     rate: float
@@ -92,16 +89,9 @@ def step(
 ) -> Step:
     """Move a profile by one feedback; see :func:`updates.apply_update` for the formulas.
 
-    Args:
-        kind: Which way. ``SET`` is ``p ← f`` at once, whatever rates, weight and drift.
-        profile: Profile p.
-        target: Wanted profile, or the scene that it moves towards or away from; NaN leaves its
-            parameter alone.
-        rate: Learning rate η of the agent.
-        space: The parameters and their ranges.
-        rule: How the agent learns.
-        weight: Of the source, 0 or more.
-        evidence: What the agent has been taught before.
+    The target f is a wanted profile, or the scene that the profile p moves towards or away from;
+    NaN leaves its parameter alone. ``SET`` is ``p ← f`` at once, whatever the learning rate η, the
+    weight of the source, 0 or more, and the drift.
 
     Raises:
         Refused: ``NO_OPINION`` or ``NO_SCENE`` when all of ``target`` is NaN, ``BAD_RATE``,
@@ -109,8 +99,11 @@ def step(
     """
     before = space.vector(profile, what="profile")
     wanted = _target(kind, target, space)
-    checked_rate(rate)
-    checked_weight(weight)
+    check_rate(rate)
+    if not 0.0 <= weight < math.inf:
+        raise Refused(
+            "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
+        )
     of_rule = updates.arrays(rule, space)
     at_once = kind is FeedbackKind.SET
     rates = (
@@ -134,7 +127,6 @@ def step(
     ]
     why_not = _why_not(kind, before, wanted, _vector(rates), of_rule, evidence)
     return Step(
-        kind=kind,
         before=before,
         target=wanted,
         rate=1.0 if at_once else rate,
@@ -146,13 +138,7 @@ def step(
 
 
 def requested(kind: FeedbackKind, profile: Vector, target: Vector) -> Vector:
-    """Return the profile that a feedback asked for, which is the ``recent`` of later ones.
-
-    Args:
-        kind: Which way; not ``SET``.
-        profile: Profile before it.
-        target: Its target; NaN for no opinion.
-    """
+    """Return the profile that a feedback, but not ``SET``, asked for: ``recent`` of later ones."""
     return _vector(updates.requested(kind, np.array(profile), np.array(target)))
 
 
@@ -162,11 +148,8 @@ def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
     A feedback is an outlier when one of its values is farther from the median than
     :data:`OUTLIER_DEVIATIONS` robust standard deviations, ``1.4826 · MAD`` (Iglewicz and Hoaglin,
     "How to Detect and Handle Outliers", 1993), where a deviation is at least 1/40 of the range. Up
-    to half of the feedbacks can be found to be wrong.
-
-    Args:
-        recent: What the last feedbacks asked for, as of :func:`requested`; NaN for no opinion.
-        space: The parameters and their ranges.
+    to half of the feedbacks can be found to be wrong. They are given by what they asked for, as of
+    :func:`requested`, NaN for no opinion.
 
     Returns:
         0..1; NaN for less than :data:`FEWEST_SAMPLES` feedbacks.
@@ -186,28 +169,14 @@ def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
     return sum(far) / len(far)
 
 
-def checked_rate(rate: float, *, what: str = "feedback") -> float:
-    """Return a learning rate that is finite and in 0..1.
+def check_rate(rate: float, *, what: str = "feedback") -> None:
+    """Check that a learning rate is finite and in 0..1.
 
     Raises:
         Refused: ``BAD_RATE``.
     """
     if not 0.0 <= rate <= 1.0:
         raise Refused("BAD_RATE", f"{what}: learning rate {rate:g}, expected a number from 0 to 1")
-    return rate
-
-
-def checked_weight(weight: float) -> float:
-    """Return the weight of a source that is finite and not negative.
-
-    Raises:
-        Refused: ``BAD_WEIGHT``.
-    """
-    if not 0.0 <= weight < math.inf:
-        raise Refused(
-            "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
-        )
-    return weight
 
 
 def _target(kind: FeedbackKind, target: Vector, space: SceneSpace) -> Vector:

@@ -16,14 +16,7 @@ from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange, Table, changed, moved, together
-from feedback_node.learning.layers import (
-    LayerFeedback,
-    LayerStep,
-    anonymous,
-    layer_step,
-    shares,
-    taught,
-)
+from feedback_node.learning.layers import LayerStep, anonymous, layer_step, shares, taught
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause, check_texts
@@ -31,11 +24,12 @@ from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, Revisio
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""
 
-_BEGINS = "begins as the profile for everybody"
+_REMEMBERED = 1000
+"""Layers of which it is remembered what they were taught."""
 
 
 class Profiles:
-    """Agents of all cards, with their profiles in the ledger."""
+    """Agents of all cards, with their profiles in the ledger, whose errors come through."""
 
     def __init__(self, space: SceneSpace, ledger: Ledger) -> None:
         self.space = space
@@ -44,7 +38,7 @@ class Profiles:
         self._starts: dict[str, str] = {}
         self._current: dict[tuple[str, str], ProfileRevision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
-        self._layer_feedback = LayerFeedback()
+        self._recent: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
 
     def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
@@ -57,7 +51,7 @@ class Profiles:
 
         Raises:
             Refused: The card as a whole is not taken: ``TOO_MANY_HOSTS``, or see
-                :func:`read_card` and :meth:`Ledger.enter`.
+                :func:`read_card` and :class:`Ledger`.
         """
         agents, problems = read_card(card, self.space, self._agents)
         hosts = self.hosts
@@ -73,14 +67,16 @@ class Profiles:
         listed = {agent.name for agent in agents}
         for name, known in list(self._agents.items()):
             if known.host == card.host and name not in listed:
-                self._drop(name)
+                del self._agents[name]
+                for key in [key for key in self._current if key[0] == name]:
+                    del self._current[key]
         fresh = self._starts.get(card.host) != card.instance
         self._starts = {host: start for host, start in self._starts.items() if host in hosts}
         self._starts[card.host] = card.instance
         deliveries, more = [], []
         if fresh and agents and self._ledger.has_layers():
             # Its answer is followed by the layers; it may hold some that are forgotten by now.
-            deliveries.append(self.clearing(card.host))
+            deliveries.append(Delivery(host=card.host, agent="", remove=True))
         for agent in agents:
             known = self._agents.get(agent.name, agent)
             if known.host != agent.host:
@@ -90,12 +86,13 @@ class Profiles:
                 )
             self._agents[agent.name] = agent
             revision = self._current[agent.name, ""].revision
-            if agent.held < revision:
+            if agent.entry.revision < revision:
                 deliveries.append(self.delivery(agent.name))
-            elif agent.held > revision:
+            elif agent.entry.revision > revision:
                 more.append(
-                    f"STALE_LEDGER: {agent.host} holds revision {agent.held} of '{agent.name}', "
-                    f"the ledger ends at {revision}; restart the host, or put its ledger back"
+                    f"STALE_LEDGER: {agent.host} holds revision {agent.entry.revision} of "
+                    f"'{agent.name}', the ledger ends at {revision}; restart the host, or put its "
+                    "ledger back"
                 )
         if not fresh:
             deliveries += [d for d in self.layers_at(card.host) if d.agent in entered]
@@ -142,10 +139,6 @@ class Profiles:
             values=self.profile(name, layer),
             revision=current.revision,
         )
-
-    def clearing(self, host: str) -> Delivery:
-        """Return the delivery that makes a host forget all layers; the current ones follow it."""
-        return Delivery(host=host, agent="", remove=True)
 
     def layers_at(self, host: str) -> tuple[Delivery, ...]:
         """Return the deliveries of all layers of a host's agents."""
@@ -205,23 +198,13 @@ class Profiles:
         """Move an agent's profile and record it; the same id is applied once.
 
         Where the agent learns apart for the person or the place of the run's scene, their layers
-        move, and the profile for everybody in part; ``SET`` sets that for everybody.
-
-        Args:
-            name: Whose profile.
-            kind: Which way.
-            target: Wanted profile or scene, NaN for no opinion.
-            feedback_id: Unique.
-            source: Who gave it.
-            reason: Why, in words.
-            run: The run that it belongs to, if any.
-            cancels: True when the run is stopped because of it.
-            leaf: Path of the node that it is about; may be empty.
+        move, and the profile for everybody in part; ``SET`` sets that for everybody. The target is
+        a wanted profile or a scene, NaN for no opinion.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, ``BAD_TEXT``, ``RESERVED_ID``,
                 ``BAD_LAYER``, ``TOO_MANY_LAYERS`` when nothing else learns, or as in
-                :func:`learning_step.step` and :meth:`Ledger.record`; nothing has changed.
+                :func:`learning_step.step` and :class:`Ledger`; nothing has changed.
         """
         if (known := self.recorded(feedback_id)) is not None:
             return known
@@ -273,7 +256,10 @@ class Profiles:
         recorded = self._ledger.record(entries)
         for revision in recorded:
             if (step := steps.get(revision.layer)) and revision.cause is step.cause:
-                self._layer_feedback.store(revision, window, step.recent)
+                self._recent.pop((name, revision.layer), None)
+                self._recent[name, revision.layer] = (revision.revision, window, step.recent)
+        while len(self._recent) > _REMEMBERED:
+            del self._recent[next(iter(self._recent))]
         change = self.on_recorded(recorded, steps)
         if crowded:
             change = replace(change, text=f"{change.text}; {crowded[0].reason}")
@@ -284,12 +270,7 @@ class Profiles:
     ) -> ProfileChange:
         """Adopt revisions that the ledger has recorded, of agents known or not.
 
-        Args:
-            revisions: One or more; beginnings of layers belong to what follows them.
-            steps: By layer, when they come from feedback.
-
-        Raises:
-            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+        Beginnings of layers belong to what follows them. Of feedback there are steps, by layer.
         """
         changes = []
         for revision in revisions:
@@ -321,24 +302,22 @@ class Profiles:
         for name, layer in profiles:
             self._current.pop((name, layer), None)
             self._false_rates.pop((name, layer), None)
-            self._layer_feedback.forget(name, layer)
+            self._recent.pop((name, layer), None)
             if self.knows(name):
                 deliveries.append(self.delivery(name, layer))
         return tuple(deliveries)
 
     def false_rate(self, name: str, layer: str = "") -> float:
-        """Return the share of a profile's feedback that seems wrong; see :class:`ProfileChange`.
-
-        Raises:
-            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
-        """
+        """Return the share of a profile's feedback that seems wrong, as :class:`ProfileChange`."""
         current = self._ledger.current(name, layer)
         return math.nan if current is None else self._false_rate_of(current, None)
 
     def _taught(self, name: str, layer: str, window: int) -> tuple[Vector, ...]:
         current = self._current.get((name, layer))
-        known = self._layer_feedback.known(current, window) if current is not None else None
-        return taught(self._ledger, name, layer, self.space, window) if known is None else known
+        number, reach, recent = self._recent.get((name, layer), (-1, 0, ()))
+        if current is not None and (number, reach) == (current.revision, window):
+            return recent
+        return taught(self._ledger, name, layer, self.space, window)
 
     def _false_rate_of(self, revision: ProfileRevision, step: LayerStep | None) -> float:
         """Return it for the current revision of a profile; estimated once for each."""
@@ -356,7 +335,6 @@ class Profiles:
 
         Raises:
             Refused: ``TOO_MANY_LAYERS``.
-            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
         """
         count = self._ledger.count_layers(name)
         if count >= MOST_LAYERS:
@@ -366,7 +344,9 @@ class Profiles:
                 f"{MOST_LAYERS} at most; 'bt-agents profile expire' forgets those that have not "
                 "changed for long",
             )
-        cause = RevisionCause(cause=LAYER, source="feedback", reason=_BEGINS)
+        cause = RevisionCause(
+            cause=LAYER, source="feedback", reason="begins as the profile for everybody"
+        )
         everybody = self._ledger.current(name)
         profile = everybody.profile if everybody is not None else {}
         return LedgerEntry(agent=name, layer=layer, profile=profile, cause=cause)
@@ -389,8 +369,3 @@ class Profiles:
             for row in self._ledger.layers(name):
                 self._current[name, row.layer] = row
         return entered.keys()
-
-    def _drop(self, name: str) -> None:
-        del self._agents[name]
-        for key in [key for key in self._current if key[0] == name]:
-            del self._current[key]

@@ -26,10 +26,8 @@ class RuleArrays:
     """A learning rule with its values in the order of the parameters.
 
     Attributes:
-        update: How the profile follows feedback.
         rates: [n], learning rates; NaN for the agent's.
         width: [n], of ``HUBER``; in the units of the parameters.
-        window: Of ``MEDIAN``.
         anneal: The rate after m changes is ``rate / (1 + anneal * m)``.
         drift: [n], farthest from the authored profile; NaN for no bound.
     """
@@ -143,11 +141,7 @@ def apply_update(
 
 
 def median(samples: Array) -> Array:
-    """Return the median over the last but one axis, NaN left out; NaN where all are.
-
-    Args:
-        samples: [..., k, n].
-    """
+    """Return the median of samples [..., k, n] over k, NaN left out; NaN where all are."""
     ordered = np.sort(samples, axis=-2)
     count = np.sum(~np.isnan(samples), axis=-2, keepdims=True)
     below = np.take_along_axis(ordered, np.maximum(count - 1, 0) // 2, axis=-2)

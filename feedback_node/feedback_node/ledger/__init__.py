@@ -6,10 +6,9 @@ from __future__ import annotations
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
@@ -20,8 +19,8 @@ from feedback_node.ledger.rows import (
     AUTHORED,
     FORGOTTEN,
     INSERT,
+    LAYER,
     RESET,
-    STARTS,
     UNDO,
     ProfileRevision,
     RevisionCause,
@@ -44,44 +43,37 @@ class Ledger(LedgerReader):
     """The only writer of one SQLite file; a change is on the disk when its method returns.
 
     A lock file beside the database keeps a second writer out; readers are welcome at any time.
+    Changes raise :class:`LedgerError` as :func:`failed` says, or with ``LEDGER_CORRUPT``; whatever
+    is raised, nothing of them is recorded.
     """
 
     def __init__(self, path: str | Path, *, wall: Callable[[], float] = time.time) -> None:
         """Open a ledger and check all of it; a missing file and its folder are created.
 
-        Args:
-            path: SQLite file, or ``":memory:"``.
-            wall: Wall time of the entries [s].
-
         Raises:
             LedgerError: ``LEDGER_IN_USE``, or as in :func:`open_database`.
         """
         self._wall = wall
-        self._lock: TextIO | None = None
         self._revisions: dict[tuple[str, str], int] = {}
-        if str(path) != MEMORY:
-            # What belongs to a ledger lies beside the file itself, whichever link leads to it.
-            path = Path(path).resolve()
-            self._lock = lock_file(path)
-        try:
-            super().__init__(open_database(str(path)), str(path))
-        except BaseException:
-            self._unlock()
-            raise
-        try:
-            self._erasure = FileErasure(self._database)
-        except sqlite3.Error as error:
-            self.close()
-            raise unread(self.path, error) from error
+        with ExitStack() as opened:
+            if str(path) != MEMORY:
+                # What belongs to a ledger lies beside the file itself, whichever link leads to it.
+                path = Path(path).resolve()
+                opened.enter_context(lock_file(path))
+            database = opened.enter_context(closing(open_database(str(path))))
+            super().__init__(database, str(path))
+            try:
+                self._erasure = FileErasure(database)
+            except sqlite3.Error as error:
+                raise unread(self.path, error) from error
+            self._opened = opened.pop_all()
 
     def checkpoint(self) -> bool:
         """Move what was committed from the write-ahead log into the database file.
 
         A close would do it otherwise, and on a slow disk outlast the time a process has to stop.
-        Traces of what was forgotten go from the file here when they could not go at once.
-
-        Returns:
-            False when they still could not.
+        Traces of what was forgotten go from the file here when they could not go at once; returns
+        False when they still could not.
         """
         self._erasure.retry()
         with suppress(sqlite3.OperationalError):
@@ -90,8 +82,7 @@ class Ledger(LedgerReader):
 
     def close(self) -> None:
         """Close the file and let another writer in; closing twice is fine."""
-        self._database.close()
-        self._unlock()
+        self._opened.close()
 
     def __enter__(self) -> Ledger:
         return self
@@ -109,12 +100,6 @@ class Ledger(LedgerReader):
         was learned before; a layer of the agent takes the edited values only. Where only
         parameters have come or gone, the learned values stay and new parameters take the
         authored value.
-
-        Args:
-            profiles: Agent → parameter → value, as the file has it.
-
-        Raises:
-            LedgerError: As in :func:`failed`, or ``LEDGER_CORRUPT``; nothing is recorded.
         """
         with self._transaction():
             return {agent: self._enter(agent, profile) for agent, profile in profiles.items()}
@@ -131,17 +116,17 @@ class Ledger(LedgerReader):
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` for an agent that was never entered.
-            LedgerError: As in :meth:`enter`; nothing is recorded.
         """
         with self._transaction():
             ids = {e.cause.feedback_id for e in entries if e.cause.feedback_id is not None}
-            if any(map(self.has, ids)):
-                return tuple(row for one in sorted(ids) for row in self.find_all(one))
+            known = tuple(row for one in sorted(ids) for row in self.find_all(one))
+            if known:
+                return known
             recorded = []
             for entry in entries:
                 if self._newest(entry.agent, entry.layer) is None:
                     self._last(entry.agent, "")
-                recorded.append(self._append(entry))
+                recorded.append(self._append(entry.agent, entry.layer, entry.profile, entry.cause))
             return tuple(recorded)
 
     def undo(
@@ -154,20 +139,17 @@ class Ledger(LedgerReader):
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_LAYER`` or ``NOTHING_TO_UNDO``.
-            LedgerError: As in :meth:`enter`; nothing is recorded.
         """
         with self._transaction():
             last = self._last(agent, layer)
             undone = self._restored(last)
-            if undone.cause.cause in STARTS:
+            if undone.cause.cause in (AUTHORED, LAYER):
+                start = "where the layer begins"
+                if undone.cause.cause == AUTHORED:
+                    start = "what its file says; edit the profile there"
                 raise Refused(
                     "NOTHING_TO_UNDO",
-                    f"{name_of(agent, layer)}: revision {undone.revision} is "
-                    + (
-                        "what its file says; edit the profile there"
-                        if undone.cause.cause == AUTHORED
-                        else "where the layer begins"
-                    ),
+                    f"{name_of(agent, layer)}: revision {undone.revision} is {start}",
                 )
             back = self._restored(self._row(agent, layer, undone.revision - 1))
             cause = RevisionCause(
@@ -179,9 +161,7 @@ class Ledger(LedgerReader):
                 restores=back.revision,
                 changes=back.cause.changes,
             )
-            return self._append(
-                LedgerEntry(agent=agent, layer=layer, profile=back.profile, cause=cause)
-            )
+            return self._append(agent, layer, back.profile, cause)
 
     def reset(
         self, agent: str, layer: str = "", *, source: str = "", reason: str = ""
@@ -190,7 +170,6 @@ class Ledger(LedgerReader):
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``UNKNOWN_LAYER``.
-            LedgerError: As in :meth:`enter`; nothing is recorded.
         """
         with self._transaction():
             self._last(agent, layer)
@@ -202,25 +181,18 @@ class Ledger(LedgerReader):
                 reason=reason or "back to the profile of its file",
                 target=authored,
             )
-            return self._append(
-                LedgerEntry(agent=agent, layer=layer, profile=authored, cause=cause)
-            )
+            return self._append(agent, layer, authored, cause)
 
     def forget(self, profiles: Iterable[tuple[str, str]], *, source: str = "") -> str:
         """Erase the content of layers from the file; a row for each says that it was there.
 
         Hashes of the feedback ids stay, so that late repetitions are not applied again.
 
-        Args:
-            profiles: Agent and layer of each.
-            source: Who asks.
-
         Returns:
             Why traces of them stay in the file for now; empty when they are gone.
 
         Raises:
             Refused: ``UNKNOWN_LAYER``, also for everybody's profile.
-            LedgerError: As in :meth:`enter`; nothing is forgotten.
         """
         with self._transaction():
             self._revisions.clear()
@@ -231,25 +203,19 @@ class Ledger(LedgerReader):
                         "UNKNOWN_LAYER",
                         f"{agent} has no layer '{layer}', so there is nothing to forget",
                     )
-                self._append(
-                    LedgerEntry(
-                        agent=agent,
-                        layer=erase_layer(self._database, agent, layer),
-                        profile={},
-                        cause=RevisionCause(cause=FORGOTTEN, source=source),
-                    ),
-                    revision=last.revision + 1,
-                )
+                stays = erase_layer(self._database, agent, layer)
+                cause = RevisionCause(cause=FORGOTTEN, source=source)
+                self._append(agent, stays, {}, cause, revision=last.revision + 1)
         return self._erasure.start()
 
     def _enter(self, agent: str, authored: Mapping[str, float]) -> ProfileRevision:
         last = self.current(agent)
         cause = RevisionCause(cause=AUTHORED, source="file", reason="first seen", target=authored)
         if last is None:
-            return self._append(LedgerEntry(agent=agent, profile=authored, cause=cause))
-        written = self.authored(agent)
-        edited = [name for name in authored if name in written and authored[name] != written[name]]
-        if not edited and authored.keys() == written.keys():
+            return self._append(agent, "", authored, cause)
+        before = self.authored(agent)
+        edited = [name for name in authored if name in before and authored[name] != before[name]]
+        if not edited and authored.keys() == before.keys():
             return last
         reason = (
             f"the author changed {', '.join(edited)}"
@@ -260,10 +226,10 @@ class Ledger(LedgerReader):
         for row in self.layers(agent):
             learned = {k: v for k, v in row.profile.items() if k not in edited}
             profile = {name: learned.get(name, value) for name, value in authored.items()}
-            self._append(LedgerEntry(agent=agent, layer=row.layer, profile=profile, cause=cause))
+            self._append(agent, row.layer, profile, cause)
         own = {} if edited else last.profile
         profile = {name: own.get(name, value) for name, value in authored.items()}
-        return self._append(LedgerEntry(agent=agent, profile=profile, cause=cause))
+        return self._append(agent, "", profile, cause)
 
     def _newest(self, agent: str, layer: str) -> int | None:
         """Return the number of the latest revision of an agent; None for an unknown one."""
@@ -274,23 +240,30 @@ class Ledger(LedgerReader):
             self._revisions[agent, layer] = last.revision
         return self._revisions[agent, layer]
 
-    def _append(self, entry: LedgerEntry, revision: int | None = None) -> ProfileRevision:
+    def _append(
+        self,
+        agent: str,
+        layer: str,
+        profile: Mapping[str, float],
+        cause: RevisionCause,
+        revision: int | None = None,
+    ) -> ProfileRevision:
         if revision is None:
-            newest = self._newest(entry.agent, entry.layer)
+            newest = self._newest(agent, layer)
             revision = 0 if newest is None else newest + 1
         appended = ProfileRevision(
-            agent=entry.agent,
-            layer=entry.layer,
+            agent=agent,
+            layer=layer,
             revision=revision,
-            profile=dict(entry.profile),
-            cause=entry.cause,
+            profile=dict(profile),
+            cause=cause,
             stamp=self._wall(),
         )
         last = self._database.execute("SELECT coalesce(max(number), 0) FROM revision").fetchone()
         self._database.execute(INSERT, row_of(last[0] + 1, appended))
-        self._revisions[entry.agent, entry.layer] = revision
-        if entry.cause.cause == AUTHORED and not entry.layer:
-            self._authored[entry.agent] = appended.cause.target
+        self._revisions[agent, layer] = revision
+        if cause.cause == AUTHORED and not layer:
+            self._authored[agent] = cause.target
         return appended
 
     @contextmanager
@@ -308,7 +281,3 @@ class Ledger(LedgerReader):
                 raise
         except (sqlite3.Error, ValueError) as error:
             raise failed(self.path, error) from error
-
-    def _unlock(self) -> None:
-        if self._lock is not None:
-            self._lock.close()

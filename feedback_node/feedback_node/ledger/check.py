@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from feedback_node.ledger.rows import COLUMNS, Row, has_tables, name_of
@@ -14,30 +13,13 @@ _MOST_PAGES = 3
 """Problems that SQLite is asked to name."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckReport:
-    """Result of a check.
+class LedgerCheck:
+    """Result of one pass over all rows of a ledger, so far.
 
     Attributes:
         good: How many rows are what was written, with all revisions of their profile before them.
         forgotten: How many of them have lost their content on purpose.
         problems: Each with the rows or the pages concerned; empty when nothing is wrong.
-    """
-
-    good: int = 0
-    forgotten: int = 0
-    problems: tuple[str, ...] = ()
-
-
-class RowCheck:
-    """One pass over all rows of a ledger that separates good rows from damaged ones.
-
-    Args:
-        database: The ledger.
-
-    Attributes:
-        good: As in :class:`CheckReport`, of the rows so far; likewise ``forgotten`` and
-            ``problems``.
     """
 
     def __init__(self, database: sqlite3.Connection) -> None:
@@ -106,33 +88,31 @@ class RowCheck:
         return map(Row._make, self._database.execute(f"SELECT {COLUMNS} FROM revision {order}"))
 
 
-def check(database: sqlite3.Connection) -> CheckReport:
+def check(database: sqlite3.Connection) -> LedgerCheck:
     """Check an open ledger of this format; a writer may have it open as well.
 
     Raises:
         sqlite3.OperationalError: The file is out of reach.
     """
-    rows = RowCheck(database)
-    problems: list[str] = []
+    found = LedgerCheck(database)
     database.execute("BEGIN")
     try:
-        for _ in rows.good_rows():
+        for _ in found.good_rows():
             pass
         if not has_tables(database):
-            problems.append("its tables are not those of a ledger")
+            found.problems.append("its tables are not those of a ledger")
         pages = [str(row[0]) for row in database.execute(f"PRAGMA integrity_check({_MOST_PAGES})")]
         if pages != ["ok"]:
-            problems.append("its pages and indexes: " + "; ".join(pages).replace("\n", "; "))
+            text = "; ".join(pages).replace("\n", "; ")
+            found.problems.append(f"its pages and indexes: {text}")
     except sqlite3.DatabaseError as error:
         if is_out_of_reach(error):
             raise
-        problems.append(f"its pages and indexes: {error}")
+        found.problems.append(f"its pages and indexes: {error}")
     finally:
         if database.in_transaction:
             database.execute("ROLLBACK")
-    return CheckReport(
-        good=rows.good, forgotten=rows.forgotten, problems=(*rows.problems, *problems)
-    )
+    return found
 
 
 def is_out_of_reach(error: Exception) -> bool:

@@ -15,14 +15,7 @@ _TASK = "erase"
 
 
 def erase_layer(database: sqlite3.Connection, agent: str, layer: str) -> str:
-    """Erase the content of all rows of a layer, inside a transaction of the caller.
-
-    Returns:
-        The layer under which the rows stay.
-
-    Raises:
-        sqlite3.Error: The file cannot be written.
-    """
+    """Erase all content of a layer, inside a transaction; return the layer its rows stay in."""
     found = database.execute(
         "SELECT number, revision, feedback_id FROM revision WHERE agent = ? AND layer = ? "
         "ORDER BY number",
@@ -47,9 +40,6 @@ class FileErasure:
     The file is rewritten once; the log, which has grown by all of it, is emptied when nobody
     reads it any more. What is pending is recorded in the file, and so outlives a crash.
 
-    Args:
-        database: The ledger.
-
     Attributes:
         pending: True while traces may be left.
     """
@@ -63,11 +53,7 @@ class FileErasure:
         self.pending = found is not None
 
     def run(self) -> str:
-        """Rewrite the file without free pages, and empty its write-ahead log.
-
-        Returns:
-            Why that could not be done yet; empty when it is done.
-        """
+        """Rewrite the file without free pages and empty its log; return why not, "" when done."""
         try:
             if not self._rewritten:
                 self._database.execute("VACUUM")

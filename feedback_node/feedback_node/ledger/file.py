@@ -14,15 +14,11 @@ from typing import TextIO
 from urllib.parse import quote
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
-from feedback_node.ledger.check import CheckReport, check, is_out_of_reach
-from feedback_node.ledger.rows import APPLICATION, FORMAT, create_tables
+from feedback_node.ledger.check import LedgerCheck, check, is_out_of_reach
+from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 
 MEMORY = ":memory:"
 """Path of a ledger that is forgotten when it is closed."""
-
-FAILED = "LEDGER_FAILED"
-CORRUPT = "LEDGER_CORRUPT"
-UNREADABLE = "LEDGER_UNREADABLE"
 
 _LOCK_WAIT_S = 0.5
 _MOST_PROBLEMS = 3
@@ -60,7 +56,7 @@ def lock_file(path: Path) -> TextIO:
         lock = path.with_name(path.name + ".lock").open("w")
     except OSError as error:
         raise LedgerError(
-            UNREADABLE,
+            "LEDGER_UNREADABLE",
             f"{path}: {error.strerror}; give the parameter 'ledger' a path that can be written",
         ) from error
     try:
@@ -75,11 +71,7 @@ def lock_file(path: Path) -> TextIO:
 
 
 def connect(path: str, mode: str) -> sqlite3.Connection:
-    """Open a database; ``ro``, ``rwc`` or ``memory`` as in SQLite's URI.
-
-    Raises:
-        sqlite3.Error: It cannot be opened.
-    """
+    """Open a database; ``ro``, ``rwc`` or ``memory`` as in SQLite's URI."""
     address = f"file:{quote(path)}?mode={mode}"
     database = sqlite3.connect(address, uri=True, timeout=_LOCK_WAIT_S, isolation_level=None)
     # Damaged text is for the checksum of its row to find.
@@ -108,7 +100,7 @@ def open_database(path: str) -> sqlite3.Connection:
     return database
 
 
-def inspect(path: str) -> CheckReport:
+def inspect(path: str) -> LedgerCheck:
     """Check a ledger, which a feedback node may have open, and change nothing.
 
     Raises:
@@ -117,10 +109,32 @@ def inspect(path: str) -> CheckReport:
     """
     try:
         with closing(connect(path, "ro")) as database:
-            return check(database) if _is_ledger(database, path) else CheckReport()
+            return check(database) if _is_ledger(database, path) else LedgerCheck(database)
     except (sqlite3.Error, UnicodeDecodeError) as error:
         # The message of an error may quote text that is damaged.
         raise unread(path, error) from error
+
+
+def recover(path: str, new: str) -> int:
+    """Copy the good rows of a damaged ledger into a new one; return how many there are.
+
+    Raises:
+        Refused: ``FILE_EXISTS`` for a new file that is there.
+        LedgerError: As in :func:`inspect`, or the new one cannot be written.
+    """
+    if Path(new).exists():
+        raise Refused("FILE_EXISTS", f"{new}: it is there already; choose another name")
+    inspect(path)
+    with closing(open_database(new)) as copy:
+        try:
+            with closing(connect(path, "ro")) as old:
+                rows = LedgerCheck(old)
+                copy.execute("BEGIN IMMEDIATE")
+                copy.executemany(INSERT, rows.good_rows())
+                copy.execute("COMMIT")
+        except sqlite3.Error as error:
+            raise unreadable(new, error) from error
+    return rows.good
 
 
 def _has_content(path: str) -> bool:
@@ -179,11 +193,7 @@ def _set_up(database: sqlite3.Connection) -> None:
 
 
 def integer(database: sqlite3.Connection, pragma: str) -> int:
-    """Return the number that a pragma of the file has.
-
-    Raises:
-        sqlite3.Error: It cannot be read.
-    """
+    """Return the number that a pragma of the file has."""
     return int(database.execute(f"PRAGMA {pragma}").fetchone()[0])
 
 
@@ -192,7 +202,7 @@ def unreadable(path: str, error: Exception) -> LedgerError:
     if is_full(error):
         return failed(path, error)
     return LedgerError(
-        UNREADABLE,
+        "LEDGER_UNREADABLE",
         f"{path}: {error}; expected an SQLite file of this program that can be read and written",
     )
 
@@ -201,7 +211,7 @@ def damaged(path: str, problems: Sequence[str]) -> LedgerError:
     """Return the error for a file with damaged content."""
     more = len(problems) - _MOST_PROBLEMS
     found = "; ".join(problems[:_MOST_PROBLEMS]) + (f"; and {more} more" if more > 0 else "")
-    return LedgerError(CORRUPT, f"{path}: {found}. {_REPAIR}")
+    return LedgerError("LEDGER_CORRUPT", f"{path}: {found}. {_REPAIR}")
 
 
 def unread(path: str, error: Exception) -> LedgerError:
@@ -225,5 +235,6 @@ def failed(path: str, error: Exception) -> LedgerError:
             "given after that is recorded again",
         )
     return LedgerError(
-        FAILED, f"{path}: {error}; nothing was recorded, look at the disk's space and rights"
+        "LEDGER_FAILED",
+        f"{path}: {error}; nothing was recorded, look at the disk's space and rights",
     )

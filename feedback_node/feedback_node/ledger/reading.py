@@ -13,13 +13,15 @@ from bt_agents_core.feedback import FeedbackKind
 from feedback_node.ledger.file import damaged, unread
 from feedback_node.ledger.rows import (
     AUTHORED,
+    COLUMNS,
     FEEDBACK,
     FORGOTTEN_LAYER,
     Damaged,
     ProfileRevision,
+    Row,
     hidden,
     name_of,
-    select,
+    read_row,
 )
 
 _FIRST_BATCH = 32
@@ -28,12 +30,7 @@ _LARGEST_BATCH = 1024
 
 
 class LedgerReader:
-    """Queries of an open ledger; each may raise ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
-
-    Args:
-        database: The ledger.
-        path: Its file, for messages.
-    """
+    """Queries of an open ledger; each may raise ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``."""
 
     def __init__(self, database: sqlite3.Connection, path: str) -> None:
         self._database = database
@@ -84,20 +81,10 @@ class LedgerReader:
                 return row.cause.target
         raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
 
-    def find(self, feedback_id: str) -> ProfileRevision | None:
-        """Return the revision that a feedback led to, the first of several; None for a new id."""
-        found = self.find_all(feedback_id)
-        return found[0] if found else None
-
     def find_all(self, feedback_id: str) -> tuple[ProfileRevision, ...]:
         """Return all revisions that a feedback led to, in the order of their entry."""
         where = "WHERE feedback_id IN (?, ?) ORDER BY number"
         return tuple(self._select(where, feedback_id, hidden(feedback_id)))
-
-    def has(self, feedback_id: str) -> bool:
-        """Return whether a feedback has led to any revision."""
-        query = "SELECT 1 FROM revision WHERE feedback_id IN (?, ?) LIMIT 1"
-        return bool(self._query(query, feedback_id, hidden(feedback_id)))
 
     def count(self, prefix: str) -> dict[str, int]:
         """Return agent → how many feedbacks it has had whose id begins so."""
@@ -117,15 +104,10 @@ class LedgerReader:
         return tuple(reversed(found))
 
     def taught(self, agent: str, layer: str = "", *, newest: int) -> tuple[ProfileRevision, ...]:
-        """Return the feedbacks that have led to the current profile, oldest first.
+        """Return the newest feedbacks that have led to the current profile, oldest first.
 
         Those that were undone are left out, and those before the author, a reset or an import has
         set the profile; those that set it are none.
-
-        Args:
-            agent: Whose.
-            layer: Which.
-            newest: At most so many.
         """
         found: list[ProfileRevision] = []
         for row in self._back(agent, layer):
@@ -182,7 +164,8 @@ class LedgerReader:
 
     def _select(self, where: str, *values: str | int) -> list[ProfileRevision]:
         try:
-            return select(self._database, where, *values)
+            found = self._database.execute(f"SELECT {COLUMNS} FROM revision {where}", values)
+            return [read_row(Row(*row)) for row in found]
         except (sqlite3.Error, Damaged) as error:
             raise unread(self.path, error) from error
 

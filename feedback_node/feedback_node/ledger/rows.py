@@ -25,16 +25,14 @@ RESET = "reset"
 IMPORT = "import"
 FORGOTTEN = "forgotten"
 
-STARTS = (AUTHORED, LAYER)
-"""Causes of revisions behind which no undo goes back."""
-
 FORGOTTEN_LAYER = "forgotten/"
 """Prefix of the layer under which erased rows stay; the number of the first of them follows."""
 
 COLUMNS = "number, agent, layer, revision, feedback_id, content, checksum"
 INSERT = f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?)"
 
-_TABLE = """CREATE TABLE revision (
+_SCHEMA = (
+    """CREATE TABLE revision (
     number INTEGER PRIMARY KEY,
     agent TEXT NOT NULL,
     layer TEXT NOT NULL,
@@ -42,17 +40,17 @@ _TABLE = """CREATE TABLE revision (
     feedback_id TEXT,
     content TEXT,
     checksum INTEGER NOT NULL
-)"""
-_PENDING = "CREATE TABLE pending (task TEXT PRIMARY KEY)"
-_OF_LAYER = "CREATE UNIQUE INDEX revision_of_layer ON revision (agent, layer, revision)"
-_OF_FEEDBACK = "CREATE UNIQUE INDEX revision_of_feedback ON revision (feedback_id, layer)"
-_NO_DELETE = """CREATE TRIGGER revision_no_delete BEFORE DELETE ON revision
-BEGIN SELECT RAISE(ABORT, 'revisions are never deleted; append a new one'); END"""
-_NO_UPDATE = """CREATE TRIGGER revision_no_update BEFORE UPDATE ON revision
+)""",
+    "CREATE TABLE pending (task TEXT PRIMARY KEY)",
+    "CREATE UNIQUE INDEX revision_of_layer ON revision (agent, layer, revision)",
+    "CREATE UNIQUE INDEX revision_of_feedback ON revision (feedback_id, layer)",
+    """CREATE TRIGGER revision_no_delete BEFORE DELETE ON revision
+BEGIN SELECT RAISE(ABORT, 'revisions are never deleted; append a new one'); END""",
+    """CREATE TRIGGER revision_no_update BEFORE UPDATE ON revision
 WHEN NOT (new.content IS NULL AND new.number IS old.number
     AND new.agent IS old.agent AND new.revision IS old.revision)
-BEGIN SELECT RAISE(ABORT, 'revisions are never changed; append a new one'); END"""
-_SCHEMA = (_TABLE, _PENDING, _OF_LAYER, _OF_FEEDBACK, _NO_DELETE, _NO_UPDATE)
+BEGIN SELECT RAISE(ABORT, 'revisions are never changed; append a new one'); END""",
+)
 
 LONGEST_TEXT = 1000
 """Most characters of a text that comes with feedback."""
@@ -68,8 +66,6 @@ class RevisionCause:
         cause: ``authored``, ``layer`` (where one begins), ``feedback``, ``undo``, ``reset``,
             ``import`` or ``forgotten``.
         kind: Number of the feedback's kind as in ``Feedback.msg``; 0 for no feedback.
-        source: Who gave it.
-        reason: Why, as a text.
         feedback_id: Unique among all feedback; None for a change without feedback.
         epoch: Market of the run; may be empty.
         round: Round of the run; 0 for none.
@@ -108,12 +104,10 @@ class ProfileRevision:
     """Profile of an agent, or of one of its layers, from one change to the next.
 
     Attributes:
-        agent: Whose profile.
         layer: Empty for everybody's, ``person/anna``, ``place/lobby``.
         revision: Counts up from 0 in each layer; 0 is what the agent's file began with, or what
             the layer began with.
         profile: Parameter → value; empty when it was forgotten.
-        cause: Why it was written.
         stamp: Wall time of the entry [s].
     """
 
@@ -130,12 +124,8 @@ class Row(NamedTuple):
 
     Attributes:
         number: Order of entry.
-        agent: Whose.
-        layer: Which.
-        revision: Of the layer.
         feedback_id: None without one; a hash of it when it was forgotten.
         content: The rest as JSON; None when it was forgotten.
-        checksum: See :func:`checksum_of`.
     """
 
     number: int
@@ -171,11 +161,7 @@ _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
 def create_tables(database: sqlite3.Connection) -> None:
-    """Create the tables of an empty ledger, inside a transaction of the caller.
-
-    Raises:
-        sqlite3.Error: They cannot be created.
-    """
+    """Create the tables of an empty ledger, inside a transaction of the caller."""
     database.execute(f"PRAGMA application_id = {APPLICATION}")
     database.execute(f"PRAGMA user_version = {FORMAT}")
     for statement in _SCHEMA:
@@ -183,11 +169,7 @@ def create_tables(database: sqlite3.Connection) -> None:
 
 
 def has_tables(database: sqlite3.Connection) -> bool:
-    """Return True when the tables, indexes and triggers are those of a ledger.
-
-    Raises:
-        sqlite3.Error: They cannot be read.
-    """
+    """Return True when the tables, indexes and triggers are those of a ledger."""
     found = database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")
     return sorted(str(sql) for (sql,) in found) == sorted(_SCHEMA)
 
@@ -270,17 +252,6 @@ def is_hidden(feedback_id: str) -> bool:
 def name_of(agent: str, layer: str) -> str:
     """Return the name of a profile: the agent, and the layer where it is not everybody's."""
     return f"{agent} for {layer}" if layer else agent
-
-
-def select(database: sqlite3.Connection, where: str, *values: str | int) -> list[ProfileRevision]:
-    """Return the revisions that a condition selects.
-
-    Raises:
-        Damaged: One of them is not what was written.
-        sqlite3.Error: The file cannot be read.
-    """
-    found = database.execute(f"SELECT {COLUMNS} FROM revision {where}", values)
-    return [read_row(Row(*row)) for row in found]
 
 
 def _numbers(values: Any) -> dict[str, float]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any, TypeGuard
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import checked_layer
-from bt_agents_core.scene import SceneSpace, Vector
-from feedback_node.ledger.rows import ProfileRevision
+from bt_agents_core.scene import SceneSpace
+from feedback_node.ledger import LedgerEntry
+from feedback_node.ledger.rows import IMPORT, ProfileRevision, RevisionCause
 
 FORMAT = 1
 LONGEST = 4_000_000
@@ -21,29 +23,13 @@ _MOST = 100_000
 _LONGEST_NAME = 200
 
 
-@dataclass(frozen=True, kw_only=True)
-class ImportedProfiles:
-    """Profile in a document."""
-
-    agent: str
-    layer: str
-    values: Vector
-    changes: int = 0
-
-
 def to_document(
     profiles: Iterable[Mapping[str, Any]],
     revisions: Iterable[ProfileRevision],
     *,
     document_id: str,
 ) -> str:
-    """Return a document.
-
-    Args:
-        profiles: Summary of each profile.
-        revisions: Their history.
-        document_id: Unique; the same document is imported once.
-    """
+    """Return a document of summaries and their history; one of the same id is imported once."""
     return json.dumps(
         {
             "format": FORMAT,
@@ -55,8 +41,10 @@ def to_document(
     )
 
 
-def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[ImportedProfiles, ...]]:
-    """Read a document from outside; return its id and its profiles.
+def from_document(
+    text: str, space: SceneSpace, *, source: str, reason: str
+) -> tuple[LedgerEntry, ...]:
+    """Read a document from outside; return the revisions to be recorded for it.
 
     Raises:
         Refused: ``TOO_LONG``, ``BAD_DOCUMENT``, ``BAD_LAYER``, ``UNKNOWN_PARAMETER``, or as in
@@ -75,16 +63,19 @@ def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[ImportedProf
         raise _invalid(f"its id is no printable text of 1 to {_LONGEST_NAME} characters")
     if not isinstance(profiles, list) or not 1 <= len(profiles) <= _MOST:
         raise _invalid(f"expected 1 to {_MOST} profiles")
-    found: dict[tuple[str, str], ImportedProfiles] = {}
+    cause = RevisionCause(cause=IMPORT, kind=FeedbackKind.SET, source=source, reason=reason)
+    found: dict[tuple[str, str], LedgerEntry] = {}
     for index, one in enumerate(profiles):
-        imported = _imported(one, f"profiles[{index}]", space)
-        if (imported.agent, imported.layer) in found:
-            raise _invalid(f"profiles[{index}]: {imported.agent} {imported.layer} stands twice")
-        found[imported.agent, imported.layer] = imported
-    return document_id, tuple(found.values())
+        entry = _entry(one, f"profiles[{index}]", space, f"import/{document_id}", cause)
+        if (entry.agent, entry.layer) in found:
+            raise _invalid(f"profiles[{index}]: {entry.agent} {entry.layer} stands twice")
+        found[entry.agent, entry.layer] = entry
+    return tuple(found.values())
 
 
-def _imported(fields: Any, what: str, space: SceneSpace) -> ImportedProfiles:
+def _entry(
+    fields: Any, what: str, space: SceneSpace, prefix: str, cause: RevisionCause
+) -> LedgerEntry:
     if not isinstance(fields, dict):
         raise _invalid(f"{what}: expected a mapping")
     agent, layer, values = fields.get("agent"), fields.get("layer", ""), fields.get("values")
@@ -97,12 +88,11 @@ def _imported(fields: Any, what: str, space: SceneSpace) -> ImportedProfiles:
         raise _invalid(f"{what}: expected a layer, which may be empty, and values by parameter")
     if any(isinstance(v, bool) or not isinstance(v, int | float) for v in values.values()):
         raise _invalid(f"{what}: a value is no number")
-    return ImportedProfiles(
-        agent=agent,
-        layer=checked_layer(layer) if layer else "",
-        values=space.from_mapping(values, what=f"document: {what}"),
-        changes=changes,
-    )
+    layer = checked_layer(layer) if layer else ""
+    profile = space.named(space.from_mapping(values, what=f"document: {what}"))
+    feedback_id = f"{prefix}/{agent}/{layer}"
+    cause = replace(cause, feedback_id=feedback_id, target=profile, changes=changes)
+    return LedgerEntry(agent=agent, layer=layer, profile=profile, cause=cause)
 
 
 def _is_name(value: Any) -> TypeGuard[str]:

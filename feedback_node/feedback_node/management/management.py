@@ -6,17 +6,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 from typing import Any
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
 from bt_agents_core.scene import finite_or_none
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.rows import IMPORT, ProfileRevision, RevisionCause, check_texts
-from feedback_node.management.documents import ImportedProfiles, from_document, to_document
+from feedback_node.ledger.rows import IMPORT, ProfileRevision, check_texts
+from feedback_node.management.documents import from_document, to_document
 
 MOST_REVISIONS = 5000
 """Newest revisions that one document holds."""
@@ -52,12 +52,10 @@ class ManagementCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class ManagementResult:
-    """Result of a request.
+    """Result of a request; its message is for people.
 
     Attributes:
-        message: What was done, for people.
         document: JSON, of those actions that return one.
-        changes: Changes of profiles.
         deliveries: Profiles for the hosts, beside the changes.
         forgets: True when somebody was forgotten.
     """
@@ -70,14 +68,7 @@ class ManagementResult:
 
 
 class Management:
-    """Execution of requests; each is carried out as a whole or not at all.
-
-    Args:
-        profiles: The profiles.
-        ledger: Their ledger.
-        wall: Wall time [s].
-        new_id: Returns a unique id.
-    """
+    """Execution of requests; each is carried out as a whole or not at all."""
 
     def __init__(
         self,
@@ -98,7 +89,7 @@ class Management:
         Raises:
             Refused: ``UNKNOWN_ACTION``, ``TOO_LONG``, ``BAD_LAYER``, ``UNKNOWN_AGENT``,
                 ``UNKNOWN_LAYER``, ``NOTHING_TO_UNDO``, ``BAD_AGE``, ``TOO_MANY_LAYERS``, or as in
-                :func:`from_document` and :meth:`Ledger.enter`; nothing has changed.
+                :func:`from_document` and :class:`Ledger`; nothing has changed.
         """
         try:
             action = ManagementAction(command.action)
@@ -109,16 +100,16 @@ class Management:
         check_texts(agent=command.agent, author=command.author, reason=command.reason)
         if command.layer and action is not ManagementAction.EXPIRE:
             checked_layer(command.layer)
-        execute_action = {
+        actions: dict[ManagementAction, Callable[[ManagementCommand], ManagementResult]] = {
             ManagementAction.HISTORY: self._history,
-            ManagementAction.UNDO: self._undo,
-            ManagementAction.RESET: self._reset,
+            ManagementAction.UNDO: partial(self._restore, self._ledger.undo),
+            ManagementAction.RESET: partial(self._restore, self._ledger.reset),
             ManagementAction.EXPORT: self._export,
             ManagementAction.IMPORT: self._import,
             ManagementAction.EXPIRE: self._expire,
             ManagementAction.FORGET: self._forget,
-        }[action]
-        return execute_action(command)
+        }
+        return actions[action](command)
 
     def _history(self, command: ManagementCommand) -> ManagementResult:
         if not command.agent:
@@ -158,22 +149,20 @@ class Management:
             "values": dict(one.profile),
         }
 
-    def _undo(self, command: ManagementCommand) -> ManagementResult:
+    def _restore(
+        self, restore: Callable[..., ProfileRevision], command: ManagementCommand
+    ) -> ManagementResult:
         self._known(command.agent, command.layer)
-        revision = self._ledger.undo(
-            command.agent, command.layer, source=command.author, reason=command.reason
-        )
-        return self._changed((revision,))
-
-    def _reset(self, command: ManagementCommand) -> ManagementResult:
-        self._known(command.agent, command.layer)
-        revision = self._ledger.reset(
+        revision = restore(
             command.agent, command.layer, source=command.author, reason=command.reason
         )
         return self._changed((revision,))
 
     def _import(self, command: ManagementCommand) -> ManagementResult:
-        document_id, found = from_document(command.document, self._profiles.space)
+        reason = command.reason or "taken in from a document"
+        found = from_document(
+            command.document, self._profiles.space, source=command.author, reason=reason
+        )
         unknown = sorted({one.agent for one in found} - set(self._ledger.agents()))
         if unknown:
             raise Refused(
@@ -183,34 +172,19 @@ class Management:
             )
         self._check_room(found)
         known = {(one.agent, one.layer) for one in self._layers_of("")}
-        begun = (one for one in found if one.layer and (one.agent, one.layer) not in known)
-        entries = [self._profiles.first_layer_entry(one.agent, one.layer) for one in begun]
-        entries += [
-            LedgerEntry(
-                agent=one.agent,
-                layer=one.layer,
-                profile=self._profiles.space.named(one.values),
-                cause=RevisionCause(
-                    cause=IMPORT,
-                    kind=FeedbackKind.SET,
-                    source=command.author,
-                    reason=command.reason or "taken in from a document",
-                    feedback_id=f"import/{document_id}/{one.agent}/{one.layer}",
-                    target=self._profiles.space.named(one.values),
-                    changes=one.changes,
-                ),
-            )
+        begun = [
+            self._profiles.first_layer_entry(one.agent, one.layer)
             for one in found
+            if one.layer and (one.agent, one.layer) not in known
         ]
-        ids = [entry.cause.feedback_id for entry in entries]
-        if any(self._ledger.find(one) for one in ids if one is not None):
+        if any(self._ledger.find_all(one.cause.feedback_id or "") for one in found):
             return ManagementResult(
                 message="this document was taken in before; nothing has changed"
             )
-        recorded = self._ledger.record(entries)
+        recorded = self._ledger.record([*begun, *found])
         return self._changed([one for one in recorded if one.cause.cause == IMPORT])
 
-    def _check_room(self, found: Iterable[ImportedProfiles]) -> None:
+    def _check_room(self, found: Iterable[LedgerEntry]) -> None:
         layers: dict[str, set[str]] = {}
         for one in found:
             if one.layer:
@@ -276,13 +250,11 @@ class Management:
         return ManagementResult(message=message, changes=changes)
 
     def _selected(self, command: ManagementCommand) -> list[ProfileRevision]:
-        """Return the current revisions that an order is about."""
         names = [command.agent] if command.agent else self._ledger.agents()
         own = (self._ledger.current(name) for name in names) if not command.layer else ()
         found = [one for one in own if one is not None]
-        for one in self._layers_of(command.agent):
-            if command.layer in ("", one.layer):
-                found.append(one)
+        layers = self._layers_of(command.agent)
+        found += [one for one in layers if command.layer in ("", one.layer)]
         return sorted(found, key=lambda one: (one.agent, one.layer))
 
     def _layers_of(self, agent: str) -> list[ProfileRevision]:

@@ -7,12 +7,13 @@ import math
 import os
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TypeVar
 
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from bt_agents_core.errors import Refused
@@ -22,7 +23,7 @@ from bt_agents_interfaces.msg import Feedback, HostCard, MoodTrace, TreeStatus
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
+from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback, ManageProfiles
 from bt_agents_language.files.experiment_reader import read_simulated_feedback
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
@@ -38,10 +39,9 @@ from feedback_node.learning.feedback_controller import FeedbackController, RuleO
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError, ledger_path
-from feedback_node.management.management import Management, ManagementResult
+from feedback_node.management.management import Management, ManagementCommand
 from feedback_node.node.cancel_requests import CancelRequests
-from feedback_node.node.hosts import ActiveLeaves, HostProfiles
-from feedback_node.node.management_service import ManagementService
+from feedback_node.node.hosts import HostProfiles
 from feedback_node.node.messages import (
     card_from_msg,
     collected_from_msg,
@@ -75,14 +75,7 @@ class FeedbackNode(BaseNode):
         simulated: SimulatedFeedback | None = None,
         **node_kwargs: Any,
     ) -> None:
-        """Create the node.
-
-        Args:
-            space: The scene parameters.
-            ledger: Open ledger; its owner closes it after the node is destroyed.
-            simulated: Feedback of an experiment; None gives none.
-            node_kwargs: Passed on to ``Node``.
-        """
+        """Create the node; the owner of the open ledger closes it after the node is destroyed."""
         super().__init__("feedback", **node_kwargs)
         self._space = space
         self._ledger = ledger
@@ -93,14 +86,14 @@ class FeedbackNode(BaseNode):
             clock=time.monotonic,
             new_id=lambda: f"given/{uuid.uuid4()}",
             simulated=simulated,
-            lease_s=declare_live_lease(self, self._set_lease),
+            lease_s=declare_live_lease(self, lambda s: self._controller.set_lease(s)),
         )
         self._born_ns = time.time_ns()
         self._cards_until = time.monotonic() + CARDS_S
         self._card_awaited: list[Future] = []
         self._calls = Calls(self)
         self._hosts = HostProfiles(self, self._calls, self._profiles)
-        self._active_leaves = ActiveLeaves(self, self._on_status)
+        self._trees: dict[str, Subscription[TreeStatus]] = {}
         self._problems: dict[str, tuple[str, ...]] = {}
         self._pending_cards: dict[str, HostCard] = {}
         self._table: Table = ()
@@ -114,23 +107,17 @@ class FeedbackNode(BaseNode):
         self.create_subscription(HostCard, "cards", self._on_card, qos.FACTS)
         self.create_subscription(RunMsg, "runs", self._on_run, qos.HISTORY)
         self.create_subscription(SceneMsg, "scene/live", self._on_live, qos.SENSOR)
-        management = Management(
+        self._management = Management(
             self._profiles, ledger, wall=time.time, new_id=lambda: str(uuid.uuid4())
         )
-        ManagementService(self, management, self._managed)
-        self._serve()
-
-    def _serve(self) -> None:
-        # Services await other nodes' answers, which the default group would keep from coming.
+        # Other nodes' answers are awaited, which the default group would keep from coming.
         group = ReentrantCallbackGroup()
         for kind, name, answer in (
             (CollectFeedback, "~/collect", self._on_collect),
             (GiveFeedback, "~/give", self._on_give),
         ):
             self.create_service(kind, name, answer, qos_profile=qos.SERVICE, callback_group=group)
-
-    def _set_lease(self, seconds: float) -> None:
-        self._controller.set_lease(seconds)
+        self.create_service(ManageProfiles, "~/manage", self._on_manage, qos_profile=qos.SERVICE)
 
     # What happens around the runs
 
@@ -153,7 +140,7 @@ class FeedbackNode(BaseNode):
                 del self._problems[next(iter(self._problems))]
         for delivery in deliveries:
             self._hosts.deliver(delivery)
-        self._active_leaves.subscribe_to(self._profiles.hosts)
+        self._subscribe_to_trees(self._profiles.hosts)
         self._publish_table()
         self._set_timer()
         self._resume_waiting()
@@ -171,10 +158,18 @@ class FeedbackNode(BaseNode):
         elif message.event == RunMsg.CANCELLING:
             self._controller.on_run_cancelling(event)
         elif message.event == RunMsg.ENDED:
-            trace = self._controller.on_run_ended(event)
-            if trace is not None:
-                self._traces.publish(mood_trace_to_msg(trace, time.time()))
+            leaves = self._controller.on_run_ended(event)
+            if leaves:
+                self._traces.publish(mood_trace_to_msg(event, leaves, time.time()))
         self._set_timer()
+
+    def _subscribe_to_trees(self, hosts: Collection[str]) -> None:
+        for host in self._trees.keys() - set(hosts):
+            self.destroy_subscription(self._trees.pop(host))
+        for host in sorted(set(hosts) - self._trees.keys()):
+            self._trees[host] = self.create_subscription(
+                TreeStatus, f"{host}/status", self._on_status, qos.EVENTS
+            )
 
     def _on_status(self, message: TreeStatus) -> None:
         self._controller.on_leaf((message.epoch, message.round, message.agent), message.tip)
@@ -236,13 +231,11 @@ class FeedbackNode(BaseNode):
             response.code, response.message = refusal.code, refusal.reason
             return response
         response.accepted = True
+        response.applied = change is not None
         if change is None:
             response.message = f"no feedback for {request.agent}"
-            return response
-        response.applied = True
-        answers = self._deliver(change)
-        response.feedback = self._publish_change(change)
-        response.message = await self._delivery_text(change, answers)
+        else:
+            await self._answer(change, response)
         return response
 
     async def _on_give(
@@ -258,17 +251,11 @@ class FeedbackNode(BaseNode):
             response.code, response.message = refusal.code, refusal.reason
             return response
         response.accepted = True
-        answers = self._deliver(change)
-        response.feedback = self._publish_change(change)
-        response.message = await self._delivery_text(change, answers)
+        await self._answer(change, response)
         return response
 
     async def _once_known(self, teach: Callable[[], ResultT]) -> ResultT:
-        """Apply feedback that may precede the agent's card after a restart; wait for the card.
-
-        Raises:
-            Refused: As ``teach``.
-        """
+        """Apply feedback that may precede the agent's card after a restart; wait for the card."""
         while True:
             try:
                 return teach()
@@ -285,6 +272,20 @@ class FeedbackNode(BaseNode):
         for card in awaited:
             card.set_result(None)
 
+    async def _answer(self, change: ProfileChange, response: Any) -> None:
+        """Deliver and publish a change; say so once the hosts have it, or have not answered."""
+        answers = []
+        for delivery in self._profiles.deliveries(change.all):
+            answers.append(Future())
+            self._hosts.deliver(delivery, answers[-1])
+        response.feedback = self._publish_change(change)
+        response.message = f"{change.revision.agent}: {change.text}"
+        problems = [problem for answer in answers if (problem := await answer)]
+        if problems:
+            response.message += (
+                f"; it is kept and goes to the host when its card shows up again: {problems[0]}"
+            )
+
     def _publish_change(self, change: ProfileChange) -> Feedback:
         """Publish a change unless it was published when it was new; return its message."""
         messages = [feedback_to_msg(one, self._space) for one in change.all]
@@ -300,38 +301,39 @@ class FeedbackNode(BaseNode):
             )
         return messages[0]
 
-    def _deliver(self, change: ProfileChange) -> list[Future]:
-        """Deliver changed profiles to the hosts; each of the futures gets a problem or ""."""
-        answers = []
-        for delivery in self._profiles.deliveries(change.all):
-            answers.append(Future())
-            self._hosts.deliver(delivery, answers[-1])
-        return answers
-
-    async def _delivery_text(self, change: ProfileChange, answers: list[Future]) -> str:
-        """Return the text of a change once the host has taken it or not answered in time."""
-        text = f"{change.revision.agent}: {change.text}"
-        problems = [await answer for answer in answers]
-        if any(problems):
-            problem = next(filter(None, problems))
-            text += f"; it is kept and goes to the host when its card shows up again: {problem}"
-        return text
-
-    def _managed(self, done: ManagementResult) -> None:
+    def _on_manage(
+        self, request: ManageProfiles.Request, response: ManageProfiles.Response
+    ) -> ManageProfiles.Response:
+        command = ManagementCommand(
+            action=request.action,
+            agent=request.agent,
+            layer=request.layer,
+            author=request.author,
+            reason=request.reason,
+            older_s=request.older_s,
+            document=request.document,
+        )
+        try:
+            done = self._management.execute(command)
+        except Refused as refusal:
+            # What a document quotes may hold characters that no message can carry.
+            response.code = refusal.code
+            response.message = refusal.reason.encode(errors="replace").decode()
+            return response
         self._untidy = True
         if done.forgets:
-            self._forget_history()
+            # Later subscribers must not get what the latched history says.
+            for publisher in (self._feedback, self._traces):
+                self.destroy_publisher(publisher)
+            self._create_history_publishers()
         for change in done.changes:
             self._publish_change(change)
         for delivery in (*self._profiles.deliveries(done.changes), *done.deliveries):
             self._hosts.deliver(delivery)
         self._publish_table()
-
-    def _forget_history(self) -> None:
-        """Drop the latched history, so that later subscribers do not get it."""
-        for publisher in (self._feedback, self._traces):
-            self.destroy_publisher(publisher)
-        self._create_history_publishers()
+        response.accepted = True
+        response.message, response.document = done.message, done.document
+        return response
 
     def _create_history_publishers(self) -> None:
         self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
@@ -368,9 +370,9 @@ def main(args: Sequence[str] | None = None) -> int:
             simulated = (
                 SimulatedFeedback(read_simulated_feedback(Path(path), space)) if path else None
             )
-            book = owned.enter_context(Ledger(ledger_path(values["ledger"], os.environ)))
-            node = FeedbackNode(space, book, simulated)
-            node.get_logger().info(f"the ledger is {book.path}")
+            ledger = owned.enter_context(Ledger(ledger_path(values["ledger"], os.environ)))
+            node = FeedbackNode(space, ledger, simulated)
+            node.get_logger().info(f"the ledger is {ledger.path}")
             return node
 
         return run(lambda: make_from_parameters("feedback", _START, make), args)

@@ -18,18 +18,12 @@ _LIMIT_S = 1.0
 
 
 class CancelRequests:
-    """Sends the requests; one without an answer is sent again as long as its run goes on.
+    """Sends the requests; one without an answer is sent again as long as its run goes on."""
 
-    Args:
-        node: The feedback node.
-        calls: Its bounded calls.
-        runs: Returns whether a run goes on.
-    """
-
-    def __init__(self, node: Node, calls: Calls, runs: Callable[[AnnouncedRun], bool]) -> None:
+    def __init__(self, node: Node, calls: Calls, goes_on: Callable[[AnnouncedRun], bool]) -> None:
         self._node = node
         self._calls = calls
-        self._runs = runs
+        self._goes_on = goes_on
         self._unanswered: list[RuleStop] = []
         self._client = node.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
 
@@ -37,7 +31,7 @@ class CancelRequests:
         """Send again what the market has not answered."""
         stops, self._unanswered = self._unanswered, []
         for stop in stops:
-            if self._runs(stop.run):
+            if self._goes_on(stop.run):
                 self.request(stop)
 
     def request(self, stop: RuleStop) -> None:

@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exchange with the hosts: profiles to those that bid with them, states of their trees back."""
+"""Delivery of profiles to the hosts that bid with them."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection
 
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 from rclpy.task import Future
 
-from bt_agents_interfaces.msg import TreeStatus
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
@@ -24,13 +21,7 @@ _MOST_UNDER_WAY = 200
 
 
 class HostProfiles:
-    """Delivers profiles; one that its host has not answered is delivered again.
-
-    Args:
-        node: The feedback node.
-        calls: Its bounded calls.
-        profiles: What the hosts are to bid with.
-    """
+    """Delivers profiles; one that its host has not answered is delivered again."""
 
     def __init__(self, node: Node, calls: Calls, profiles: Profiles) -> None:
         self._node = node
@@ -96,15 +87,13 @@ class HostProfiles:
             self._node.destroy_client(self._clients.pop(host))
 
     def _deliver_next(self, host: str) -> None:
-        waiting = self._waiting.get(host)
-        if not waiting:
-            self._waiting.pop(host, None)
-            return
-        delivery = self._refreshed(waiting.pop(next(iter(waiting))))
-        if delivery is None:
-            self._deliver_next(host)
-        else:
-            self.deliver(delivery)
+        waiting = self._waiting.get(host, {})
+        while waiting:
+            delivery = self._refreshed(waiting.pop(next(iter(waiting))))
+            if delivery is not None:
+                self.deliver(delivery)
+                return
+        self._waiting.pop(host, None)
 
     def _refreshed(self, delivery: Delivery) -> Delivery | None:
         """Return a delivery with the current profile; None when no host wants it any more."""
@@ -120,29 +109,6 @@ class HostProfiles:
                 SetProfile, set_profile_name(host), qos_profile=qos.SERVICE
             )
         return self._clients[host]
-
-
-class ActiveLeaves:
-    """Subscriptions to the trees of all hosts whose cards are known.
-
-    Args:
-        node: The feedback node.
-        on_status: Called back with each change of a running tree.
-    """
-
-    def __init__(self, node: Node, on_status: Callable[[TreeStatus], None]) -> None:
-        self._node = node
-        self._on_status = on_status
-        self._subscriptions: dict[str, Subscription[TreeStatus]] = {}
-
-    def subscribe_to(self, hosts: Collection[str]) -> None:
-        """Subscribe to these hosts, by their full names, and to no others."""
-        for host in self._subscriptions.keys() - set(hosts):
-            self._node.destroy_subscription(self._subscriptions.pop(host))
-        for host in sorted(set(hosts) - self._subscriptions.keys()):
-            self._subscriptions[host] = self._node.create_subscription(
-                TreeStatus, f"{host}/status", self._on_status, qos.EVENTS
-            )
 
 
 def _key(delivery: Delivery) -> tuple[str, str, str]:

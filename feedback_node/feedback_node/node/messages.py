@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of cards, runs and feedback from and to messages."""
+"""Conversion of cards, runs and feedback from and to messages; scenes are checked."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from rclpy.exceptions import NameValidationException
 from rclpy.validate_full_topic_name import validate_full_topic_name
@@ -20,7 +22,7 @@ from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackRequest
-from feedback_node.mood_trace import ReportedMood
+from feedback_node.mood_trace import LeafMood
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
@@ -104,11 +106,7 @@ def rule_from_msg(message: MoodRuleMsg, space: SceneSpace) -> MoodRule:
 
 
 def run_from_msg(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -> AnnouncedRun:
-    """Return the run of an event.
-
-    Raises:
-        Refused: As in :func:`scene_from_msg`.
-    """
+    """Return the run of an event."""
     return AnnouncedRun(
         epoch=message.epoch,
         round=message.round,
@@ -129,11 +127,7 @@ def collected_from_msg(request: CollectFeedback.Request, space: SceneSpace) -> A
 
 
 def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> FeedbackRequest:
-    """Return the feedback of a request.
-
-    Raises:
-        Refused: As in :func:`scene_from_msg` when it names a scene.
-    """
+    """Return the feedback of a request."""
     return FeedbackRequest(
         feedback_id=request.feedback_id,
         agent=request.agent,
@@ -173,19 +167,18 @@ def feedback_to_msg(change: ProfileChange, space: SceneSpace) -> Feedback:
     )
 
 
-def mood_trace_to_msg(trace: ReportedMood, stamp: float) -> MoodTrace:
+def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: float) -> MoodTrace:
     """Return the message of the mood trace of a run that ended at a time [s since 1970]."""
-    run = trace.run
     return MoodTrace(
         stamp=to_time(stamp),
         epoch=run.epoch,
         round=run.round,
         agent=run.agent,
         person_id=run.scene.person_id,
-        leaves=[one.leaf for one in trace.leaves],
-        seconds=[one.seconds for one in trace.leaves],
-        mean=[one.mean for one in trace.leaves],
-        change=[one.change for one in trace.leaves],
+        leaves=[one.leaf for one in leaves],
+        seconds=[one.seconds for one in leaves],
+        mean=[one.mean for one in leaves],
+        change=[one.change for one in leaves],
     )
 
 

@@ -54,7 +54,6 @@ class SceneLayerNode(BaseNode):
     """Listens to the sources, or plays a script in their stead, and publishes scenes.
 
     Args:
-        spec: The scene parameters and their sources.
         script: Visits to play instead of listening to the sources.
         memory: File in which what is known of persons and places outlives the node; None for none.
         ids: Makes the scene ids; random ones by default.
@@ -62,7 +61,7 @@ class SceneLayerNode(BaseNode):
 
     Raises:
         Refused: A source names a type or field that is not installed, or a topic that cannot be
-            heard.
+            subscribed to.
         BtAgentsError: The file of the memory is none, or cannot be read.
     """
 
@@ -81,12 +80,12 @@ class SceneLayerNode(BaseNode):
         self._sources = Sources(spec)
         known = Memory(spec.space)
         self._estimate = SceneEstimator(spec, self._sources, known)
-        self._following = RunTracker()
+        self._runs = RunTracker()
         self._announced_id = ""
         self._live_at = 0.0
         self._persons_at = 0.0
         self._shown: object = None
-        self._remembering = MemoryStore(
+        self._store = MemoryStore(
             self, known, spec.space, memory, lambda: self._estimate.encounters.known
         )
         self._scene = self.create_publisher(SceneMsg, "scene", qos.FACT)
@@ -97,28 +96,25 @@ class SceneLayerNode(BaseNode):
         self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
         self.create_subscription(Empty, "~/trigger", self._on_trigger, qos.EVENTS)
         self.create_service(Analyze, "~/analyze", self._on_analyze, qos_profile=qos.SERVICE)
-        self._playing: ScriptPlayer | None = None
-        self._listening: SourceSubscriptions | None = None
+        self._player: ScriptPlayer | None = None
+        self._source_subscriptions: SourceSubscriptions | None = None
         if script is None:
-            encounters = self._estimate.encounters
-            self._listening = SourceSubscriptions(
-                self, spec, self._sources, encounters, self._on_change
+            persons = self._estimate.encounters.persons
+            self._source_subscriptions = SourceSubscriptions(
+                self, spec, self._sources, persons, self._on_change
             )
         else:
             listened = self._market_listens
-            self._playing = ScriptPlayer(self, script, self._announce, self._give, listened)
+            self._player = ScriptPlayer(self, script, self._announce, self._give, listened)
 
     def request_stop(self) -> None:
-        """Save what is known of persons and places."""
-        self._remembering.request_stop()
+        self._store.request_stop()
 
     def stopped(self) -> bool:
-        """Return True when it is saved."""
-        return self._remembering.stopped()
+        return self._store.stopped()
 
     def destroy_node(self) -> None:
-        """Destroy the node and end its thread."""
-        self._remembering.close()
+        self._store.close()
         super().destroy_node()
 
     def _make_timers(self) -> None:
@@ -144,28 +140,28 @@ class SceneLayerNode(BaseNode):
 
     def _poll(self) -> None:
         """Update who is there; publish it when it has changed."""
-        running = self._following.run
+        running = self._runs.run
         scene_id = running.scene_id if running is not None else None
         moved = self._estimate.update(time.monotonic(), time.time(), scene_id)
-        if self._listening is not None:
-            self._listening.subscribe_to_tracked()
+        if self._source_subscriptions is not None:
+            self._source_subscriptions.subscribe_to_tracked()
         if moved and running is not None:
             self._publish_live()
         self._publish_persons()
 
     def _publish_persons(self) -> None:
         now, wall = time.monotonic(), time.time()
-        encounters = self._estimate.encounters
-        if not encounters.identified or now - self._persons_at < self._period_s:
+        if self._spec.persons is None or now - self._persons_at < self._period_s:
             return
         stamp = self._stamp()
+        persons = self._estimate.encounters.persons
         scenes = [
             self._estimate.scene_of(person, now=now, wall=wall, stamp=stamp)
-            for person in encounters.tracked
+            for person in persons.tracked
         ]
         shown = (
-            encounters.addressee,
-            encounters.reason,
+            persons.addressee,
+            persons.reason,
             [
                 (s.person_id, s.place, [(repr(v.value), v.origin) for v in s.values])
                 for s in scenes
@@ -175,13 +171,12 @@ class SceneLayerNode(BaseNode):
             return
         self._shown = shown
         self._persons_at = now
-        assert self._spec.persons is not None
         self._persons.publish(
             Persons(
                 stamp=to_time(stamp),
                 rule=self._spec.persons.addressee.rule.value,
-                addressee=encounters.addressee,
-                reason=encounters.reason,
+                addressee=persons.addressee,
+                reason=persons.reason,
                 scenes=[scene_to_msg(scene) for scene in scenes],
             )
         )
@@ -189,7 +184,7 @@ class SceneLayerNode(BaseNode):
     # Scenes
 
     def _on_trigger(self, _message: Empty) -> None:
-        self._announce("", {}, None)
+        self._announce("", {}, None, urgent=False)
 
     def _on_analyze(self, request: Any, response: Any) -> Any:
         try:
@@ -208,7 +203,7 @@ class SceneLayerNode(BaseNode):
             response.code, response.message = refused.code, refused.reason
             return response
         if request.announce:
-            scene = self._announce(request.label, values, person, urgent=request.urgent)
+            scene = self._announce(request.label, values, person, request.urgent)
             response.message = f"scene {scene.scene_id} announced"
         else:
             scene = self._give(values, person)
@@ -218,7 +213,7 @@ class SceneLayerNode(BaseNode):
         return response
 
     def _announce(
-        self, label: str, values: Mapping[str, float], person: bool | None, *, urgent: bool = False
+        self, label: str, values: Mapping[str, float], person: bool | None, urgent: bool
     ) -> Scene:
         if self._estimate.encounters.enabled:
             self._poll()
@@ -240,7 +235,7 @@ class SceneLayerNode(BaseNode):
 
     def _present_id(self) -> str:
         """Return the scene that runs, else the one announced last; empty when that is over."""
-        running = self._following.run
+        running = self._runs.run
         return running.scene_id if running is not None else self._announced_id
 
     def _put_together(self, scene_id: str, now: float) -> Scene:
@@ -255,7 +250,7 @@ class SceneLayerNode(BaseNode):
         if message.event == Run.STARTED:
             self._on_started(message)
         elif message.event == Run.ENDED:
-            self._following.ended(message.epoch, message.round)
+            self._runs.ended(message.epoch, message.round)
             self._stop_when_over()
 
     def _on_started(self, message: Any) -> None:
@@ -264,16 +259,16 @@ class SceneLayerNode(BaseNode):
         except Refused as refused:
             self.get_logger().warning(f"no live scene for round {message.round}: {refused}")
             return
-        following = LiveRun(epoch=message.epoch, round=message.round, scene_id=scene.scene_id)
-        if not self._following.started(following):
+        started = LiveRun(epoch=message.epoch, round=message.round, scene_id=scene.scene_id)
+        if not self._runs.started(started):
             return
         self._estimate.adopt(scene, time.monotonic())
         self._live_timer.reset()
-        if self._playing is not None:
-            self._playing.started(scene.scene_id)
+        if self._player is not None:
+            self._player.started(scene.scene_id)
 
     def _on_change(self) -> None:
-        if self._following.run is None:
+        if self._runs.run is None:
             return
         if time.monotonic() - self._live_at >= SHORTEST_S:
             self._publish_live()
@@ -282,26 +277,26 @@ class SceneLayerNode(BaseNode):
 
     def _publish_live(self) -> None:
         self._soon_timer.cancel()
-        if self._following.run is None:
+        if self._runs.run is None:
             return
         self._live_at = time.monotonic()
-        scene = self._put_together(self._following.run.scene_id, self._live_at)
+        scene = self._put_together(self._runs.run.scene_id, self._live_at)
         self._live.publish(scene_to_msg(scene))
 
     def _stop_when_over(self) -> None:
-        if self._following.run is None:
+        if self._runs.run is None:
             self._live_timer.cancel()
             self._soon_timer.cancel()
 
     def _on_market(self, message: Any) -> None:
         idle = message.state == MarketStatus.IDLE
-        self._following.market(message.epoch, message.round, idle)
+        self._runs.market(message.epoch, message.round, idle)
         self._stop_when_over()
         if message.finished_scene_id.removesuffix(AGAIN) == self._announced_id:
             # What was given for it holds for nothing that comes now.
             self._announced_id = ""
-        if self._playing is not None:
-            self._playing.market(message)
+        if self._player is not None:
+            self._player.market(message)
 
     def _market_listens(self) -> bool:
         """Whether the publisher of the market's status is matched as a subscriber of scenes."""

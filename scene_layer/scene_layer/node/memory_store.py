@@ -33,9 +33,7 @@ class MemoryStore:
     """Reads the memory at the start, saves it now and then, and serves ``~/manage``.
 
     Args:
-        node: The scene layer's node.
         memory: Filled with what the file says.
-        space: The scene parameters.
         path: Of the file; None keeps nothing over the end of the node.
         known: Names those of the present persons who may be kept.
 
@@ -64,7 +62,7 @@ class MemoryStore:
         self._saving: ThreadFuture[None] | None = None
         if path is not None:
             steady_timer(node, SAVE_S, self._save_changes)
-        # One that waits for the disk holds up no other.
+        # One that waits for the disk stalls no other.
         group = ReentrantCallbackGroup()
         node.create_service(
             ManageProfiles, "~/manage", self._manage, qos_profile=qos.SERVICE, callback_group=group
@@ -76,7 +74,6 @@ class MemoryStore:
             self._save()
 
     def stopped(self) -> bool:
-        """Return True when it is saved."""
         return self._saving is None or self._saving.done()
 
     def close(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.node import Node
 
@@ -19,23 +19,11 @@ from scene_layer.script import MarketView, ScriptPerformance
 _PERIOD_S = 0.02
 
 
-class Announce(Protocol):
-    """Announces a scene with given values; returns it."""
-
-    def __call__(
-        self, label: str, values: Mapping[str, float], person: bool | None, *, urgent: bool
-    ) -> Scene:
-        """Announce."""
-
-
 class ScriptPlayer:
     """Announces the visits of a script and gives their changes.
 
     Args:
-        node: The scene layer's node.
-        script: The visits.
-        announce: Announces the scene of a visit.
-        give: Gives values to the interaction that runs.
+        announce: Announces the scene of a visit by its label, values, person and urgency.
         listened: Says whether a market takes scenes.
     """
 
@@ -43,7 +31,7 @@ class ScriptPlayer:
         self,
         node: Node,
         script: Script,
-        announce: Announce,
+        announce: Callable[[str, Mapping[str, float], bool | None, bool], Scene],
         give: Callable[[Mapping[str, float], bool | None], object],
         listened: Callable[[], bool],
     ) -> None:
@@ -102,6 +90,6 @@ class ScriptPlayer:
             self._give(change.values, change.person)
 
     def _begin(self, visit: Visit) -> None:
-        scene = self._announce(visit.label, visit.values, visit.person, urgent=visit.urgent)
+        scene = self._announce(visit.label, visit.values, visit.person, visit.urgent)
         self._performance.announced(scene.scene_id)
         self._node.get_logger().info(f"visit {self._performance.number}: {visit.label}")

@@ -21,7 +21,7 @@ from bt_agents_language.model.scene_specs import MESSAGE, SceneSpec, SourceSpec,
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.types import load_type, message_field, read_field
-from scene_layer.persons import Encounters, check_id
+from scene_layer.persons import Persons, check_id
 from scene_layer.sources import Sources
 
 _LONGEST = 300
@@ -42,13 +42,6 @@ class _Key:
 class SourceSubscriptions:
     """Subscriptions of all sources; their messages become readings.
 
-    Args:
-        node: The scene layer's node.
-        spec: The sources.
-        sources: Takes the readings.
-        encounters: Takes who is tracked.
-        changed: Called when a reading has changed something.
-
     Raises:
         Refused: A source names a type or field that is not installed, or a topic that cannot be
             subscribed to.
@@ -59,15 +52,15 @@ class SourceSubscriptions:
         node: Node,
         spec: SceneSpec,
         sources: Sources,
-        encounters: Encounters,
+        persons: Persons,
         changed: Callable[[], None],
     ) -> None:
         self._node = node
         self._spec = spec
         self._sources = sources
-        self._encounters = encounters
+        self._persons = persons
         self._changed = changed
-        self._dynamic: dict[_Key, tuple[Any, frozenset[SourceSpec]]] = {}
+        self._dynamic: dict[_Key, tuple[Any, set[SourceSpec]]] = {}
         self._unnamed: dict[str, None] = {}
         self._of_item = [source for source in spec.every_source if source.of_item]
         for source in spec.every_source:
@@ -85,24 +78,20 @@ class SourceSubscriptions:
 
     def subscribe_to_tracked(self) -> None:
         """Subscribe to the topics of the persons tracked now, and of no others."""
-        if self._spec.persons is None:
-            return
-        people = self._encounters.tracked
-        topics = self._sources.topics(people, time.monotonic())
+        topics = self._sources.topics(self._persons.tracked, time.monotonic())
         found: dict[_Key, set[SourceSpec]] = {}
         for (source, person), topic in topics.items():
             key = _Key(topic, source.type, source.latched, person)
             found.setdefault(key, set()).add(source)
-        needed = {key: frozenset(read) for key, read in found.items()}
         for key, (subscription, read) in list(self._dynamic.items()):
-            if needed.get(key) != read:
+            if found.get(key) != read:
                 self._node.destroy_subscription(subscription)
                 del self._dynamic[key]
-        for key, new in needed.items():
+        for key, new in found.items():
             if key not in self._dynamic and key.topic not in self._unnamed:
                 self._subscribe_to(key, new)
 
-    def _subscribe_to(self, key: _Key, read: frozenset[SourceSpec]) -> None:
+    def _subscribe_to(self, key: _Key, read: set[SourceSpec]) -> None:
         try:
             subscription = self._subscribe(key, sorted(read, key=lambda s: str(s.position)))
         except Refused as refused:
@@ -118,19 +107,13 @@ class SourceSubscriptions:
 
     def _subscribe(self, key: _Key, read: Iterable[SourceSpec]) -> Any:
         take = partial(self._on_reading, tuple(read), key.person)
-        profile = qos.FACT if key.latched else qos.SENSOR
-        return self._create_subscription(key.topic, key.type, take, profile)
+        return self._create_subscription(key.topic, key.type, take, key.latched)
 
     def _create_subscription(
-        self, topic: str, type_name: str, take: Callable[[Any], None], profile: Any
+        self, topic: str, type_name: str, take: Callable[[Any], None], latched: bool
     ) -> Any:
-        """Subscribe to a topic.
-
-        Raises:
-            Refused: ``UNUSABLE_TOPIC``: its name is none, or this process uses it with another
-                type.
-        """
         kind = load_type(type_name, BindingKind.TOPIC)
+        profile = qos.FACT if latched else qos.SENSOR
         try:
             return self._node.create_subscription(kind, topic, take, profile)
         except InvalidTopicNameException as error:
@@ -146,7 +129,6 @@ class SourceSubscriptions:
             ) from None
 
     def _paths(self, source: SourceSpec) -> list[str]:
-        """Return the paths of all fields that a source reads."""
         read = [e for e in (source.field, source.confidence, source.std) if e is not None]
         paths = sorted({name.removeprefix(f"{MESSAGE}.") for one in read for name in one.names})
         if source.of_item and self._spec.persons is not None:
@@ -177,7 +159,7 @@ class SourceSubscriptions:
             return False
 
     def _complain(self, refused: Refused, count: int) -> None:
-        if count & (count - 1) == 0:
+        if count.bit_count() == 1:
             text = str(refused)
             text = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
             self._node.get_logger().warning(f"{text} ({count} refused so far)")
@@ -185,21 +167,16 @@ class SourceSubscriptions:
     # Who is tracked
 
     def _track(self, tracked: TrackedSpec) -> None:
-        assert self._spec.persons is not None
         item = [f"{tracked.field}.0.{tracked.id}"] if tracked.id else []
         self._check(tracked.type, tracked.position, [tracked.field, *item])
-        take = self._on_items if tracked.id else self._on_ids
-        profile = qos.FACT if tracked.latched else qos.SENSOR
-        self._create_subscription(tracked.topic, tracked.type, take, profile)
+        take = partial(self._on_items if tracked.id else self._on_ids, tracked)
+        self._create_subscription(tracked.topic, tracked.type, take, tracked.latched)
 
-    def _on_ids(self, message: Any) -> None:
-        assert self._spec.persons is not None
-        self._receive_ids(_raw(message, self._spec.persons.tracked.field, ()))
+    def _on_ids(self, tracked: TrackedSpec, message: Any) -> None:
+        self._receive_ids(_raw(message, tracked.field, ()))
 
-    def _on_items(self, message: Any) -> None:
+    def _on_items(self, tracked: TrackedSpec, message: Any) -> None:
         """Take a list with an item for each person, of which only those tracked are read."""
-        assert self._spec.persons is not None
-        tracked = self._spec.persons.tracked
         items: dict[str, Any] = {}
         ids = []
         for item in _raw(message, tracked.field, ()):
@@ -209,28 +186,22 @@ class SourceSubscriptions:
             with suppress(Refused):
                 items.setdefault(check_id(person), item)
         self._receive_ids(ids)
-        for person in self._encounters.candidates:
+        for person in self._persons.candidates:
             if person in items:
-                self._on_item(items[person], person)
+                for source in self._of_item:
+                    self._read(source, partial(read_field, items[person]), person)
         self._changed()
 
-    def _on_item(self, item: Any, person: str) -> None:
-        for source in self._of_item:
-            self._read(source, partial(read_field, item), person)
-
     def _receive_ids(self, ids: Iterable[object]) -> None:
-        left_out = self._encounters.receive_ids(ids, time.monotonic())
-        if left_out is not None:
-            self._complain(*left_out)
+        refused = self._persons.receive_ids(ids, time.monotonic())
+        if refused is not None:
+            self._complain(refused, self._persons.refusals[refused.code])
 
 
 def _raw(message: Any, path: str, nothing: Any) -> Any:
-    """Return a field as it is; :func:`read_field` would turn a long list into plain data.
+    """Return a field as it is, or ``nothing`` for an item of a list that is too short.
 
-    Args:
-        message: A message of a type that has such a field.
-        path: As for :func:`read_field`.
-        nothing: What stands for an item of a list that is too short.
+    :func:`read_field` would turn a long list into plain data.
     """
     try:
         return value_at(message, path, message_field)

@@ -134,7 +134,7 @@ class LedgerMachine(RuleBasedStateMachine):
     @invariant()
     def every_row_is_what_was_written(self) -> None:
         if hasattr(self, "ledger"):
-            assert inspect(str(self.path)).problems == ()
+            assert not inspect(str(self.path)).problems
 
     def teardown(self) -> None:
         if hasattr(self, "ledger"):

@@ -336,18 +336,16 @@ def test_the_end_of_a_run_tells_how_the_mood_went():
     room.now = 1.0
     room.teaching.receive(scene(5.0, 3.5))
     room.now = 2.0
-    trace = room.teaching.on_run_ended(run())
-    assert trace is not None
-    assert trace.run == run()
-    assert trace.leaves == (LeafMood(leaf="tree/0.say", seconds=2.0, mean=3.75, change=-0.5),)
-    assert room.teaching.on_run_ended(run()) is None
-    assert not room.teaching.tracks_mood
+    leaves = room.teaching.on_run_ended(run())
+    assert leaves == (LeafMood(leaf="tree/0.say", seconds=2.0, mean=3.75, change=-0.5),)
+    assert room.teaching.on_run_ended(run()) == ()
+    assert not room.teaching.wants("s1")
 
 
 def test_a_run_without_rules_is_followed_too():
     room = Room()
     room.teaching.on_run_started(run(agent="express"))
-    assert (room.teaching.watching, room.teaching.tracks_mood) == (False, True)
+    assert not room.teaching.watching
     assert room.teaching.wants("s1")
     assert not room.teaching.wants("s2")
 

@@ -113,7 +113,7 @@ def test_a_mood_rule_of_a_card_keeps_its_further_values():
     card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
     ((agent,), problems) = read_card(card, SPACE)
     assert problems == ()
-    (read,) = agent.rules
+    (read,) = agent.entry.rules
     assert read.release is not None
     assert (read.baseline_s, read.release.text, read.cooldown_s, read.confidence) == (
         2.0,
@@ -149,7 +149,7 @@ def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
     )
     again = replace(PLAIN, rates=(float("nan"), float("nan")))
     later = read(replace(entry, revision=7, learning=again), [first])
-    assert (later.held, later.rules, asked) == (7, first.rules, [])
+    assert (later.entry.revision, later.entry.rules, asked) == (7, first.entry.rules, [])
     others = (
         replace(entry, rules=(replace(rule, hold_s=2.0),)),
         replace(entry, learning=replace(PLAIN, anneal=0.5)),

@@ -77,7 +77,7 @@ def test_a_rule_that_cannot_be_read_is_skipped_and_the_agent_keeps_the_others():
         restore_mood_rule(SPACE, when="mood.change >=", hold_s=1.0, give=1)
     entry = replace(GUIDE, rules=(good,), invalid_rules=(refusal.value,))
     agents, problems = read_card(card(entry), SPACE)
-    assert [rule.when.text for rule in agents[0].rules] == ["mood.change >= 1"]
+    assert [rule.when.text for rule in agents[0].entry.rules] == ["mood.change >= 1"]
     assert len(problems) == 1
     assert problems[0].startswith(
         "BAD_RULE: card of /agents: agent 'guide': rule 'mood.change >='"

@@ -60,7 +60,7 @@ def test_what_is_appended_is_read_back_with_its_whole_cause(ledger):
     )
     row = ledger.append("guide", {"age": 4.2, "mood": 3.0}, written)
     assert row.revision == 1
-    assert ledger.current("guide") == row == ledger.find("f1")
+    assert ledger.current("guide") == row == ledger.find_all("f1")[0]
     assert row.cause == written
 
 

@@ -57,7 +57,7 @@ def test_several_layers_are_recorded_together_or_not_at_all(ledger):
     )
     with pytest.raises(LedgerError):
         ledger.record([good, bad])
-    assert (ages(ledger), ledger.layers("guide"), ledger.find("f")) == ([4.0], (), None)
+    assert (ages(ledger), ledger.layers("guide"), ledger.find_all("f")) == ([4.0], (), ())
 
 
 def test_an_id_that_has_moved_several_layers_returns_all_of_them(ledger):

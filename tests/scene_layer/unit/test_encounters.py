@@ -64,7 +64,7 @@ class Room:
     def see(self, now: float, **faces: dict[str, float]) -> None:
         """Take a picture; what a face does not say is not in its item."""
         self.now = now
-        crowd = self.estimate.encounters
+        crowd = self.estimate.encounters.persons
         crowd.receive_ids(list(faces), now)
         for person in crowd.candidates:
             if person in faces:
@@ -243,7 +243,7 @@ def test_a_run_keeps_its_person_though_somebody_else_is_nearer():
             anna={"mood": 4.0, "distance_m": 3.0},
             ben={"mood": 1.0, "distance_m": 0.5},
         )
-    assert room.estimate.encounters.addressee == "ben"
+    assert room.estimate.encounters.persons.addressee == "ben"
     scene = room.scene()
     assert (scene.person, scene.person_id) == (True, "anna")
     assert words(scene)[1] == "mood measured 4"
@@ -437,7 +437,7 @@ def test_ids_that_come_and_go_between_two_looks_leave_nothing_behind():
     room = Room()
     sources = room.sources
     for picture in range(40):
-        room.estimate.encounters.receive_ids([f"face{picture}"], 0.01 * picture)
+        room.estimate.encounters.persons.receive_ids([f"face{picture}"], 0.01 * picture)
         room.read(f"face{picture}", {"age": 3.0})
     room.look(0.5)
     assert sources.people == {"face39"}, "only who is listed still"

@@ -221,8 +221,8 @@ def test_who_comes_and_who_goes_is_told_once():
     told = []
     for now, ids in [(0.0, "a b"), (0.1, "a b"), (0.2, "b"), (0.4, "b c"), (0.7, "b c")]:
         crowd.receive_ids(ids.split(), now)
-        moved = crowd.update({}, now)
-        told.append((" ".join(moved.came), " ".join(moved.gone)))
+        came, gone = crowd.update({}, now)
+        told.append((" ".join(came), " ".join(gone)))
     assert told == [("a b", ""), ("", ""), ("", ""), ("c", ""), ("", "a")]
     assert crowd.tracked == ("b", "c")
 

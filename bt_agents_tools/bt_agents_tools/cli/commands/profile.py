@@ -261,9 +261,9 @@ def recover(file: Path, new: Path) -> None:
     missing. FILE is not changed. Move it away, with its -wal and -shm, and put NEW in its place;
     or give the feedback node NEW as its parameter 'ledger'.
     """
-    from feedback_node.ledger import recovery
+    from feedback_node.ledger import file as ledger_file
 
-    count = recovery.recover(str(file), str(new))
+    count = ledger_file.recover(str(file), str(new))
     click.echo(f"{count} revisions copied to {new}")
 
 
