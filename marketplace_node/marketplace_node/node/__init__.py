@@ -59,7 +59,6 @@ from marketplace_node.node.hosts import HostConnections
 from marketplace_node.node.messages import (
     auction_to_msg,
     call_to_msg,
-    earlier_run_to_msg,
     run_to_msg,
     scene_end_to_msg,
     status_to_msg,
@@ -295,7 +294,7 @@ class MarketplaceNode(BaseNode):
                 event = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
                 log.info(f"round {effect.goal.round}: {event}")
             case AnnounceEarlierRun():
-                self._runs.publish(earlier_run_to_msg(effect.run, self._now()))
+                self._runs.publish(run_to_msg(effect.run, effect.run.epoch, self._now()))
             case Collect():
                 self._collect(effect)
             case StatusChanged():

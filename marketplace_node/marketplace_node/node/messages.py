@@ -26,7 +26,6 @@ from marketplace_node.effects import (
     OpenCall,
     PublishAuction,
     RequestRanking,
-    RunEventKind,
     RunGoal,
     RunOutcome,
     SceneEnded,
@@ -158,26 +157,7 @@ def goal_to_msg(effect: SendGoal, epoch: str) -> RunAgent.Goal:
 
 def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus:
     """Return the message of what the market is doing since ``stamp``."""
-    return MarketStatus(
-        stamp=stamp,
-        epoch=epoch,
-        state=int(status.state),
-        round=status.round,
-        scene_id=status.scene_id,
-        agent=status.agent,
-        host=status.host,
-        finished_scene_id=status.finished_scene_id,
-        queued=status.queued,
-        hosts=status.hosts,
-        agents=status.agents,
-        strategy=status.strategy,
-        shadow_strategy=status.shadow_strategy,
-        strategies=strategies_to_msg(),
-        pinned=status.pinned,
-        vetoed=list(status.vetoed),
-        starved=list(status.starved),
-        message=status.message,
-    )
+    return MarketStatus(stamp=stamp, epoch=epoch, strategies=strategies_to_msg(), **vars(status))
 
 
 @cache
@@ -217,11 +197,7 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
         ranking=[_ranked_to_msg(bid, decision) for bid in decision.ranking],
         refused=[
             RefusedBidMsg(
-                agent=bid.agent,
-                host=bid.host,
-                kind=int(bid.kind),
-                code=bid.code,
-                reason=bid.reason,
+                agent=bid.agent, host=bid.host, kind=bid.kind, code=bid.code, reason=bid.reason
             )
             for bid in decision.refused
         ],
@@ -299,20 +275,10 @@ def scene_or_last(message: Any, space: SceneSpace) -> Scene | None:
 
 
 def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
-    return RankedBidMsg(
-        agent=bid.agent,
-        agent_id=bid.agent_id,
-        host=bid.host,
-        vector=bid.vector,
-        distance=bid.distance,
-        contributions=bid.contributions,
-        weights=bid.weights,
-        bonus=bid.bonus,
-        score=bid.score,
-        runs=bid.runs,
-        last_run=bid.last_run,
-        calculation=calculation(bid, decision.terms.scene, decision.ranked.by),
-    )
+    fields = bid._asdict()
+    del fields["instance"]  # the message names the host alone
+    sum_of_it = calculation(bid, decision.terms.scene, decision.ranked.by)
+    return RankedBidMsg(**fields, calculation=sum_of_it)
 
 
 def _draws(terms: Terms) -> bool:
@@ -341,31 +307,6 @@ def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
     )
 
 
-def earlier_run_to_msg(run: EarlierRun, stamp: Any) -> RunMsg:
-    """Return the message of the end of a run of an earlier market."""
-    end = AnnounceRun(
-        event=RunEventKind.ENDED,
-        outcome=run.outcome,
-        goal=run.goal,
-        scene=run.scene,
-        message=run.message,
-        stop_cause=run.stop_cause,
-        orphans=run.orphans,
-        ticks=run.ticks,
-        overruns=run.overruns,
-        duration_s=run.duration_s,
-    )
-    return run_to_msg(end, run.epoch, stamp)
-
-
 def scene_end_to_msg(effect: SceneEnded, epoch: str, stamp: Any) -> SceneEndMsg:
     """Return the message of the end of a scene."""
-    return SceneEndMsg(
-        stamp=stamp,
-        epoch=epoch,
-        scene_id=effect.scene_id,
-        code=effect.code,
-        round=effect.round,
-        agent=effect.agent,
-        message=effect.message,
-    )
+    return SceneEndMsg(stamp=stamp, epoch=epoch, **vars(effect))
