@@ -20,11 +20,12 @@ from bt_agents_interfaces.msg import CallForBids, MarketHeartbeat, MarketStatus
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
-from bt_agents_interfaces.srv import CancelRun, CollectFeedback
+from bt_agents_interfaces.srv import CancelRun, CollectFeedback, SelectAgent
 from bt_agents_language.files.market_reader import MarketRule, market_of
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
+from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg
 from bt_agents_ros.outbox import Outbox
 from bt_agents_ros.spinner import run
@@ -54,19 +55,20 @@ from marketplace_node.effects import (
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.market import Market
 from marketplace_node.node.bid_decoder import BidDecoder
-from marketplace_node.node.external_ranking_client import ExternalRankingClient
 from marketplace_node.node.hosts import HostConnections
 from marketplace_node.node.messages import (
     auction_to_msg,
     call_to_msg,
     run_to_msg,
     scene_end_to_msg,
+    selection_from_msg,
+    selection_to_msg,
     status_to_msg,
 )
 from marketplace_node.node.operator_services import OperatorServices, OverridesFile
 from marketplace_node.node.parameters import declare_settings, watch_settings
-from marketplace_node.node.registration_service import RegistrationService
 from marketplace_node.registry import HostEntry
+from marketplace_node.round.decision import External
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
 
@@ -94,7 +96,7 @@ class MarketplaceNode(BaseNode):
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Attributes:
-        external_ranking: Asks a program outside for rankings.
+        selector: Client of the service ``select``, which ranks for the strategy ``external``.
     """
 
     def __init__(
@@ -113,7 +115,7 @@ class MarketplaceNode(BaseNode):
         self._executing = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
         self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
-        self._hosts = HostConnections(self, self._market, self._execute)
+        self._hosts = HostConnections(self, self._market, space, self._execute)
         watch_settings(self, lambda: self._market.settings, self._configure)
         self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
         self._auctions = self.create_publisher(AuctionMsg, "auctions", qos.HISTORY)
@@ -125,7 +127,9 @@ class MarketplaceNode(BaseNode):
         self._feedback = Outbox(
             self, self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE)
         )
-        self.external_ranking = ExternalRankingClient(self, self._market, self._execute)
+        self._questions = Calls(self)
+        # Made before it is needed, so that the server is found by then.
+        self.selector = self.create_client(SelectAgent, "select", qos_profile=qos.SERVICE)
         self._operators = OperatorServices(self, self._market, space, self._execute)
         self._overrides_file = (
             OverridesFile(self, overrides_file) if overrides_file is not None else None
@@ -134,7 +138,6 @@ class MarketplaceNode(BaseNode):
         self._deadline = OneShot(self, self._tick)
         self._poll = steady_timer(self, _POLL_S, self._tick, running=False)
         steady_timer(self, _HEARTBEAT_S, self._publish_heartbeat)
-        RegistrationService(self, self._market, self._hosts, space, self._execute)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bid_decoder = BidDecoder(self._market.epoch, self._hosts.reaches)
         self._bids = self.create_subscription(
@@ -274,7 +277,7 @@ class MarketplaceNode(BaseNode):
                 self._due_calls[effect.round] = (effect, latest)
                 self._publish_calls(now)
             case RequestRanking():
-                self.external_ranking.ask(effect)
+                self._request_ranking(effect)
             case PreviewEnded():
                 self._due_calls.pop(effect.number, None)
                 self._operators.end(effect)
@@ -334,6 +337,23 @@ class MarketplaceNode(BaseNode):
         call = call_to_msg(effect, self._market.epoch, self._space, self._now())
         self._calls.publish(call)
         self._execute(self._market.called(effect.round, now))
+
+    def _request_ranking(self, effect: RequestRanking) -> None:
+        """Ask once; the market owns the deadline."""
+
+        def report(external: External) -> None:
+            self._execute(self._market.ranked(effect.round, external, time.monotonic()))
+
+        if not self.selector.service_is_ready():
+            report(External(failure=f"no selector serves '{self.selector.srv_name}'"))
+            return
+        self._questions.call(
+            self.selector,
+            selection_to_msg(effect, self._market.epoch),
+            deadline_s=effect.limit_s,
+            on_answer=lambda answer: report(selection_from_msg(answer, effect.agents)),
+            on_failure=lambda reason: report(External(failure=reason)),
+        )
 
     def _collect(self, effect: Collect) -> None:
         number = effect.goal.round
