@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bt_agents_core.scene import Scene
@@ -21,7 +22,6 @@ from marketplace_node.effects import (
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.interaction.award import Award, RunEnd, StopRequest
 from marketplace_node.interaction.open_round import OpenRound
-from marketplace_node.interaction.scene_queue import QueuedScene
 from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
@@ -31,6 +31,26 @@ NOT_TAKEN = "NOT_TAKEN"
 
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
+
+
+@dataclass(eq=False, kw_only=True)
+class QueuedScene:
+    """Scene that waits for its interaction.
+
+    Attributes:
+        scene: The scene.
+        asked: True once a challenge for it has been opened.
+        round: Number of that challenge, 0 before.
+        drawn: Number of the round whose chance it draws, as that round has decided for it; 0 for
+            the chance of its own.
+        excluded: Agents that may not bid when its turn comes, with the reason.
+    """
+
+    scene: Scene
+    asked: bool = False
+    round: int = 0
+    drawn: int = 0
+    excluded: Mapping[str, str] = field(default_factory=dict)
 
 
 class Interaction:

@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import partial
 
 from marketplace_node.explanation.reason import preemption_reason
+from marketplace_node.interaction.interaction import QueuedScene
 from marketplace_node.interaction.open_round import OpenRound
-from marketplace_node.interaction.scene_queue import QueuedScene
 from marketplace_node.market_state import MarketState
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
 from marketplace_node.settings import EXTERNAL, Settings
@@ -20,7 +20,7 @@ class PreemptionRound:
 
     Args:
         market_state: Shared by all rounds.
-        waiting: The scene, which keeps its place in the line.
+        waiting: The scene, which keeps its place in the queue.
         running: The agent that runs.
         now: Steady time [s].
 
