@@ -14,8 +14,6 @@ from marketplace_node.strategies import STRATEGIES, TIE_BREAKS, Option
 
 ON_NEW_SCENE: Final = ("queue", "reject", "preempt")
 MAX_QUEUE: Final = 100
-MAX_MARGIN: Final = 100.0
-MAX_STARVATION: Final = 1_000_000
 
 EXTERNAL: Final = "external"
 """The strategy that asks a program outside."""
@@ -23,15 +21,18 @@ EXTERNAL: Final = "external"
 RULES: Final = "rules"
 """The strategy that reads ``market.yaml``."""
 
-SECONDS: Final = {
+RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "bid_deadline_s": (0.01, 60.0),
     "host_lease_s": (0.5, 60.0),
     "goal_deadline_s": (0.1, 60.0),
     "cancel_deadline_s": (0.1, 600.0),
     "collect_deadline_s": (0.05, 600.0),
     "preempt_cooldown_s": (0.0, 600.0),
+    "queue_limit": (0, MAX_QUEUE),
+    "preempt_margin": (0.0, 100.0),
+    "starvation_rounds": (0, 1_000_000),
 }
-"""Allowed range of each duration [s]."""
+"""Allowed range of each number; durations, whose names end with ``_s``, in seconds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,11 +86,9 @@ class Settings:
         self._check_options()
         _check_choice("on_new_scene", self.on_new_scene, ON_NEW_SCENE)
         _check_choice("tie_break", self.tie_break, TIE_BREAKS)
-        for name, (least, most) in SECONDS.items():
-            _check_range(name.removesuffix("_s"), getattr(self, name), least, most, " s")
-        _check_range("queue_limit", self.queue_limit, 0, MAX_QUEUE, "")
-        _check_range("preempt_margin", self.preempt_margin, 0.0, MAX_MARGIN, "")
-        _check_range("starvation_rounds", self.starvation_rounds, 0, MAX_STARVATION, "")
+        for name, (least, most) in RANGES.items():
+            unit = " s" if name.endswith("_s") else ""
+            _check_range(name.removesuffix("_s"), getattr(self, name), least, most, unit)
 
     def options_of(self, strategy: str) -> dict[str, float]:
         """Return every option of a strategy with its value, by names like ``temperature``."""
