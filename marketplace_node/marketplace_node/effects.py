@@ -87,16 +87,7 @@ class OpenCall(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class RequestRanking(Effect):
-    """Request an external ranking of bids, and report ``ranked`` within ``limit_s`` seconds.
-
-    Attributes:
-        round: Number of the round.
-        scene: What the bids are for.
-        agents: Who bids.
-        vectors: What they bid, same order.
-        distances: Manhattan distance of each to the scene.
-        limit_s: A later answer is not waited for [s].
-    """
+    """Request an external ranking of bids, to be reported; fields as in ``SelectAgent.srv``."""
 
     round: int
     scene: Scene
@@ -108,15 +99,7 @@ class RequestRanking(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class PublishAuction(Effect):
-    """Publish the outcome of a round.
-
-    Attributes:
-        decision: The outcome.
-        reason_fn: Formats it on one line.
-        explanation_fn: Formats it in plain sentences.
-        shadow_rounds: How many rounds the shadow strategy has ranked beside this one.
-        shadow_disagreements: In how many of these it had another winner.
-    """
+    """Publish the outcome of a round; counts of shadow rounds as in ``Auction.msg``."""
 
     decision: Decision
     reason_fn: Callable[[], str] = field(default=str, compare=False, repr=False)
@@ -167,11 +150,7 @@ class CancelAll(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class AnnounceRun(Effect):
-    """Publish an event in the life of a run; fields as in ``Run.msg``.
-
-    Attributes:
-        duration_s: Time since its start [s].
-    """
+    """Publish an event in the life of a run; fields as in ``Run.msg``."""
 
     event: RunEventKind
     outcome: RunOutcome

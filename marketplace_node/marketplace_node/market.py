@@ -205,10 +205,7 @@ class Market:
         return self._settle(now)
 
     def operate(self, command: OperatorCommand, now: float) -> tuple[str, list[Effect]]:
-        """Execute a command of an operator.
-
-        Returns:
-            The answer in words, and the effects.
+        """Execute a command of an operator; return the answer in words, and the effects.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``NO_SCENE``, or as in :class:`OperatorOverrides` and
@@ -231,15 +228,9 @@ class Market:
         return self._operator_commands.restore(text), self._settle(now)
 
     def preview(self, scene: Scene | None, strategy: str, now: float) -> tuple[int, list[Effect]]:
-        """Ask who would win; ``PreviewEnded`` with the number follows.
+        """Ask who would win; ``PreviewEnded`` with the number that is returned follows.
 
-        Args:
-            scene: None means the scene that was taken last.
-            strategy: Empty for the one in force.
-            now: Steady time [s].
-
-        Returns:
-            The number of the preview, and the effects.
+        Without a scene it is about the last one, without a strategy it is by the one in force.
 
         Raises:
             Refused: ``NO_SCENE``, ``SHUTTING_DOWN``, ``UNKNOWN_STRATEGY`` or ``BUSY``.

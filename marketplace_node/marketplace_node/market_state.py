@@ -42,8 +42,8 @@ class _OrphanRun:
 
     Attributes:
         instance: The start of its host.
-        reason: Reason why its host is not free.
-        goal: Its goal, as far as it is known.
+        reason: Why its host is not free.
+        goal: None when it is not known.
         blocks: True when its host is not to be asked, as it surely is not free.
         running_since: When the host first reported it, steady time [s]; None while it does not.
         cancelled_at: When it was last cancelled, steady time [s]; None before.
@@ -61,12 +61,7 @@ class MarketState:
     """State shared by all rounds, and the hosts that orphaned runs block.
 
     Attributes:
-        space: The scene parameters.
         epoch: Name of this instance of the market.
-        settings: The settings in force.
-        registry: The hosts and agents.
-        overrides: Pins, vetoes and awards by operators.
-        record: Counters over the decisions so far.
         effects: Pending effects, in order.
         rounds: How many rounds there have been; the number of the last one.
         previews: How many rounds there have been that only foretold.
@@ -173,12 +168,7 @@ class MarketState:
         return known[2]
 
     def count_run(self, agent: str, decision: Decision) -> None:
-        """Count a run of an agent; ties go to the agent that has not run for longest.
-
-        Args:
-            agent: Who took the run; not the winner when its host did not.
-            decision: Of the round.
-        """
+        """Count a run of an agent, be it the winner or the next who took it."""
         self._run_counts.count(agent)
         starvation = self.record.starvation
         starvation.ran(agent, decision.ranked.bidders)
@@ -262,11 +252,7 @@ class MarketState:
     def give_up(self, goal: RunGoal, reason: str, now: float, *, runs: bool) -> None:
         """Cancel a goal that nobody waits for, and keep off its host until the tree has ended.
 
-        Args:
-            goal: The goal.
-            reason: Why its host is not free, in words.
-            now: Steady time [s].
-            runs: True when the host has taken it.
+        ``reason`` says why the host is not free; ``runs`` is True when it has taken the goal.
         """
         entry = self.registry.get(goal.host)
         if entry is not None and entry.instance == goal.instance:

@@ -26,16 +26,7 @@ The middleware takes its time to connect the market to the heartbeat of a host t
 
 @dataclass(frozen=True, kw_only=True)
 class Registration:
-    """Request of a host to enter its agents.
-
-    Attributes:
-        host: Fully qualified name of the host node.
-        instance: This start of the host.
-        run_action: Fully qualified name of its action.
-        heartbeat: Fully qualified name of its heartbeat topic.
-        parameters: The scene parameters of its profiles, in order.
-        agents: Names of its agents.
-    """
+    """Request of a host to enter its agents; fields as in ``RegisterHost.srv``."""
 
     host: str
     instance: str
@@ -58,14 +49,7 @@ class HostEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class RegistrationAnswer:
-    """Answer to a registration.
-
-    Attributes:
-        accepted: False when the host as a whole is refused.
-        agent_ids: Id of each agent of the request, 0 for a refused one.
-        reasons: Why each agent is refused, empty for an accepted one.
-        message: The answer in words.
-    """
+    """Answer to a registration; fields as in ``RegisterHost.srv``."""
 
     accepted: bool
     agent_ids: tuple[int, ...]
@@ -76,11 +60,9 @@ class RegistrationAnswer:
 class Registry:
     """Registry of hosts by name, with unique agents.
 
-    Ids count from 1 and stay with an agent's name for the life of the market.
-
-    Attributes:
-        lease_s: A host is alive this long after its last heartbeat or registration [s]; see
-            :data:`FIRST_BEAT_S` for a host without any heartbeat yet.
+    Ids count from 1 and stay with an agent's name for the life of the market. A host is alive for
+    ``lease_s`` after its last heartbeat or registration [s]; see :data:`FIRST_HEARTBEAT_S` for one
+    without any heartbeat yet.
     """
 
     def __init__(self, parameters: tuple[str, ...], lease_s: float) -> None:

@@ -40,8 +40,7 @@ class Settings:
     """Settings of one moment; immutable.
 
     Attributes:
-        strategy: Name of the strategy that ranks.
-        shadow_strategy: Name of a second one that only scores; empty for none.
+        shadow_strategy: Name of a second strategy that only scores; empty for none.
         options: What is set about strategies, by names like ``softmax.temperature``; what is not
             named has its default.
         bid_deadline_s: From the call to the close of a round [s].
@@ -51,7 +50,6 @@ class Settings:
             host needs for clean-up and open goals together [s].
         collect_deadline_s: Time for the feedback service to answer [s].
         on_new_scene: What happens to a scene that comes during an interaction.
-        queue_limit: How many scenes may wait.
         preempt_margin: A running agent is stopped for another one that is nearer to the new scene
             by at least this distance.
         preempt_cooldown_s: After such a stop there is none other for this long [s].

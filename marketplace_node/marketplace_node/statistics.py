@@ -15,7 +15,6 @@ class MarketStatistics:
         shadow_rounds: Awarded rounds that the strategies in force, the one that ranks and its
             shadow, have both ranked.
         shadow_disagreements: In how many of these they had another winner.
-        starvation: Counter of bids in vain.
     """
 
     def __init__(self) -> None:

@@ -17,10 +17,7 @@ _TERMS_SHOWN = 12
 def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
     """Return the distance of a bid as a sum, and what exploration takes off it.
 
-    Args:
-        bid: The bid.
-        scene: What it is for.
-        by: Name of the strategy that ranked it.
+    ``by`` is the name of the strategy that ranked it.
 
     Example:
         ``1.5 = |4−5| + |1.5−1|; mood is missing and left out``

@@ -31,10 +31,6 @@ def explanation(decision: Decision, space: SceneSpace) -> str:
     Who won and why in the words of the scene, where each value of the scene comes from, what each
     parameter contributed, who came next and what would have made it win, who may not bid, and what
     the shadow strategy thinks.
-
-    Args:
-        decision: Of any outcome.
-        space: The scene parameters, with the labels of their values.
     """
     return "\n".join(_lines(decision, space))
 

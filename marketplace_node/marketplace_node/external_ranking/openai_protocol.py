@@ -101,8 +101,6 @@ class Bidder:
     """Bid of an agent as the model gets it.
 
     Attributes:
-        name: Unique.
-        vector: What it bids, in the order of the space.
         distance: Manhattan distance to the scene.
         description: What it does and whom it suits; empty when nobody has said.
     """
@@ -124,14 +122,7 @@ class Ranking:
 def question(
     model: str, space: SceneSpace, scene: Scene, bidders: Sequence[Bidder]
 ) -> dict[str, Any]:
-    """Return the body of a chat-completions request that asks for a ranking.
-
-    Args:
-        model: Name of the model.
-        space: The scene parameters, with descriptions and labels.
-        scene: What the bids are for.
-        bidders: Who bids.
-    """
+    """Return the body of a chat-completions request that asks for a ranking."""
     asked = {
         "scene": {
             "label": scene.label,
@@ -153,12 +144,7 @@ def question(
 
 
 def answer(status: int, body: bytes, bidders: Sequence[str]) -> Ranking:
-    """Return the ranking in the answer of a server, whatever it has sent.
-
-    Args:
-        status: Of the HTTP response.
-        body: Of the response.
-        bidders: Names of those that bid.
+    """Return the ranking in the HTTP response of a server, whatever it has sent.
 
     Raises:
         Refused: ``HTTP_ERROR``, ``TOO_LONG``, ``NOT_JSON``, ``NO_ANSWER``, ``NO_RANKING``,
@@ -227,7 +213,6 @@ def _character(space: SceneSpace, bidder: Bidder) -> dict[str, Any]:
 
 
 def _content(parsed: object) -> str:
-    """Return the model's text from the response of its server."""
     at: object = parsed
     for key in ("choices", 0, "message", "content"):
         if isinstance(key, int):

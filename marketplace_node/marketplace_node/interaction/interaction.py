@@ -38,7 +38,6 @@ class QueuedScene:
     """Scene that waits for its interaction.
 
     Attributes:
-        scene: The scene.
         asked: True once a challenge for it has been opened.
         round: Number of that challenge, 0 before.
         drawn: Number of the round whose chance it draws, as that round has decided for it; 0 for
@@ -60,7 +59,6 @@ class Interaction:
 
     Attributes:
         origin: The scene that started it.
-        state: What is going on.
         round: Number of its round, the last one once that is closed.
         open_round: The round that is open; None between rounds.
         over: The end of the scene; None before.

@@ -25,11 +25,7 @@ _REMEMBERED = 400
 
 
 class InheritedRuns:
-    """Runs inherited from an earlier market, each taken once, each scene ended once.
-
-    Args:
-        market_state: Shared by all rounds.
-    """
+    """Runs inherited from an earlier market, each taken once, each scene ended once."""
 
     def __init__(self, market_state: MarketState) -> None:
         self._market_state = market_state
@@ -52,11 +48,7 @@ class InheritedRuns:
     ) -> None:
         """Record what a host hands over, and plan to ask again for what was cut off.
 
-        Args:
-            host: Who hands them over.
-            runs: What it says; the first of a round counts.
-            now: Steady time [s].
-            obstacle: Why nothing is asked for again; empty when nothing is in the way.
+        The first report about a round counts. With an ``obstacle`` nothing is asked for again.
         """
         fresh = [run for run in runs if self._is_new(host, run)]
         for run in fresh:

@@ -25,15 +25,8 @@ class OpenRound:
         market_state: Counts the round and says whom to ask.
         scene: What the bids are for.
         now: Steady time [s].
-        follows: The round this one continues, 0 for none.
-        excluded: Agents that may not bid, with the reason.
-        preview: Name of the strategy of a round that only foretells; None for a real round.
-        drawn: Number of the round whose chance it draws; 0 for the chance of its own.
+        follows, excluded, preview, drawn: As in :meth:`MarketState.terms`.
         asks_external: False when nobody outside is asked to rank, as the order decides nothing.
-
-    Attributes:
-        number: Number of the round.
-        scene: What the bids are for.
     """
 
     def __init__(

@@ -16,18 +16,7 @@ from marketplace_node.settings import EXTERNAL, Settings
 
 
 class PreemptionRound:
-    """Round for a queued scene during the run of another agent.
-
-    Args:
-        market_state: Shared by all rounds.
-        waiting: The scene, which keeps its place in the queue.
-        running: The agent that runs.
-        now: Steady time [s].
-
-    Attributes:
-        waiting: The scene.
-        open_round: Its call for bids.
-    """
+    """Round for a queued scene, which keeps its place, during the run of another agent."""
 
     def __init__(
         self, market_state: MarketState, waiting: QueuedScene, running: str, now: float

@@ -22,13 +22,8 @@ class SceneAdmission:
     """Admits scenes into the queue, or opens a preemption round where new scenes preempt.
 
     One challenge is open at a time, and only while a tree runs: scenes that come earlier, or
-    during another challenge, are asked about when it is their turn.
-
-    Args:
-        market_state: Shared by all rounds.
-
-    Attributes:
-        closed_reason: Why no more scenes are taken; empty while they are.
+    during another challenge, are asked about when it is their turn. Once ``closed_reason`` is set
+    no more scenes are taken.
     """
 
     def __init__(self, market_state: MarketState) -> None:

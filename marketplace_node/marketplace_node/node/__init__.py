@@ -391,11 +391,6 @@ def make_market(
 ) -> MarketplaceNode:
     """Return the market of a trees folder; what it cannot use is logged.
 
-    Args:
-        trees: The folder.
-        overrides_file: As for :class:`MarketplaceNode`.
-        node_kwargs: For :class:`rclpy.node.Node`.
-
     Raises:
         ReadError: ``scene.yaml`` is wrong, or ``market.yaml`` that a strategy in force needs.
     """

@@ -16,12 +16,7 @@ from marketplace_node.round.decision import Bids
 
 
 class BidDecoder:
-    """Decoder that caches the last answer of each host.
-
-    Args:
-        epoch: The market.
-        is_known: Returns whether a host is registered; only of those answers are remembered.
-    """
+    """Decoder that caches the last answer of each host, of those that ``is_known`` accepts."""
 
     def __init__(self, epoch: str, is_known: Callable[[str], bool]) -> None:
         self._epoch = epoch

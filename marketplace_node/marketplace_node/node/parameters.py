@@ -79,13 +79,7 @@ def declare_settings(node: Node) -> Settings:
 def watch_settings(
     node: Node, current: Callable[[], Settings], take: Callable[[Settings], None]
 ) -> None:
-    """Refuse changes of parameters that make no sense, and hand over all others.
-
-    Args:
-        node: Whose parameters.
-        current: Returns the settings in force.
-        take: Called with the settings after each change.
-    """
+    """Refuse parameters that make no sense; hand over the settings after any other change."""
 
     def changed(parameters: list[Parameter[Any]]) -> Settings:
         changes = {_FIELDS[p.name]: p.value for p in parameters if p.name in _FIELDS}

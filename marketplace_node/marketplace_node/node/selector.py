@@ -56,11 +56,6 @@ _MOST_WAITING = 4
 class SelectorNode(BaseNode):
     """Service ``select``, which asks a server that speaks the chat-completions protocol.
 
-    Args:
-        space: The scene parameters of the system.
-        endpoint: The server.
-        node_kwargs: For :class:`rclpy.node.Node`.
-
     Attributes:
         descriptions: What the agents of each host do, in words; by host and agent.
     """

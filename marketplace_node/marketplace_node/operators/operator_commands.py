@@ -20,12 +20,7 @@ _AWARDED = re.compile(r"\+award\d+$")
 
 
 class OperatorCommands:
-    """Executor of operator commands: pins and vetoes, stops of vetoed runs, awarded scenes.
-
-    Args:
-        market_state: Shared by all rounds.
-        admission: Takes the scenes.
-    """
+    """Executor of operator commands: pins and vetoes, stops of vetoed runs, awarded scenes."""
 
     def __init__(self, market_state: MarketState, admission: SceneAdmission) -> None:
         self._market_state = market_state

@@ -19,11 +19,7 @@ MOST = 8
 
 
 class Previews:
-    """Open previews, each of which ends once.
-
-    Args:
-        market_state: Shared by all rounds.
-    """
+    """Open previews, each of which ends once."""
 
     def __init__(self, market_state: MarketState) -> None:
         self._market_state = market_state

@@ -26,13 +26,7 @@ from marketplace_node.round.ranking import decide, nearest
 
 
 class Auction:
-    """Bids of one open round, checked as they come.
-
-    Args:
-        space: The scene parameters; the one validator of every vector.
-        terms: What the round is about.
-        asked: The hosts that are asked.
-    """
+    """Bids of one open round, checked as they come; ``asked`` are the hosts that may answer."""
 
     def __init__(self, space: SceneSpace, terms: Terms, asked: Iterable[HostEntry]) -> None:
         self.terms = terms

@@ -28,18 +28,16 @@ _NUDGES = np.array([0.0, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7])
 def smallest_change(
     model: RoundModel, places: Integers, space: SceneSpace
 ) -> Counterfactual | None:
-    """Return the smallest change of one parameter by which the runner-up wins.
+    """Return the smallest change of one parameter by which the runner-up wins; None without one.
 
     It is exact to 1e-7 of the range of the parameter, but for rounding: where scores are equal on
-    paper, the last digit decides. It has been tried among all bids.
+    paper, the last digit decides. It has been tried among all bids. There is none where scores are
+    no straight lines (``StrategySpec.lines``).
 
     Args:
         model: The round.
         places: Indices of its bids, best first.
         space: The scene parameters.
-
-    Returns:
-        None without a runner-up, and where scores are no straight lines (``StrategySpec.lines``).
     """
     if len(places) < 2 or model.spec.lines is None:
         return None
@@ -124,7 +122,6 @@ class _Search:
         )
 
     def _along(self, parameter: int, values: Floats) -> Floats:
-        """Return a scene for each value of a parameter."""
         scenes = np.repeat(self._start[None], len(values), axis=0)
         scenes[:, parameter] = values
         return scenes

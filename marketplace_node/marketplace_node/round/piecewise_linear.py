@@ -23,12 +23,7 @@ class Intervals:
     high: Floats
 
     def beyond(self, start: float, direction: float) -> float:
-        """Return the first value from ``start`` on that lies in no stretch, perhaps infinite.
-
-        Args:
-            start: Where to begin.
-            direction: 1 goes up, -1 goes down.
-        """
+        """Return the first value, going up (1) or down (-1), in no stretch; perhaps infinite."""
         low, high = self.low, self.high
         if direction < 0:
             low, high = -high, -low

@@ -175,19 +175,16 @@ def round_rng(seed: str) -> np.random.Generator:
 class BatchRandomSource:
     """Random source of many rounds at once, each of which draws what it would draw alone.
 
-    Args:
-        sources: One for each round along the first axis.
+    There is one source for each round along the first axis.
     """
 
     def __init__(self, sources: list[np.random.Generator]) -> None:
         self._sources = sources
 
     def random(self, size: tuple[int, ...], /) -> Floats:
-        """Return numbers drawn evenly from 0 to 1."""
         return np.stack([source.random(size[1:]) for source in self._sources])
 
     def standard_normal(self, size: tuple[int, ...], /) -> Floats:
-        """Return numbers drawn from the standard normal distribution."""
         return np.stack([source.standard_normal(size[1:]) for source in self._sources])
 
 

@@ -41,11 +41,8 @@ def read_plugins(
 ) -> tuple[Mapping[str, StrategySpec], tuple[str, ...]]:
     """Return the strategies of entry points by name, and why others are none.
 
-    One that is wrong stops no other. What a strategy gives back is checked in every round.
-
-    Args:
-        points: The entry points.
-        taken: Names that are in use already.
+    One that is wrong, or whose name is ``taken``, stops no other. What a strategy gives back is
+    checked in every round.
     """
     found: dict[str, StrategySpec] = {}
     problems: list[str] = []
