@@ -150,7 +150,8 @@ class Market:
     ) -> list[Effect]:
         """Take the heartbeat of a host with the run that it is busy with; round 0 means none."""
         if self._market_state.registry.heartbeat(host, instance, now):
-            self._market_state.heartbeat(host, epoch, round_number, self._under_way, now)
+            under_way = None if self.state is State.COLLECTING else self.goal
+            self._market_state.heartbeat(host, epoch, round_number, under_way, now)
             if self._interaction is not None:
                 self._interaction.on_heartbeat(host, epoch, round_number, now)
         return self._settle(now)
@@ -161,9 +162,8 @@ class Market:
         self._inherited.extend_after_stall(now - since)
         if self._interaction is not None:
             self._interaction.extend_after_stall(now - since)
-        if self._admission.open_round is not None:
-            self._admission.open_round.extend_after_stall(now - since)
-        self._previews.extend_after_stall(now - since)
+        for open_round in self._open_rounds():
+            open_round.extend_after_stall(now - since)
         return self._settle(now)
 
     def called(self, round_number: int, now: float) -> list[Effect]:
@@ -225,7 +225,8 @@ class Market:
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
         """
-        return self._operator_commands.restore(text), self._settle(now)
+        self._market_state.restore(text)
+        return self._market_state.overrides.intervention(""), self._settle(now)
 
     def preview(self, scene: Scene | None, strategy: str, now: float) -> tuple[int, list[Effect]]:
         """Ask who would win; ``PreviewEnded`` with the number that is returned follows.
@@ -309,11 +310,6 @@ class Market:
         if self._interaction is not None:
             self._interaction.tick(now)
         return self._settle(now)
-
-    @property
-    def _under_way(self) -> RunGoal | None:
-        """The award whose run has not ended."""
-        return None if self.state is State.COLLECTING else self.goal
 
     def _check_host(self, now: float) -> list[Effect]:
         if self._interaction is not None:

@@ -134,9 +134,9 @@ class MarketState:
             operator_exclusions=self.overrides.excluded(self.registry.live(now), awarded),
             intervention=self.overrides.intervention(awarded),
             unasked=self._unasked(now),
-            last_run=self._run_counts.last_run,
-            runs=self._run_counts.runs,
-            rounds_run=self._run_counts.total,
+            last_run=dict(self._run_counts.last_run),
+            runs=dict(self._run_counts.runs),
+            rounds_run=self._run_counts.runs.total(),
             earlier_runs=self._run_counts.earlier,
             preview=preview is not None,
         )
@@ -182,7 +182,7 @@ class MarketState:
             **self.overrides.to_dict(),
             "runs": self._run_counts.runs,
             "last_run": self._run_counts.last_run,
-            "in_vain": dict(self.record.starvation.in_vain),
+            "in_vain": self.record.starvation.in_vain,
         }
         self.effects.append(StoreOverrides(text=json.dumps(stored, ensure_ascii=False)))
 
@@ -299,7 +299,12 @@ class MarketState:
             return
         orphan = self._orphans.get(host)
         if orphan is None:
-            orphan = self._orphans[host] = self._suspect(host, round_number)
+            entry = self.registry.get(host)
+            orphan = self._orphans[host] = _OrphanRun(
+                instance=entry.instance if entry is not None else "",
+                reason=f"it runs a tree of round {round_number} that nobody waits for",
+                blocks=False,
+            )
         if orphan.running_since is None:
             orphan.running_since = now
         if not of_this:
@@ -308,14 +313,6 @@ class MarketState:
         elif _is_due(orphan, now):
             orphan.blocks, orphan.cancelled_at = True, now
             self.effects.append(CancelAll(host=host))
-
-    def _suspect(self, host: str, round_number: int) -> _OrphanRun:
-        entry = self.registry.get(host)
-        return _OrphanRun(
-            instance=entry.instance if entry is not None else "",
-            reason=f"it runs a tree of round {round_number} that nobody waits for",
-            blocks=False,
-        )
 
     def _blocked(self, host: str) -> str:
         orphan = self._orphans.get(host)

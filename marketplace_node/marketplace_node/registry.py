@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.liveness import extended_after_stall
@@ -153,10 +153,6 @@ class Registry:
         """Return the entry of a host, None when it is not registered."""
         return self._entries.get(host)
 
-    def holder(self, agent: str) -> HostEntry | None:
-        """Return the host that has an agent, dead or alive; None when no host has it."""
-        return self.agents.get(agent)
-
     @property
     def agents(self) -> Mapping[str, HostEntry]:
         """The agents of all registered hosts, dead or alive, with their hosts."""
@@ -232,24 +228,19 @@ class Registry:
             )
         if name in accepted:
             raise Refused("DUPLICATE", f"'{name}' stands twice in the list of {host}")
-        for other in self._entries.values():
-            if (
-                other.host != host
-                and name in other.agents
-                and self.is_live(other.host, other.instance, now)
-            ):
-                raise Refused(
-                    "AGENT_EXISTS",
-                    f"'{name}' is held by {other.host}, which is alive; agent names are unique",
-                )
+        holder = self.agents.get(name)
+        if (
+            holder is not None
+            and holder.host != host
+            and self.is_live(holder.host, holder.instance, now)
+        ):
+            raise Refused(
+                "AGENT_EXISTS",
+                f"'{name}' is held by {holder.host}, which is alive; agent names are unique",
+            )
 
     def _take_from_the_dead(self, agents: Mapping[str, int], host: str) -> None:
         for other in tuple(self._entries.values()):
             if other.host != host and not agents.keys().isdisjoint(other.agents):
-                self._entries[other.host] = HostEntry(
-                    host=other.host,
-                    instance=other.instance,
-                    run_action=other.run_action,
-                    heartbeat=other.heartbeat,
-                    agents={n: i for n, i in other.agents.items() if n not in agents},
-                )
+                left = {n: i for n, i in other.agents.items() if n not in agents}
+                self._entries[other.host] = replace(other, agents=left)

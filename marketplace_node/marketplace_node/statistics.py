@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from marketplace_node.round.decision import AuctionOutcome, Decision
@@ -31,36 +32,31 @@ class MarketStatistics:
         if (terms.strategy, terms.shadow) != self._compared:
             self._compared = (terms.strategy, terms.shadow)
             self.shadow_rounds = self.shadow_disagreements = 0
-        if decision.shadow_winner and decision.ranked.by == terms.strategy:
+        if decision.ranked.shadow_winner and decision.ranked.by == terms.strategy:
             self.shadow_rounds += 1
-            self.shadow_disagreements += decision.shadow_winner != winner.agent
+            self.shadow_disagreements += decision.ranked.shadow_winner != winner.agent
 
 
 class Starvation:
     """Counter of the awarded rounds in which each agent bid since it ran last.
 
-    Rounds in which it did not bid neither count nor clear it.
+    Rounds in which it did not bid neither count nor clear it. ``in_vain`` has them by agent.
     """
 
     def __init__(self) -> None:
-        self._in_vain: dict[str, int] = {}
+        self.in_vain: dict[str, int] = {}
         self._warned: set[str] = set()
         self._found: tuple[int, tuple[str, ...]] | None = None
 
-    @property
-    def in_vain(self) -> Mapping[str, int]:
-        """In how many rounds with a run each agent has bid since it ran last."""
-        return self._in_vain
-
     def restore(self, in_vain: Mapping[str, int]) -> None:
         """Take over what an earlier market has counted."""
-        self._in_vain, self._found = dict(in_vain), None
+        self.in_vain, self._found = dict(in_vain), None
 
     def ran(self, winner: str, bidders: Iterable[str]) -> None:
         """Note who runs, be it the best of those that bid or the next who took it."""
         self._found = None
         for agent in bidders:
-            self._in_vain[agent] = 0 if agent == winner else self._in_vain.get(agent, 0) + 1
+            self.in_vain[agent] = 0 if agent == winner else self.in_vain.get(agent, 0) + 1
         self._warned.discard(winner)
 
     def starved(self, limit: int) -> tuple[str, ...]:
@@ -68,7 +64,7 @@ class Starvation:
         if not limit:
             return ()
         if self._found is None or self._found[0] != limit:
-            named = sorted(agent for agent, count in self._in_vain.items() if count >= limit)
+            named = sorted(agent for agent, count in self.in_vain.items() if count >= limit)
             self._found = (limit, tuple(named))
         return self._found[1]
 
@@ -78,7 +74,7 @@ class Starvation:
         fresh = [agent for agent in starved if agent not in self._warned]
         self._warned = set(starved)
         return [
-            f"{agent} is starved: it has bid in {self._in_vain[agent]} awarded rounds and got no "
+            f"{agent} is starved: it has bid in {self.in_vain[agent]} awarded rounds and got no "
             "run; a strategy that explores (softmax, ucb) gives it a chance"
             for agent in fresh
         ]
@@ -88,38 +84,23 @@ class RunCounts:
     """Counter of the runs of each agent, also those of earlier starts of the market.
 
     Attributes:
+        runs: How often each agent has run that ever did.
+        last_run: Number of the last run of each, from 1.
         earlier: How many runs there were before this start.
     """
 
     def __init__(self) -> None:
-        self.earlier = 0
-        self._runs: dict[str, int] = {}
-        self._last: dict[str, int] = {}
-
-    @property
-    def total(self) -> int:
-        """How many runs there were in all."""
-        return sum(self._runs.values())
-
-    @property
-    def runs(self) -> dict[str, int]:
-        """How often each agent has run that ever did; a copy."""
-        return dict(self._runs)
-
-    @property
-    def last_run(self) -> dict[str, int]:
-        """Number of the last run of each, from 1; a copy."""
-        return dict(self._last)
+        self.restore({}, {})
 
     def count(self, agent: str) -> None:
         """Count a run of an agent."""
-        self._runs[agent] = self._runs.get(agent, 0) + 1
-        self._last[agent] = self.total
+        self.runs[agent] += 1
+        self.last_run[agent] = self.runs.total()
 
-    def restore(self, runs: Mapping[str, int], last: Mapping[str, int]) -> None:
+    def restore(self, runs: Mapping[str, int], last_run: Mapping[str, int]) -> None:
         """Go on from what an earlier start has counted."""
-        self._runs, self._last = dict(runs), dict(last)
-        self.earlier = self.total
+        self.runs, self.last_run = Counter(runs), dict(last_run)
+        self.earlier = self.runs.total()
 
 
 def counts(found: object) -> dict[str, int]:

@@ -166,9 +166,7 @@ class Interaction:
             award.silent_since = now
 
     def extend_after_stall(self, lasted_s: float) -> None:
-        """Move all deadlines, as nobody has listened for so long [s]."""
-        if self.open_round is not None:
-            self.open_round.extend_after_stall(lasted_s)
+        """Move all deadlines but that of its round, as nobody has listened for so long [s]."""
         if self._deadline is not None:
             self._deadline += lasted_s
         if self._award is not None and self._award.silent_since is not None:

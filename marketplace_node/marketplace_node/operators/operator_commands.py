@@ -47,15 +47,6 @@ class OperatorCommands:
             case _:
                 return self._award(command, interaction)
 
-    def restore(self, text: str) -> str:
-        """Take over the overrides of an earlier market; return them as a text, empty for none.
-
-        Raises:
-            Refused: ``MALFORMED``; nothing is changed.
-        """
-        self._market_state.restore(text)
-        return self._market_state.overrides.intervention("")
-
     def scene(self, scene: Scene | None) -> Scene:
         """Return a scene, or the one that was taken last.
 
@@ -70,8 +61,9 @@ class OperatorCommands:
         return found
 
     def _check_known(self, agent: str) -> None:
-        if self._market_state.registry.holder(agent) is None:
-            hint = did_you_mean(agent, self._market_state.registry.agents)
+        agents = self._market_state.registry.agents
+        if agent not in agents:
+            hint = did_you_mean(agent, agents)
             raise Refused(
                 "UNKNOWN_AGENT", f"no agent '{agent}' is registered; {hint or 'no host is there'}"
             )

@@ -46,11 +46,6 @@ class Previews:
         self._open.append(preview)
         return preview.number
 
-    def extend_after_stall(self, lasted_s: float) -> None:
-        """Move all deadlines, as nobody has listened for so long [s]."""
-        for preview in self._open:
-            preview.extend_after_stall(lasted_s)
-
     def update(self, now: float) -> None:
         """End the previews that are due."""
         for preview in self.open_rounds:

@@ -241,16 +241,6 @@ class Decision:
         return self.ranked.bids
 
     @property
-    def shadow_winner(self) -> str:
-        """Who would have won by the shadow strategy; empty without one."""
-        return self.ranked.shadow_winner
-
-    @property
-    def change(self) -> Counterfactual | None:
-        """As in :class:`Ranked`."""
-        return self.ranked.change
-
-    @property
     def winner(self) -> RankedBid | None:
         """The best bid; None without a bid and when the round was stopped."""
         stopped = self.closed_by is ClosedBy.STOPPED
