@@ -172,10 +172,6 @@ class Counterfactual:
     obstacle: str = ""
 
 
-def _no_change() -> Counterfactual | None:
-    return None
-
-
 @dataclass(frozen=True, kw_only=True)
 class Ranked:
     """Ranking of the accepted bids, and its reasons.
@@ -201,8 +197,8 @@ class Ranked:
     placed: int = 0
     shadow_winner: str = ""
     shadow_failure: str = ""
-    find_change: Callable[[], Counterfactual | None] = field(
-        default=_no_change, compare=False, repr=False
+    find_change: Callable[[], Counterfactual | None] | None = field(
+        default=None, compare=False, repr=False
     )
 
     @cached_property
@@ -211,7 +207,7 @@ class Ranked:
 
         It is searched for when it is first asked for, so that no award waits for it.
         """
-        return self.find_change()
+        return self.find_change() if self.find_change is not None else None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -64,9 +65,4 @@ def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:
     """
     score = scores.distance.copy()
     score[list(places)] = np.arange(len(places)) - float(len(places))
-    return Scores(
-        distance=scores.distance,
-        bonus=np.zeros_like(score),
-        score=score,
-        contributions=scores.contributions,
-    )
+    return replace(scores, bonus=np.zeros_like(score), score=score)

@@ -286,9 +286,6 @@ class LazyRanking(Sequence[RankedBid]):
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and self._all == tuple(other)
 
-    def __hash__(self) -> int:
-        return hash(self._all)
-
     def __repr__(self) -> str:
         return repr(self._all)
 

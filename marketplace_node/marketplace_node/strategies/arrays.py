@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -224,12 +224,7 @@ def scores_of(field: RoundArrays, contributions: Floats) -> Scores:
 
 def with_bonus(scores: Scores, bonus: Floats) -> Scores:
     """Return the scores with an exploration bonus taken off."""
-    return Scores(
-        distance=scores.distance,
-        bonus=bonus,
-        score=scores.distance - bonus,
-        contributions=scores.contributions,
-    )
+    return replace(scores, bonus=bonus, score=scores.distance - bonus)
 
 
 def order(
