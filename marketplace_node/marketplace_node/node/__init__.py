@@ -54,9 +54,9 @@ from marketplace_node.effects import (
 )
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.market import Market
-from marketplace_node.node.bid_decoder import BidDecoder
 from marketplace_node.node.hosts import HostConnections
 from marketplace_node.node.messages import (
+    BidDecoder,
     auction_to_msg,
     call_to_msg,
     run_to_msg,

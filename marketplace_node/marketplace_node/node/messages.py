@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
+
+from rclpy.serialization import deserialize_message
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace
@@ -19,6 +22,7 @@ from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
 from bt_agents_interfaces.srv import OperateMarket, RegisterHost, SelectAgent
+from bt_agents_ros import bid_encoding
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg, seconds
 from marketplace_node.effects import (
     AnnounceRun,
@@ -42,6 +46,37 @@ from marketplace_node.round.precedence import check_ranking
 from marketplace_node.strategies import STRATEGIES
 
 _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
+
+
+class BidDecoder:
+    """Decoder that caches the last answer of each host, of those that ``is_known`` accepts."""
+
+    def __init__(self, epoch: str, is_known: Callable[[str], bool]) -> None:
+        self._epoch = epoch
+        self._is_known = is_known
+        self._last: dict[str, tuple[bytes, Bids]] = {}
+
+    def read(self, message: bytes) -> Bids:
+        """Return the answer in a serialised message; the auction checks it.
+
+        Raises:
+            Refused: ``MALFORMED``.
+        """
+        for last, bids in self._last.values():
+            number = bid_encoding.round_of(message, last, self._epoch)
+            if number is not None:
+                return replace(bids, round=number)
+        try:
+            bids = bids_from_msg(deserialize_message(message, BidsMsg))
+        except Exception as error:
+            raise Refused("MALFORMED", f"bids that are no message: {error}") from None
+        if bids.epoch == self._epoch and self._is_known(bids.host):
+            self._last[bids.host] = (message, bids)
+        return bids
+
+    def forget(self, host: str) -> None:
+        """Drop what is cached of a host."""
+        self._last.pop(host, None)
 
 
 def bids_from_msg(message: BidsMsg) -> Bids:
