@@ -80,7 +80,14 @@ class Settings:
     def __post_init__(self) -> None:
         """Check every value against its range."""
         check_strategy(self.strategy)
-        self._check_shadow()
+        if self.shadow_strategy:
+            check_strategy(self.shadow_strategy, "shadow_strategy")
+        if self.shadow_strategy == EXTERNAL:
+            raise Refused(
+                "NO_SHADOW",
+                f"shadow_strategy: '{EXTERNAL}' cannot be the shadow, as a round would wait for "
+                "its answer; make it the strategy, and the other one the shadow",
+            )
         self._check_options()
         _check_choice("on_new_scene", self.on_new_scene, ON_NEW_SCENE)
         _check_choice("tie_break", self.tie_break, TIE_BREAKS)
@@ -97,17 +104,6 @@ class Settings:
             if name.startswith(start)
         }
         return STRATEGIES[strategy].values(given) if strategy else {}
-
-    def _check_shadow(self) -> None:
-        if not self.shadow_strategy:
-            return
-        check_strategy(self.shadow_strategy, "shadow_strategy")
-        if self.shadow_strategy == EXTERNAL:
-            raise Refused(
-                "NO_SHADOW",
-                f"shadow_strategy: '{EXTERNAL}' cannot be the shadow, as a round would wait for "
-                "its answer; make it the strategy, and the other one the shadow",
-            )
 
     def _check_options(self) -> None:
         known = dict(all_options())

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from bt_agents_core.scene import Scene
 from bt_agents_core.text import format_number, join_first
@@ -28,8 +27,7 @@ def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
         (missing if math.isnan(value.value) else known).append(index)
     if not known:
         return f"{distance(bid.distance)}, as every value of the scene is missing"
-    term = _TERMS.get(by, _difference)
-    terms = [term(bid, index, scene) for index in known[:_TERMS_SHOWN]]
+    terms = [_term(bid, index, scene, by) for index in known[:_TERMS_SHOWN]]
     if len(known) > _TERMS_SHOWN:
         terms.append(f"{len(known) - _TERMS_SHOWN} more")
     text = " + ".join(terms)
@@ -45,30 +43,12 @@ def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
     return text
 
 
-def _difference(bid: RankedBid, index: int, scene: Scene) -> str:
+def _term(bid: RankedBid, index: int, scene: Scene, by: str) -> str:
+    if by == "expected_manhattan" and scene.std[index] > 0.0:
+        return format_number(bid.contributions[index], FEW)
     wanted = scene.vector[index]
     shown = f"({format_number(wanted)})" if wanted < 0 else format_number(wanted)
-    return f"|{format_number(bid.vector[index])}−{shown}|"
-
-
-def _weighted(bid: RankedBid, index: int, scene: Scene) -> str:
-    weight = bid.weights[index] if bid.weights else 1.0
-    factor = "" if weight == 1.0 else f"{format_number(weight)}·"
-    return factor + _difference(bid, index, scene)
-
-
-def _squared(bid: RankedBid, index: int, scene: Scene) -> str:
-    return f"{_difference(bid, index, scene)}²"
-
-
-def _expected(bid: RankedBid, index: int, scene: Scene) -> str:
-    if not scene.std[index] > 0.0:
-        return _difference(bid, index, scene)
-    return format_number(bid.contributions[index], FEW)
-
-
-_TERMS: dict[str, Callable[[RankedBid, int, Scene], str]] = {
-    "weighted_manhattan": _weighted,
-    "euclidean": _squared,
-    "expected_manhattan": _expected,
-}
+    difference = f"|{format_number(bid.vector[index])}−{shown}|"
+    if by == "weighted_manhattan" and bid.weights and bid.weights[index] != 1.0:
+        return f"{format_number(bid.weights[index])}·{difference}"
+    return f"{difference}²" if by == "euclidean" else difference

@@ -26,9 +26,6 @@ from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
 
-NO_BIDS = "NO_BIDS"
-NOT_TAKEN = "NOT_TAKEN"
-
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
 
@@ -61,6 +58,7 @@ class Interaction:
         origin: The scene that started it.
         round: Number of its round, the last one once that is closed.
         open_round: The round that is open; None between rounds.
+        due: When its deadline passes, that of the open round aside, steady time [s].
         over: The end of the scene; None before.
     """
 
@@ -71,7 +69,7 @@ class Interaction:
         self.open_round: OpenRound | None = None
         self.over: SceneEnded | None = None
         self._market_state = market_state
-        self._deadline: float | None = None
+        self.due = math.inf
         self._decision: Decision | None = None
         self._next_rank = 0
         self._not_taken_by: list[str] = []
@@ -88,11 +86,6 @@ class Interaction:
     def goal(self) -> RunGoal | None:
         """Goal of the award in force; None without one."""
         return self._award.goal if self._award else None
-
-    @property
-    def due(self) -> float:
-        """When its deadline passes, that of the open round aside, steady time [s]."""
-        return math.inf if self._deadline is None else self._deadline
 
     def state_text(self) -> str:
         """Return the state as a text for people."""
@@ -167,8 +160,7 @@ class Interaction:
 
     def extend_after_stall(self, lasted_s: float) -> None:
         """Move all deadlines but that of its round, as nobody has listened for so long [s]."""
-        if self._deadline is not None:
-            self._deadline += lasted_s
+        self.due += lasted_s
         if self._award is not None and self._award.silent_since is not None:
             self._award.silent_since += lasted_s
 
@@ -198,7 +190,7 @@ class Interaction:
         # Without a run there is nothing to ask again about, unless somebody else is wanted.
         may_follow_up = award.accepted or stop.code == VETOED
         award.stop = stop if may_follow_up else replace(stop, again=False)
-        self._enter(State.CANCELLING, self._deadline)
+        self._enter(State.CANCELLING, self.due)
         self._market_state.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
         if award.held:
             self._not_taken(award, award.held, now)
@@ -219,8 +211,8 @@ class Interaction:
         if self.over is not None:
             return
         self.close_when_due(now)
-        if self.over is None and self._deadline is not None and now >= self._deadline:
-            self._deadline = None
+        if self.over is None and now >= self.due:
+            self.due = math.inf
             self._overdue(now)
 
     def check_host(self, now: float) -> None:
@@ -276,7 +268,7 @@ class Interaction:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
             self._award_next(decision, now)
         else:
-            self._finish(stop.code if stop else NO_BIDS, reason_fn())
+            self._finish(stop.code if stop else "NO_BIDS", reason_fn())
         # Last, as the winner must not wait for words.
         self._market_state.publish(decision, reason_fn)
 
@@ -298,7 +290,7 @@ class Interaction:
                 continue
             self._send(self._award, now)
             return
-        self._finish(NOT_TAKEN, f"nobody took the run: {'; '.join(self._not_taken_by)}")
+        self._finish("NOT_TAKEN", f"nobody took the run: {'; '.join(self._not_taken_by)}")
 
     def _send(self, award: Award, now: float) -> None:
         """Send the goal, unless another host still has the robot."""
@@ -328,7 +320,7 @@ class Interaction:
 
     def _cancel(self, award: Award, now: float) -> None:
         if award.accepted:
-            self._deadline = now + self._market_state.settings.cancel_deadline_s
+            self.due = now + self._market_state.settings.cancel_deadline_s
         self._market_state.effects.append(CancelGoal(goal=award.goal))
 
     def _lose(self, award: Award, message: str, now: float) -> None:
@@ -400,6 +392,6 @@ class Interaction:
         over = award is None or award.goal != goal or self.state is State.COLLECTING
         return None if over else award
 
-    def _enter(self, state: State, deadline: float | None = None) -> None:
+    def _enter(self, state: State, due: float = math.inf) -> None:
         self.state = state
-        self._deadline = deadline
+        self.due = due

@@ -58,7 +58,7 @@ class OpenRound:
         self._external: External | None = None
         self._asks_external = asks_external
         # A call that is never published has to end, too.
-        self._deadline = now + 2 * self._limit_s
+        self.due = now + 2 * self._limit_s
         if asked:
             market_state.effects.append(
                 OpenCall(
@@ -75,11 +75,6 @@ class OpenRound:
         """False once the bids are closed and their ranking is waited for."""
         return self._bids_closed_by is None
 
-    @property
-    def due(self) -> float:
-        """When its time is over, steady time [s]."""
-        return self._deadline
-
     def state_text(self) -> str:
         """Return what the round waits for, as a text for people."""
         return "asking for bids" if self.takes_bids else "asking outside for a ranking"
@@ -88,11 +83,11 @@ class OpenRound:
         """Start the clock, as the call for bids is published."""
         if self.takes_bids:
             self._opened = now
-            self._deadline = now + self._limit_s
+            self.due = now + self._limit_s
 
     def extend_after_stall(self, lasted_s: float) -> None:
         """Move the deadline, as nobody has listened for so long [s]."""
-        self._deadline += lasted_s
+        self.due += lasted_s
 
     def take(self, bids: Bids) -> None:
         """Take a host's answer, unchecked; only while bids are taken."""
@@ -111,7 +106,7 @@ class OpenRound:
             by = self._bids_closing(now)
             if by is None or not self._request_ranking(by, now):
                 return by
-        if self._external is None and now >= self._deadline:
+        if self._external is None and now >= self.due:
             limit_s = self._terms.options["limit"]
             self._external = External(failure=f"the selector did not answer within {limit_s:g} s")
         return self._bids_closed_by if self._external is not None else None
@@ -124,7 +119,7 @@ class OpenRound:
     def _bids_closing(self, now: float) -> ClosedBy | None:
         if self._auction.complete:
             return ClosedBy.ALL_ANSWERED
-        return ClosedBy.DEADLINE if now >= self._deadline else None
+        return ClosedBy.DEADLINE if now >= self.due else None
 
     def _request_ranking(self, by: ClosedBy, now: float) -> bool:
         """Ask for a ranking when the strategy wants one and there is something to rank."""
@@ -135,7 +130,7 @@ class OpenRound:
             return False
         limit_s = self._terms.options["limit"]
         self._bids_closed_by = by
-        self._deadline = now + limit_s
+        self.due = now + limit_s
         self._market_state.effects.append(
             RequestRanking(
                 round=self.number,

@@ -11,7 +11,6 @@ from marketplace_node.effects import PreviewEnded
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.market_state import MarketState
-from marketplace_node.round.decision import ClosedBy
 from marketplace_node.settings import check_strategy
 
 MOST = 8
@@ -52,7 +51,11 @@ class Previews:
             by = preview.closing(now)
             if by is not None:
                 self._open.remove(preview)
-                self._end(preview, by, now)
+                decision = preview.close(by, now)
+                outcome = self._market_state.outcome(decision, partial(reason_of, decision))
+                self._market_state.effects.append(
+                    PreviewEnded(number=preview.number, outcome=outcome)
+                )
 
     def give_up(self, code: str, reason: str) -> None:
         """End all previews without an outcome."""
@@ -61,8 +64,3 @@ class Previews:
                 PreviewEnded(number=preview.number, outcome=Refused(code, reason))
             )
         self._open = []
-
-    def _end(self, preview: OpenRound, by: ClosedBy, now: float) -> None:
-        decision = preview.close(by, now)
-        outcome = self._market_state.outcome(decision, partial(reason_of, decision))
-        self._market_state.effects.append(PreviewEnded(number=preview.number, outcome=outcome))

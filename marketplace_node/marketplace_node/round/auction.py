@@ -86,7 +86,10 @@ class Auction:
                 self._refuse(bids, agent, refused)
             named.add(agent)
         if not entry.agents.keys() <= named:
-            self._record_silent(bids, entry, named)
+            reason = f"{entry.host} says nothing about it"
+            for agent in entry.agents:
+                if agent not in named and agent not in self._may_be_silent:
+                    self._record(bids, agent, RoundKind.REFUSED, "NO_ANSWER", reason)
 
     def close(
         self,
@@ -234,17 +237,6 @@ class Auction:
             raise Refused(
                 "WRONG_ID", f"'{agent}' bids with id {agent_id}, expected {entry.agents[agent]}"
             )
-
-    def _record_silent(self, bids: Bids, entry: HostEntry, named: set[str]) -> None:
-        for agent in entry.agents:
-            if agent not in named and agent not in self._may_be_silent:
-                self._record(
-                    bids,
-                    agent,
-                    RoundKind.REFUSED,
-                    "NO_ANSWER",
-                    f"{entry.host} says nothing about it",
-                )
 
     def _refuse(self, bids: Bids, agent: str, refused: Refused) -> None:
         self._record(bids, agent, RoundKind.REFUSED, refused.code, refused.reason)

@@ -15,7 +15,7 @@ from marketplace_node.round.piecewise_linear import Intervals, losing_intervals
 from marketplace_node.round.round_model import RoundModel
 from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import LinearScores
-from marketplace_node.strategies.arrays import Floats, Integers
+from marketplace_node.strategies.arrays import Integers
 
 MOST_NUMBERS = 100_000
 """Numbers in all bids together, from which on the search would take too long."""
@@ -94,7 +94,9 @@ class _Search:
             _, parameter, direction, value, step = heapq.heappop(self._queue)
             nudged = value + direction * _NUDGES * self._width[parameter]
             nudged = np.clip(nudged, self._low[parameter], self._high[parameter])
-            wins = self._model.winners(self._along(parameter, nudged)) == self._one
+            scenes = np.repeat(self._start[None], len(nudged), axis=0)
+            scenes[:, parameter] = nudged
+            wins = self._model.winners(scenes) == self._one
             if wins.any():
                 found = float(nudged[np.argmax(wins)])
                 return Counterfactual(names=(self._space.names[parameter],), values=(found,))
@@ -120,8 +122,3 @@ class _Search:
         return losing_intervals(
             self._lines, self._start, parameter, limits, self._one, others, behind
         )
-
-    def _along(self, parameter: int, values: Floats) -> Floats:
-        scenes = np.repeat(self._start[None], len(values), axis=0)
-        scenes[:, parameter] = values
-        return scenes
