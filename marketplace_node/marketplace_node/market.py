@@ -27,8 +27,7 @@ from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import PREVIEWS, MarketState
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
-from marketplace_node.operators.operator_commands import OperatorCommands
-from marketplace_node.operators.previews import Previews
+from marketplace_node.operators import OperatorCommands, Previews
 from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.auction import check_round
 from marketplace_node.round.decision import Bids, External
@@ -243,9 +242,7 @@ class Market:
 
     def goal_accepted(self, goal: RunGoal, now: float) -> list[Effect]:
         """The host has taken the goal; one that nobody waits for any more is cancelled."""
-        if self._interaction is not None:
-            self._interaction.accepted(goal, now)
-        else:
+        if self._interaction is None or not self._interaction.accepted(goal, now):
             late = f"it took the run of round {goal.round} too late"
             self._market_state.give_up(goal, late, now, runs=True)
         return self._settle(now)
@@ -258,9 +255,7 @@ class Market:
 
     def run_ended(self, goal: RunGoal, end: RunEnd, now: float) -> list[Effect]:
         """The host reports the end of a run."""
-        if self._interaction is not None:
-            self._interaction.ended(goal, end, now)
-        else:
+        if self._interaction is None or not self._interaction.ended(goal, end, now):
             self._market_state.ended(goal)
         return self._settle(now)
 

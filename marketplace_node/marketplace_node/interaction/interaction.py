@@ -109,13 +109,10 @@ class Interaction:
         if by is not None:
             self._close(by, now)
 
-    def accepted(self, goal: RunGoal, now: float) -> None:
-        """The host has taken the goal; one that nobody waits for any more is cancelled."""
+    def accepted(self, goal: RunGoal, now: float) -> bool:
+        """The host has taken the goal; return False when nobody waits for that any more."""
         award = self._waiting(goal)
-        if award is None:
-            late = f"it took the run of round {goal.round} too late"
-            self._market_state.give_up(goal, late, now, runs=True)
-        elif not award.accepted:
+        if award is not None and not award.accepted:
             award.accepted = True
             assert self._decision is not None, "an award follows a decision"
             self._market_state.count_run(goal.agent, self._decision)
@@ -127,6 +124,7 @@ class Interaction:
                 )
             else:
                 self._cancel(award, now)
+        return award is not None
 
     def refused(self, goal: RunGoal, reason: str, now: float) -> None:
         """The host does not take the goal, or it could not be sent."""
@@ -134,12 +132,12 @@ class Interaction:
         if award is not None and not award.accepted:
             self._not_taken(award, reason, now)
 
-    def ended(self, goal: RunGoal, end: RunEnd, now: float) -> None:
-        """The host reports the end of a run."""
+    def ended(self, goal: RunGoal, end: RunEnd, now: float) -> bool:
+        """The host reports the end of a run; return False when it is not that of the award."""
         award = self._waiting(goal)
         if award is None or not award.accepted:
-            self._market_state.ended(goal)
-        elif end.outcome in _REPORTED:
+            return False
+        if end.outcome in _REPORTED:
             if award.stop is not None and end.outcome == RunOutcome.CANCELLED:
                 more = f" ({end.message})" if end.host_reason else ""
                 end = replace(end, message=f"{award.stop.reason}{more}")
@@ -147,6 +145,7 @@ class Interaction:
         else:
             message = f"the host reported the unknown outcome {end.outcome}; {end.message}"
             self._end(award, RunOutcome.FAILED, replace(end, message=message), now)
+        return True
 
     def on_heartbeat(self, host: str, epoch: str, round_number: int, now: float) -> None:
         """Note whether the host's heartbeat still names the run."""

@@ -36,7 +36,7 @@ from marketplace_node.effects import (
     SendGoal,
     StatusChanged,
 )
-from marketplace_node.explanation.calculation import calculation
+from marketplace_node.explanation.reason import calculation
 from marketplace_node.formatting import shown
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand

@@ -27,7 +27,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
-from marketplace_node.operators.previews import MOST
+from marketplace_node.operators import MOST
 from marketplace_node.round.decision import AuctionOutcome, External
 from marketplace_node.settings import ON_NEW_SCENE
 

@@ -10,7 +10,7 @@ from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import PublishAuction, SendGoal, State
 from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction
-from marketplace_node.operators.previews import MOST
+from marketplace_node.operators import MOST
 
 
 @pytest.fixture

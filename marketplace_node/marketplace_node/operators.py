@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of operators, executed by the market."""
+"""Means of operators: commands, and previews that show who would win without a run."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from bt_agents_language.diagnostics.collection import did_you_mean
-from marketplace_node.effects import State
+from marketplace_node.effects import PreviewEnded, State
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED, OperatorAction, OperatorCommand
+from marketplace_node.settings import check_strategy
+
+MOST = 8
+"""As many previews may be under way at once."""
 
 _AWARDED = re.compile(r"\+award\d+$")
 
@@ -103,3 +110,52 @@ def _runs_on(agent: str, interaction: Interaction | None) -> str:
     if goal is None or goal.agent == agent:
         return ""
     return f"; {goal.agent} goes on until its run ends"
+
+
+class Previews:
+    """Open previews, each of which ends once."""
+
+    def __init__(self, market_state: MarketState) -> None:
+        self._market_state = market_state
+        self._open: list[OpenRound] = []
+
+    @property
+    def open_rounds(self) -> list[OpenRound]:
+        """Open rounds of all previews."""
+        return list(self._open)
+
+    def ask(self, scene: Scene, strategy: str, now: float) -> int:
+        """Open a preview and return its number; ``strategy`` is empty for the one in force.
+
+        Raises:
+            Refused: ``UNKNOWN_STRATEGY`` or ``BUSY``.
+        """
+        strategy = strategy or self._market_state.settings.strategy
+        check_strategy(strategy)
+        if len(self._open) >= MOST:
+            raise Refused(
+                "BUSY", f"{MOST} previews are under way, and more may not be; ask again later"
+            )
+        preview = OpenRound(self._market_state, scene, now, preview=strategy)
+        self._open.append(preview)
+        return preview.number
+
+    def update(self, now: float) -> None:
+        """End the previews that are due."""
+        for preview in self.open_rounds:
+            by = preview.closing(now)
+            if by is not None:
+                self._open.remove(preview)
+                decision = preview.close(by, now)
+                outcome = self._market_state.outcome(decision, partial(reason_of, decision))
+                self._market_state.effects.append(
+                    PreviewEnded(number=preview.number, outcome=outcome)
+                )
+
+    def give_up(self, code: str, reason: str) -> None:
+        """End all previews without an outcome."""
+        for preview in self._open:
+            self._market_state.effects.append(
+                PreviewEnded(number=preview.number, outcome=Refused(code, reason))
+            )
+        self._open = []
