@@ -26,7 +26,7 @@ from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms
 from marketplace_node.settings import Settings
-from marketplace_node.statistics import MarketStatistics, RunCounts, counts
+from marketplace_node.statistics import MarketStatistics, counts
 
 PREVIEWS = 2**31
 """Numbers of rounds that only foretell begin after this one, so that no other is counted."""
@@ -82,7 +82,6 @@ class MarketState:
         self.previews = 0
         self.last_scene: Scene | None = None
         self._rules = rules
-        self._run_counts = RunCounts()
         self._orphans: dict[str, _OrphanRun] = {}
         self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
 
@@ -134,10 +133,10 @@ class MarketState:
             operator_exclusions=self.overrides.excluded(self.registry.live(now), awarded),
             intervention=self.overrides.intervention(awarded),
             unasked=self._unasked(now),
-            last_run=dict(self._run_counts.last_run),
-            runs=dict(self._run_counts.runs),
-            rounds_run=self._run_counts.runs.total(),
-            earlier_runs=self._run_counts.earlier,
+            last_run=dict(self.record.last_run),
+            runs=dict(self.record.runs),
+            rounds_run=self.record.runs.total(),
+            earlier_runs=self.record.earlier_runs,
             preview=preview is not None,
         )
 
@@ -168,11 +167,9 @@ class MarketState:
         return known[2]
 
     def count_run(self, agent: str, decision: Decision) -> None:
-        """Count a run of an agent, be it the winner or the next who took it."""
-        self._run_counts.count(agent)
-        starvation = self.record.starvation
-        starvation.ran(agent, decision.ranked.bidders)
-        newly_starved = starvation.newly_starved(self.settings.starvation_rounds)
+        """Count and store a run of an agent, be it the winner or the next who took it."""
+        self.record.count_run(agent, decision.ranked.bidders)
+        newly_starved = self.record.starvation.newly_starved(self.settings.starvation_rounds)
         self.effects += [Alarm(message=one) for one in newly_starved]
         self.store()
 
@@ -180,8 +177,8 @@ class MarketState:
         """Store what outlives this start of the market."""
         stored = {
             **self.overrides.to_dict(),
-            "runs": self._run_counts.runs,
-            "last_run": self._run_counts.last_run,
+            "runs": self.record.runs,
+            "last_run": self.record.last_run,
             "in_vain": self.record.starvation.in_vain,
         }
         self.effects.append(StoreOverrides(text=json.dumps(stored, ensure_ascii=False)))
@@ -202,8 +199,7 @@ class MarketState:
                 "the stored pins, vetoes and counts cannot be read, so none counts; set pins and "
                 "vetoes again",
             ) from None
-        self._run_counts.restore(found[0], found[1])
-        self.record.starvation.restore(found[2])
+        self.record.restore(*found)
 
     def asked(self, excluded: Collection[str], now: float) -> list[HostEntry]:
         """Return the hosts to ask: those that are free and have an agent that may bid."""

@@ -45,7 +45,10 @@ class OperatorCommands:
             return overrides.unpin()
         if command.action is OperatorAction.ALLOW:
             return overrides.allow(command)
-        self._check_known(command.agent)
+        agents = self._market_state.registry.agents
+        if command.agent not in agents:
+            hint = did_you_mean(command.agent, agents) or "no host is there"
+            raise Refused("UNKNOWN_AGENT", f"no agent '{command.agent}' is registered; {hint}")
         match command.action:
             case OperatorAction.PIN:
                 return overrides.pin(command) + _runs_on(command.agent, interaction)
@@ -66,14 +69,6 @@ class OperatorCommands:
                 "NO_SCENE", "there has been no scene yet; name one, or ask after the first"
             )
         return found
-
-    def _check_known(self, agent: str) -> None:
-        agents = self._market_state.registry.agents
-        if agent not in agents:
-            hint = did_you_mean(agent, agents)
-            raise Refused(
-                "UNKNOWN_AGENT", f"no agent '{agent}' is registered; {hint or 'no host is there'}"
-            )
 
     def _stop(self, command: OperatorCommand, interaction: Interaction | None, now: float) -> str:
         """Stop the agent if it has the run and ask the others; return the end of the answer."""
@@ -117,12 +112,7 @@ class Previews:
 
     def __init__(self, market_state: MarketState) -> None:
         self._market_state = market_state
-        self._open: list[OpenRound] = []
-
-    @property
-    def open_rounds(self) -> list[OpenRound]:
-        """Open rounds of all previews."""
-        return list(self._open)
+        self.open_rounds: list[OpenRound] = []
 
     def ask(self, scene: Scene, strategy: str, now: float) -> int:
         """Open a preview and return its number; ``strategy`` is empty for the one in force.
@@ -132,20 +122,20 @@ class Previews:
         """
         strategy = strategy or self._market_state.settings.strategy
         check_strategy(strategy)
-        if len(self._open) >= MOST:
+        if len(self.open_rounds) >= MOST:
             raise Refused(
                 "BUSY", f"{MOST} previews are under way, and more may not be; ask again later"
             )
         preview = OpenRound(self._market_state, scene, now, preview=strategy)
-        self._open.append(preview)
+        self.open_rounds.append(preview)
         return preview.number
 
     def update(self, now: float) -> None:
         """End the previews that are due."""
-        for preview in self.open_rounds:
+        for preview in tuple(self.open_rounds):
             by = preview.closing(now)
             if by is not None:
-                self._open.remove(preview)
+                self.open_rounds.remove(preview)
                 decision = preview.close(by, now)
                 outcome = self._market_state.outcome(decision, partial(reason_of, decision))
                 self._market_state.effects.append(
@@ -154,8 +144,8 @@ class Previews:
 
     def give_up(self, code: str, reason: str) -> None:
         """End all previews without an outcome."""
-        for preview in self._open:
+        for preview in self.open_rounds:
             self._market_state.effects.append(
                 PreviewEnded(number=preview.number, outcome=Refused(code, reason))
             )
-        self._open = []
+        self.open_rounds.clear()

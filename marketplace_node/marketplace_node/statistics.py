@@ -10,18 +10,24 @@ from marketplace_node.round.decision import AuctionOutcome, Decision
 
 
 class MarketStatistics:
-    """Counters over the rounds of a market.
+    """Counters over the rounds of a market, and its runs with those of earlier starts.
 
     Attributes:
         shadow_rounds: Awarded rounds that the strategies in force, the one that ranks and its
             shadow, have both ranked.
         shadow_disagreements: In how many of these they had another winner.
+        runs: How often each agent has run that ever did.
+        last_run: Number of the last run of each, from 1.
+        earlier_runs: How many runs there were before this start.
     """
 
     def __init__(self) -> None:
         self.shadow_rounds = 0
         self.shadow_disagreements = 0
         self.starvation = Starvation()
+        self.runs: Counter[str] = Counter()
+        self.last_run: dict[str, int] = {}
+        self.earlier_runs = 0
         self._compared = ("", "")
 
     def take(self, decision: Decision) -> None:
@@ -35,6 +41,20 @@ class MarketStatistics:
         if decision.ranked.shadow_winner and decision.ranked.by == terms.strategy:
             self.shadow_rounds += 1
             self.shadow_disagreements += decision.ranked.shadow_winner != winner.agent
+
+    def count_run(self, agent: str, bidders: Iterable[str]) -> None:
+        """Count a run of an agent, be it the best of those that bid or the next who took it."""
+        self.runs[agent] += 1
+        self.last_run[agent] = self.runs.total()
+        self.starvation.ran(agent, bidders)
+
+    def restore(
+        self, runs: Mapping[str, int], last_run: Mapping[str, int], in_vain: Mapping[str, int]
+    ) -> None:
+        """Go on from what an earlier start has counted."""
+        self.runs, self.last_run = Counter(runs), dict(last_run)
+        self.earlier_runs = self.runs.total()
+        self.starvation.restore(in_vain)
 
 
 class Starvation:
@@ -78,29 +98,6 @@ class Starvation:
             "run; a strategy that explores (softmax, ucb) gives it a chance"
             for agent in fresh
         ]
-
-
-class RunCounts:
-    """Counter of the runs of each agent, also those of earlier starts of the market.
-
-    Attributes:
-        runs: How often each agent has run that ever did.
-        last_run: Number of the last run of each, from 1.
-        earlier: How many runs there were before this start.
-    """
-
-    def __init__(self) -> None:
-        self.restore({}, {})
-
-    def count(self, agent: str) -> None:
-        """Count a run of an agent."""
-        self.runs[agent] += 1
-        self.last_run[agent] = self.runs.total()
-
-    def restore(self, runs: Mapping[str, int], last_run: Mapping[str, int]) -> None:
-        """Go on from what an earlier start has counted."""
-        self.runs, self.last_run = Counter(runs), dict(last_run)
-        self.earlier = self.runs.total()
 
 
 def counts(found: object) -> dict[str, int]:

@@ -79,12 +79,8 @@ class Award:
         """Return the code for the end of the scene when this was the last run for it."""
         if self.stop is not None and self.started is None:
             return self.stop.code
-        if self.stop is not None and (outcome, self.stop.code) == (
-            RunOutcome.CANCELLED,
-            PREEMPTED,
-        ):
-            return PREEMPTED
-        return outcome.name
+        preempted = self.stop is not None and self.stop.code == PREEMPTED
+        return PREEMPTED if preempted and outcome is RunOutcome.CANCELLED else outcome.name
 
     def event(self, kind: RunEventKind, message: str) -> AnnounceRun:
         """Return the announcement of an event before the end."""
