@@ -21,7 +21,7 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
-from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.interaction import FEEDBACK_DEFERRED, Interaction
 from marketplace_node.interaction.market_failover import InheritedRuns
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
@@ -267,9 +267,7 @@ class Market:
 
     def feedback_deferred(self, round_number: int, now: float) -> list[Effect]:
         """The feedback service is away; it is asked until it has answered, without the market."""
-        if self._interaction is not None and round_number == self._interaction.round:
-            self._interaction.feedback_deferred()
-        return self._settle(now)
+        return self.collected(round_number, FEEDBACK_DEFERRED, now)
 
     def cancel(
         self, epoch: str, round_number: int, stop: StopRequest, now: float

@@ -183,10 +183,9 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
     if ranked.placed:
         outside = f"ranked outside: {ranked.precedence or 'no reason given'}"
         parts.append(ranked.precedence if ranked.by == RULES else outside)
-    sum_of_it = calculation(winner, decision.terms.scene, ranked.by)
-    if ranked.placed:
-        sum_of_it = distance(winner.distance)
-    parts.append(f"{winner.agent} {sum_of_it}")
+        parts.append(f"{winner.agent} {distance(winner.distance)}")
+    else:
+        parts.append(f"{winner.agent} {calculation(winner, decision.terms.scene, ranked.by)}")
     if not others:
         parts.append("no other bid")
     elif ranked.placed:

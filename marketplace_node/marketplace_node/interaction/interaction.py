@@ -26,6 +26,8 @@ from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
 
+FEEDBACK_DEFERRED = "feedback is kept until the feedback node is back"
+
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
 
@@ -169,10 +171,6 @@ class Interaction:
             self._last_text += f"; {message}"
             self._proceed()
 
-    def feedback_deferred(self) -> None:
-        """The feedback service is away, and its answer is not waited for."""
-        self.collected("feedback is kept until the feedback node is back")
-
     def stop(self, stop: StopRequest, now: float) -> tuple[bool, str]:
         """Stop the interaction; return whether it will stop, and the answer for people."""
         award = self._award
@@ -239,7 +237,7 @@ class Interaction:
         award = self._award
         assert award is not None, "outside of a round only an award has a deadline"
         if self.state is State.COLLECTING:
-            self.feedback_deferred()
+            self.collected(FEEDBACK_DEFERRED)
         elif award.accepted:
             self._market_state.give_up(award.goal, award.unfinished, now, runs=True)
             limit = settings.cancel_deadline_s

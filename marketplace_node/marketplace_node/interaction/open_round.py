@@ -20,6 +20,7 @@ class OpenRound:
 
     With the strategy ``external`` the bids are closed first, and a program outside is asked to
     rank them; the round closes with its answer, or without it after ``external.limit``.
+    ``due`` is when its time is over, steady time [s].
 
     Args:
         market_state: Counts the round and says whom to ask.

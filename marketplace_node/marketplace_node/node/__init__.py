@@ -227,7 +227,7 @@ class MarketplaceNode(BaseNode):
     def _tick(self) -> None:
         now = time.monotonic()
         if now - self._ticked > self._market.settings.host_lease_s / 2:
-            # This process was held up; the heartbeats of that time still wait to be read.
+            # This process was stalled; the heartbeats of that time still wait to be read.
             self._execute(self._market.extend_after_stall(self._ticked, now))
         self._ticked = now
         self._publish_calls(now)
@@ -325,18 +325,15 @@ class MarketplaceNode(BaseNode):
         for effect, latest in list(self._due_calls.values()):
             if self._matched(effect.hosts) or now >= latest:
                 self._due_calls.pop(effect.round, None)
-                self._publish_call(effect, now)
+                call = call_to_msg(effect, self._market.epoch, self._space, self._now())
+                self._calls.publish(call)
+                self._execute(self._market.called(effect.round, now))
 
     def _matched(self, hosts: int) -> bool:
         """Return whether so many hosts are matched both ways; else messages would be lost."""
         publishers = int(self._bids.get_publisher_count())
         subscribers = int(self._calls.get_subscription_count())
         return min(publishers, subscribers) >= hosts
-
-    def _publish_call(self, effect: OpenCall, now: float) -> None:
-        call = call_to_msg(effect, self._market.epoch, self._space, self._now())
-        self._calls.publish(call)
-        self._execute(self._market.called(effect.round, now))
 
     def _request_ranking(self, effect: RequestRanking) -> None:
         """Ask once; the market owns the deadline."""

@@ -168,7 +168,7 @@ class HostConnections:
     def cancel(self, goal: RunGoal) -> None:
         """Cancel a goal, or drop it unsent.
 
-        One that is not answered yet is cancelled all the same: a host that was held up finds the
+        One that is not answered yet is cancelled all the same: a host that was stalled finds the
         cancel beside the goal, and does not begin. The market cancels again on acceptance.
         """
         sending = self._goals.get(goal)

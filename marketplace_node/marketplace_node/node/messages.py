@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_core.text import single_spaced
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
@@ -41,7 +42,7 @@ from marketplace_node.formatting import shown
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.registry import Registration
-from marketplace_node.round.decision import Bids, Decision, External, RankedBid, Terms
+from marketplace_node.round.decision import Bids, Decision, External, RankedBid
 from marketplace_node.round.precedence import check_ranking
 from marketplace_node.strategies import STRATEGIES
 
@@ -201,7 +202,7 @@ def strategies_to_msg() -> list[StrategyInfo]:
     return [
         StrategyInfo(
             name=name,
-            description=" ".join(spec.description.split()),
+            description=single_spaced(spec.description),
             options=[option.name for option in spec.options],
         )
         for name, spec in STRATEGIES.items()
@@ -212,6 +213,7 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
     """Return the message of the outcome of a round."""
     decision, terms = effect.decision, effect.decision.terms
     winner, change = decision.winner, decision.ranked.change
+    draws = any(STRATEGIES[name].draws for name in (terms.strategy, terms.shadow) if name)
     return AuctionMsg(
         stamp=stamp,
         epoch=terms.epoch,
@@ -227,7 +229,7 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
         option_values=[float(value) for value in terms.options.values()],
         earlier_runs=terms.earlier_runs,
         tie_break=terms.tie_break,
-        seed=terms.seed if _draws(terms) else "",
+        seed=terms.seed if draws else "",
         intervention=terms.intervention,
         ranking=[_ranked_to_msg(bid, decision) for bid in decision.ranking],
         refused=[
@@ -314,10 +316,6 @@ def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
     del fields["instance"]  # the message names the host alone
     sum_of_it = calculation(bid, decision.terms.scene, decision.ranked.by)
     return RankedBidMsg(**fields, calculation=sum_of_it)
-
-
-def _draws(terms: Terms) -> bool:
-    return any(STRATEGIES[name].draws for name in (terms.strategy, terms.shadow) if name)
 
 
 def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.text import single_spaced
 from bt_agents_ros.parameters import declare, describe
 from marketplace_node.settings import EXTERNAL, ON_NEW_SCENE, RANGES, Settings, all_options
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
@@ -44,7 +45,8 @@ def declare_settings(node: Node) -> Settings:
     Raises:
         Refused: As :class:`Settings`.
     """
-    meanings = {"strategy": _strategies(), **_MEANINGS}
+    uses = (f"{name}: {single_spaced(spec.description)}" for name, spec in STRATEGIES.items())
+    meanings = {"strategy": "\n".join(["how bids are ranked", *uses]), **_MEANINGS}
     choices: dict[str, tuple[str, ...]] = {
         "strategy": tuple(STRATEGIES),
         "shadow_strategy": tuple(name for name in STRATEGIES if name != EXTERNAL),
@@ -96,9 +98,3 @@ def watch_settings(
 
     node.add_on_set_parameters_callback(check)
     node.add_post_set_parameters_callback(lambda parameters: take(changed(parameters)))
-
-
-def _strategies() -> str:
-    """Return what the strategies are for, one a line behind its name."""
-    lines = [f"{name}: {' '.join(spec.description.split())}" for name, spec in STRATEGIES.items()]
-    return "\n".join(["how bids are ranked", *lines])

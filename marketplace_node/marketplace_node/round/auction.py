@@ -55,14 +55,10 @@ class Auction:
         """Take one message; whatever is wrong with it is recorded, never raised."""
         try:
             entry = self._sender(bids)
-        except Refused as refused:
-            self._refuse(bids, _only_agent(bids), refused)
-            return
-        self._answered.add(entry.host)
-        try:
+            self._answered.add(entry.host)
             self._check_lengths(bids)
         except Refused as refused:
-            self._refuse(bids, _only_agent(bids), refused)
+            self._refuse(bids, bids.agents[0] if len(bids.agents) == 1 else "", refused)
             return
         rows = BidRows(self._space, bids)
         if rows.all_fine and self._is_everybody(bids, entry):
@@ -265,7 +261,3 @@ def check_round(bids: Bids, epoch: str, current: int) -> None:
         raise Refused(
             "FOREIGN_ROUND", f"bids for round {bids.round}, the current one is {current}"
         )
-
-
-def _only_agent(bids: Bids) -> str:
-    return bids.agents[0] if len(bids.agents) == 1 else ""
