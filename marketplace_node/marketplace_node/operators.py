@@ -20,7 +20,7 @@ from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED, OperatorAction, OperatorCommand
 from marketplace_node.settings import check_strategy
 
-MOST = 8
+MOST_PREVIEWS = 8
 """As many previews may be under way at once."""
 
 _AWARDED = re.compile(r"\+award\d+$")
@@ -122,9 +122,10 @@ class Previews:
         """
         strategy = strategy or self._market_state.settings.strategy
         check_strategy(strategy)
-        if len(self.open_rounds) >= MOST:
+        if len(self.open_rounds) >= MOST_PREVIEWS:
             raise Refused(
-                "BUSY", f"{MOST} previews are under way, and more may not be; ask again later"
+                "BUSY",
+                f"{MOST_PREVIEWS} previews are under way, and more may not be; ask again later",
             )
         preview = OpenRound(self._market_state, scene, now, preview=strategy)
         self.open_rounds.append(preview)

@@ -37,25 +37,12 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Settings of one moment; immutable.
+    """Settings of one moment; immutable. The parameters of the node say what each of them means.
 
     Attributes:
-        shadow_strategy: Name of a second strategy that only scores; empty for none.
         options: What is set about strategies, by names like ``softmax.temperature``; what is not
             named has its default.
-        bid_deadline_s: From the call to the close of a round [s].
-        host_lease_s: A host without a heartbeat for this long is gone [s].
-        goal_deadline_s: Time for a host to take or refuse a goal [s].
-        cancel_deadline_s: Time for a run to end after it was told to stop; longer than what a
-            host needs for clean-up and open goals together [s].
-        collect_deadline_s: Time for the feedback service to answer [s].
-        on_new_scene: What happens to a scene that comes during an interaction.
-        preempt_margin: A running agent is stopped for another one that is nearer to the new scene
-            by at least this distance.
-        preempt_cooldown_s: After such a stop there is none other for this long [s].
-        tie_break: Which of equally good bids wins.
-        starvation_rounds: An agent is starved once it has bid in so many rounds with a run since
-            it ran last; 0 is never.
+        cancel_deadline_s: Longer than what a host needs for clean-up and open goals together [s].
 
     Raises:
         Refused: ``UNKNOWN_STRATEGY``, ``UNKNOWN_OPTION``, ``UNKNOWN_CHOICE``, ``NO_SHADOW`` or

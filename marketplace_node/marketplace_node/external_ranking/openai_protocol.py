@@ -37,12 +37,10 @@ _HEADER = re.compile(r"[\x21-\x7e]+")
 
 @dataclass(frozen=True, kw_only=True)
 class Endpoint:
-    """Server that speaks the protocol.
+    """Server that speaks the protocol, at a ``base_url`` like ``http://127.0.0.1:11434/v1``.
 
-    Attributes:
-        base_url: For example ``http://127.0.0.1:11434/v1``.
-        model: Name of the model there.
-        key: Sent as bearer token; empty for none. Not shown when the endpoint is printed.
+    Its ``key`` is sent as bearer token, and is not shown when the endpoint is printed; empty for
+    none.
     """
 
     base_url: str

@@ -92,7 +92,7 @@ class MarketplaceNode(BaseNode):
         space: The scene parameters of the system.
         epoch: Name of this start of the market; None makes one.
         rules: Of the strategy ``rules``.
-        overrides_file: File that keeps pins, vetoes and counts over a restart; None keeps none.
+        overrides_file: Keeps pins, vetoes and counts over a restart; None keeps none.
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Attributes:

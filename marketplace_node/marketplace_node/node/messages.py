@@ -123,12 +123,7 @@ def run_end_from_msg(result: RunAgent.Result) -> RunEnd:
 
 
 def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> EarlierRun:
-    """Check a run of an earlier market and return it.
-
-    Args:
-        message: As the host hands it over.
-        space: The scene parameters.
-        now_s: Time on the clock of its stamp [s].
+    """Check a run of an earlier market, as a host hands it over at ``now_s`` [s], and return it.
 
     Raises:
         Refused: ``NOT_ENDED``, ``UNKNOWN_OUTCOME``, ``EMPTY``, ``NOT_FINITE``, or as in

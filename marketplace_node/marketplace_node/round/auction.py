@@ -101,7 +101,7 @@ class Auction:
             by: What closes the round.
             duration_s: From the call to now [s].
             stopped: Why the round is stopped; only with ``ClosedBy.STOPPED``.
-            external: What a program outside answered; None when it was not asked.
+            external: As in :func:`decide`.
         """
         try:
             ranked = decide(self._space, self.terms, self._accepted.table(), external=external)

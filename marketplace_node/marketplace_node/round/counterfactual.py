@@ -35,12 +35,7 @@ def smallest_change(
 
     It is exact to 1e-7 of the range of the parameter, but for rounding: where scores are equal on
     paper, the last digit decides. It has been tried among all bids. There is none where scores are
-    no straight lines (``StrategySpec.lines``).
-
-    Args:
-        model: The round.
-        places: Indices of its bids, best first.
-        space: The scene parameters.
+    no straight lines (``StrategySpec.lines``). ``places`` has the indices of the bids, best first.
     """
     if len(places) < 2 or model.spec.lines is None:
         return None
