@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import MAX_WEIGHT, SceneSpace
+from bt_agents_core.scene import MAX_WEIGHT, SceneSpace, Vector
 from marketplace_node.round.decision import AcceptedBid, Bids, Terms
 from marketplace_node.strategies import RoundArrays
 from marketplace_node.strategies.arrays import Floats
@@ -37,20 +37,20 @@ class BidTable:
     vectors: Floats
     weights: Floats | None = None
 
-    @staticmethod
-    def of(bids: Sequence[AcceptedBid], space: SceneSpace) -> BidTable:
+    @classmethod
+    def of(cls, bids: Sequence[AcceptedBid], space: SceneSpace) -> BidTable:
         """Return the table of bids that come in any order."""
-        columns = BidColumns(space)
-        for bid in bids:
-            columns.add(
-                (bid.agent,),
-                (bid.agent_id,),
-                bid.host,
-                bid.instance,
-                np.array([bid.vector]),
-                np.array([bid.weights]) if bid.weights else None,
-            )
-        return columns.table()
+        ordered = sorted(bids, key=lambda bid: bid.agent)
+        common = weights_of(space)
+        stated = any(bid.weights for bid in ordered)
+        return cls(
+            agents=tuple(bid.agent for bid in ordered),
+            agent_ids=tuple(bid.agent_id for bid in ordered),
+            hosts=tuple(bid.host for bid in ordered),
+            instances=tuple(bid.instance for bid in ordered),
+            vectors=_rows([bid.vector for bid in ordered], space),
+            weights=_rows([bid.weights or common for bid in ordered], space) if stated else None,
+        )
 
     def __len__(self) -> int:
         return len(self.agents)
@@ -76,6 +76,10 @@ class BidTable:
         for values in vars(field).values():
             values.flags.writeable = False
         return field
+
+
+def _rows(rows: Sequence[Vector], space: SceneSpace) -> Floats:
+    return np.array(rows, dtype=np.float64, order="F").reshape((len(rows), len(space)), order="F")
 
 
 def weights_of(space: SceneSpace) -> tuple[float, ...]:

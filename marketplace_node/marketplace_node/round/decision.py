@@ -70,7 +70,7 @@ class AcceptedBid:
 class RankedBid(NamedTuple):
     """Accepted bid as the strategy ranked it; fields as in ``RankedBid.msg``.
 
-    ``instance`` is the start of its host.
+    ``instance`` is the start of its host. Runs in earlier starts of the market count, too.
     """
 
     agent: str

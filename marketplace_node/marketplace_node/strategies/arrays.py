@@ -104,8 +104,6 @@ class Option:
     Attributes:
         name: As in parameters and on the command line.
         default: Value unless it is set.
-        minimum: Smallest value allowed.
-        maximum: Largest value allowed.
         description: What it does, in words, with its unit.
     """
 
