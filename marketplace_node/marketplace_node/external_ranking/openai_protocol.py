@@ -7,13 +7,14 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import urlsplit
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from marketplace_node.formatting import shown
+from marketplace_node.round.decision import External
 from marketplace_node.round.precedence import check_ranking
 
 MOST_BYTES = 1_000_000
@@ -45,7 +46,7 @@ class Endpoint:
 
     base_url: str
     model: str
-    key: str = ""
+    key: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         """Check address, model and key.
@@ -77,10 +78,6 @@ class Endpoint:
                 "on this machine",
             )
 
-    def __repr__(self) -> str:
-        """Return it without the key."""
-        return f"Endpoint(base_url={self.base_url!r}, model={self.model!r})"
-
     @property
     def url(self) -> str:
         """Address of the completions of chats."""
@@ -109,14 +106,6 @@ class Bidder:
     description: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Ranking:
-    """Ranking by a model: agents, best first, and its reason."""
-
-    agents: tuple[str, ...]
-    reason: str
-
-
 def question(
     model: str, space: SceneSpace, scene: Scene, bidders: Sequence[Bidder]
 ) -> dict[str, Any]:
@@ -141,7 +130,7 @@ def question(
     }
 
 
-def answer(status: int, body: bytes, bidders: Sequence[str]) -> Ranking:
+def answer(status: int, body: bytes, bidders: Sequence[str]) -> External:
     """Return the ranking in the HTTP response of a server, whatever it has sent.
 
     Raises:
@@ -162,7 +151,7 @@ def answer(status: int, body: bytes, bidders: Sequence[str]) -> Ranking:
     return ranking(_content(parsed), bidders)
 
 
-def ranking(content: str, bidders: Sequence[str]) -> Ranking:
+def ranking(content: str, bidders: Sequence[str]) -> External:
     """Return the ranking in the words of a model: JSON, alone, fenced, or amid prose.
 
     Raises:
@@ -172,9 +161,9 @@ def ranking(content: str, bidders: Sequence[str]) -> Ranking:
         named = found.get("ranking")
         if isinstance(named, list) and all(isinstance(name, str) for name in named):
             reason = found.get("reason")
-            return Ranking(
-                agents=check_ranking(named, bidders),
-                reason=shown(reason) if isinstance(reason, str) else "",
+            return External(
+                ranking=check_ranking(named, bidders),
+                message=shown(reason) if isinstance(reason, str) else "",
             )
     raise Refused(
         "NO_RANKING",

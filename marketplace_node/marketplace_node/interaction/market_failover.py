@@ -67,16 +67,17 @@ class InheritedRuns:
 
     def _is_new(self, host: str, run: EarlierRun) -> bool:
         which = (run.epoch, run.goal.round, run.goal.agent)
-        report = f"{host} says how the run of round {run.goal.round} of market '{run.epoch}' ended"
         if run.epoch == self._market_state.epoch:
-            self._note(f"{report}, but this market knows its own runs; it is left out")
+            problem = ", but this market knows its own runs"
         elif run.goal.host != host:
-            self._note(f"{report}, but it was a run of '{run.goal.host}'; it is left out")
+            problem = f", but it was a run of '{run.goal.host}'"
         elif which in self._runs:
-            self._note(f"{report} once more; it is left out")
+            problem = " once more"
         else:
             self._runs.append(which)
             return True
+        report = f"{host} says how the run of round {run.goal.round} of market '{run.epoch}' ended"
+        self._market_state.effects.append(Note(message=f"{report}{problem}; it is left out"))
         return False
 
     def _lose(self, origin: str, run: EarlierRun, now: float, obstacle: str) -> None:
@@ -97,6 +98,3 @@ class InheritedRuns:
         self._market_state.effects.append(
             SceneEnded(scene_id=scene_id, code=outcome.name, message=message, agent=run.goal.agent)
         )
-
-    def _note(self, message: str) -> None:
-        self._market_state.effects.append(Note(message=message))
