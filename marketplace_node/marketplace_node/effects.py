@@ -56,22 +56,26 @@ class RunGoal:
     instance: str
 
 
+class Effect:
+    """Something that the market wants done; each kind is a class of its own."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class Connect:
+class Connect(Effect):
     """Reach a host that is new, was restarted or has moved its interfaces."""
 
     entry: HostEntry
 
 
 @dataclass(frozen=True, kw_only=True)
-class Disconnect:
+class Disconnect(Effect):
     """Reach a host no more, as it is forgotten."""
 
     host: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class OpenCall:
+class OpenCall(Effect):
     """Publish the call for bids once it reaches all hosts, then report ``called``."""
 
     round: int
@@ -82,17 +86,8 @@ class OpenCall:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RequestRanking:
-    """Request an external ranking of bids, and report ``ranked`` within ``limit_s`` seconds.
-
-    Attributes:
-        round: Number of the round.
-        scene: What the bids are for.
-        agents: Who bids.
-        vectors: What they bid, same order.
-        distances: Manhattan distance of each to the scene.
-        limit_s: A later answer is not waited for [s].
-    """
+class RequestRanking(Effect):
+    """Request an external ranking of bids, to be reported; fields as in ``SelectAgent.srv``."""
 
     round: int
     scene: Scene
@@ -103,16 +98,8 @@ class RequestRanking:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PublishAuction:
-    """Publish the outcome of a round.
-
-    Attributes:
-        decision: The outcome.
-        reason_fn: Formats it on one line.
-        explanation_fn: Formats it in plain sentences.
-        shadow_rounds: How many rounds the shadow strategy has ranked beside this one.
-        shadow_disagreements: In how many of these it had another winner.
-    """
+class PublishAuction(Effect):
+    """Publish the outcome of a round; counts of shadow rounds as in ``Auction.msg``."""
 
     decision: Decision
     reason_fn: Callable[[], str] = field(default=str, compare=False, repr=False)
@@ -132,7 +119,7 @@ class PublishAuction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PreviewEnded:
+class PreviewEnded(Effect):
     """Answer the request for a preview with its outcome, or why there is none."""
 
     number: int
@@ -140,7 +127,7 @@ class PreviewEnded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SendGoal:
+class SendGoal(Effect):
     """Send the goal to the winner's host."""
 
     goal: RunGoal
@@ -148,26 +135,22 @@ class SendGoal:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CancelGoal:
+class CancelGoal(Effect):
     """Cancel a goal, or drop it when it has not been sent yet."""
 
     goal: RunGoal
 
 
 @dataclass(frozen=True, kw_only=True)
-class CancelAll:
+class CancelAll(Effect):
     """Cancel whatever runs at a host, as none of it is known."""
 
     host: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnnounceRun:
-    """Publish an event in the life of a run; fields as in ``Run.msg``.
-
-    Attributes:
-        duration_s: Time since its start [s].
-    """
+class AnnounceRun(Effect):
+    """Publish an event in the life of a run; fields as in ``Run.msg``."""
 
     event: RunEventKind
     outcome: RunOutcome
@@ -182,23 +165,16 @@ class AnnounceRun:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EarlierRun:
-    """Run of an earlier market as its host reports it; fields as in ``Run.msg``.
+class EarlierRun(AnnounceRun):
+    """End of a run of an earlier market as its host reports it.
 
     Attributes:
-        age_s: Time since it ended [s].
+        epoch: That market.
+        age_s: Time since the run ended [s].
     """
 
+    event: RunEventKind = RunEventKind.ENDED
     epoch: str
-    goal: RunGoal
-    outcome: RunOutcome
-    scene: Scene
-    message: str
-    stop_cause: int = StopCause.NOT_STOPPED
-    orphans: tuple[str, ...] = ()
-    ticks: int = 0
-    overruns: int = 0
-    duration_s: float = 0.0
     age_s: float = 0.0
 
     @property
@@ -210,14 +186,14 @@ class EarlierRun:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnnounceEarlierRun:
+class AnnounceEarlierRun(Effect):
     """Publish the end of a run of an earlier market that is not announced yet."""
 
     run: EarlierRun
 
 
 @dataclass(frozen=True, kw_only=True)
-class Collect:
+class Collect(Effect):
     """Ask the feedback service for feedback on a run, within ``deadline_s`` seconds."""
 
     goal: RunGoal
@@ -227,7 +203,7 @@ class Collect:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StatusChanged:
+class StatusChanged(Effect):
     """Publish the state of the market; fields as in ``MarketStatus.msg``."""
 
     state: State
@@ -248,7 +224,7 @@ class StatusChanged:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneEnded:
+class SceneEnded(Effect):
     """Publish the one end of a scene; fields as in ``SceneEnd.msg``."""
 
     scene_id: str
@@ -259,42 +235,21 @@ class SceneEnded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoreOverrides:
-    """Store pins, vetoes and counts for a market that is started again: :meth:`Floor.restore`."""
+class StoreOverrides(Effect):
+    """Store pins, vetoes and counts for :meth:`Market.restore_overrides` of a later start."""
 
     text: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Note:
+class Note(Effect):
     """Log a warning that may be throttled."""
 
     message: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Alarm:
+class Alarm(Effect):
     """Log a warning that occurs once, without the rate limit of notes."""
 
     message: str
-
-
-Effect = (
-    Connect
-    | Disconnect
-    | OpenCall
-    | RequestRanking
-    | PublishAuction
-    | PreviewEnded
-    | SendGoal
-    | CancelGoal
-    | CancelAll
-    | AnnounceRun
-    | AnnounceEarlierRun
-    | Collect
-    | StatusChanged
-    | SceneEnded
-    | StoreOverrides
-    | Note
-    | Alarm
-)

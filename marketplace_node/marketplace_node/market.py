@@ -21,14 +21,13 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
-from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.interaction import FEEDBACK_DEFERRED, Interaction
 from marketplace_node.interaction.market_failover import InheritedRuns
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import PREVIEWS, MarketState
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
-from marketplace_node.operators.operator_commands import OperatorCommands
-from marketplace_node.operators.previews import Previews
+from marketplace_node.operators import OperatorCommands, Previews
 from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.auction import check_round
 from marketplace_node.round.decision import Bids, External
@@ -150,7 +149,8 @@ class Market:
     ) -> list[Effect]:
         """Take the heartbeat of a host with the run that it is busy with; round 0 means none."""
         if self._market_state.registry.heartbeat(host, instance, now):
-            self._market_state.heartbeat(host, epoch, round_number, self._under_way, now)
+            under_way = None if self.state is State.COLLECTING else self.goal
+            self._market_state.heartbeat(host, epoch, round_number, under_way, now)
             if self._interaction is not None:
                 self._interaction.on_heartbeat(host, epoch, round_number, now)
         return self._settle(now)
@@ -161,9 +161,8 @@ class Market:
         self._inherited.extend_after_stall(now - since)
         if self._interaction is not None:
             self._interaction.extend_after_stall(now - since)
-        if self._admission.open_round is not None:
-            self._admission.open_round.extend_after_stall(now - since)
-        self._previews.extend_after_stall(now - since)
+        for open_round in self._open_rounds():
+            open_round.extend_after_stall(now - since)
         return self._settle(now)
 
     def called(self, round_number: int, now: float) -> list[Effect]:
@@ -205,10 +204,7 @@ class Market:
         return self._settle(now)
 
     def operate(self, command: OperatorCommand, now: float) -> tuple[str, list[Effect]]:
-        """Execute a command of an operator.
-
-        Returns:
-            The answer in words, and the effects.
+        """Execute a command of an operator; return the answer in words, and the effects.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``NO_SCENE``, or as in :class:`OperatorOverrides` and
@@ -228,18 +224,13 @@ class Market:
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
         """
-        return self._operator_commands.restore(text), self._settle(now)
+        self._market_state.restore(text)
+        return self._market_state.overrides.intervention(""), self._settle(now)
 
     def preview(self, scene: Scene | None, strategy: str, now: float) -> tuple[int, list[Effect]]:
-        """Ask who would win; ``PreviewEnded`` with the number follows.
+        """Ask who would win; ``PreviewEnded`` with the number that is returned follows.
 
-        Args:
-            scene: None means the scene that was taken last.
-            strategy: Empty for the one in force.
-            now: Steady time [s].
-
-        Returns:
-            The number of the preview, and the effects.
+        Without a scene it is about the last one, without a strategy it is by the one in force.
 
         Raises:
             Refused: ``NO_SCENE``, ``SHUTTING_DOWN``, ``UNKNOWN_STRATEGY`` or ``BUSY``.
@@ -251,9 +242,7 @@ class Market:
 
     def goal_accepted(self, goal: RunGoal, now: float) -> list[Effect]:
         """The host has taken the goal; one that nobody waits for any more is cancelled."""
-        if self._interaction is not None:
-            self._interaction.accepted(goal, now)
-        else:
+        if self._interaction is None or not self._interaction.accepted(goal, now):
             late = f"it took the run of round {goal.round} too late"
             self._market_state.give_up(goal, late, now, runs=True)
         return self._settle(now)
@@ -266,9 +255,7 @@ class Market:
 
     def run_ended(self, goal: RunGoal, end: RunEnd, now: float) -> list[Effect]:
         """The host reports the end of a run."""
-        if self._interaction is not None:
-            self._interaction.ended(goal, end, now)
-        else:
+        if self._interaction is None or not self._interaction.ended(goal, end, now):
             self._market_state.ended(goal)
         return self._settle(now)
 
@@ -280,9 +267,7 @@ class Market:
 
     def feedback_deferred(self, round_number: int, now: float) -> list[Effect]:
         """The feedback service is away; it is asked until it has answered, without the market."""
-        if self._interaction is not None and round_number == self._interaction.round:
-            self._interaction.feedback_deferred()
-        return self._settle(now)
+        return self.collected(round_number, FEEDBACK_DEFERRED, now)
 
     def cancel(
         self, epoch: str, round_number: int, stop: StopRequest, now: float
@@ -318,11 +303,6 @@ class Market:
         if self._interaction is not None:
             self._interaction.tick(now)
         return self._settle(now)
-
-    @property
-    def _under_way(self) -> RunGoal | None:
-        """The award whose run has not ended."""
-        return None if self.state is State.COLLECTING else self.goal
 
     def _check_host(self, now: float) -> list[Effect]:
         if self._interaction is not None:

@@ -26,7 +26,7 @@ from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms
 from marketplace_node.settings import Settings
-from marketplace_node.statistics import MarketStatistics, RunCounts, counts
+from marketplace_node.statistics import MarketStatistics, counts
 
 PREVIEWS = 2**31
 """Numbers of rounds that only foretell begin after this one, so that no other is counted."""
@@ -42,8 +42,8 @@ class _OrphanRun:
 
     Attributes:
         instance: The start of its host.
-        reason: Reason why its host is not free.
-        goal: Its goal, as far as it is known.
+        reason: Why its host is not free.
+        goal: None when it is not known.
         blocks: True when its host is not to be asked, as it surely is not free.
         running_since: When the host first reported it, steady time [s]; None while it does not.
         cancelled_at: When it was last cancelled, steady time [s]; None before.
@@ -61,12 +61,7 @@ class MarketState:
     """State shared by all rounds, and the hosts that orphaned runs block.
 
     Attributes:
-        space: The scene parameters.
         epoch: Name of this instance of the market.
-        settings: The settings in force.
-        registry: The hosts and agents.
-        overrides: Pins, vetoes and awards by operators.
-        record: Counters over the decisions so far.
         effects: Pending effects, in order.
         rounds: How many rounds there have been; the number of the last one.
         previews: How many rounds there have been that only foretold.
@@ -87,7 +82,6 @@ class MarketState:
         self.previews = 0
         self.last_scene: Scene | None = None
         self._rules = rules
-        self._run_counts = RunCounts()
         self._orphans: dict[str, _OrphanRun] = {}
         self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
 
@@ -139,10 +133,10 @@ class MarketState:
             operator_exclusions=self.overrides.excluded(self.registry.live(now), awarded),
             intervention=self.overrides.intervention(awarded),
             unasked=self._unasked(now),
-            last_run=self._run_counts.last_run,
-            runs=self._run_counts.runs,
-            rounds_run=self._run_counts.total,
-            earlier_runs=self._run_counts.earlier,
+            last_run=dict(self.record.last_run),
+            runs=dict(self.record.runs),
+            rounds_run=self.record.runs.total(),
+            earlier_runs=self.record.earlier_runs,
             preview=preview is not None,
         )
 
@@ -173,16 +167,9 @@ class MarketState:
         return known[2]
 
     def count_run(self, agent: str, decision: Decision) -> None:
-        """Count a run of an agent; ties go to the agent that has not run for longest.
-
-        Args:
-            agent: Who took the run; not the winner when its host did not.
-            decision: Of the round.
-        """
-        self._run_counts.count(agent)
-        starvation = self.record.starvation
-        starvation.ran(agent, decision.ranked.bidders)
-        newly_starved = starvation.newly_starved(self.settings.starvation_rounds)
+        """Count and store a run of an agent, be it the winner or the next who took it."""
+        self.record.count_run(agent, decision.ranked.bidders)
+        newly_starved = self.record.starvation.newly_starved(self.settings.starvation_rounds)
         self.effects += [Alarm(message=one) for one in newly_starved]
         self.store()
 
@@ -190,9 +177,9 @@ class MarketState:
         """Store what outlives this start of the market."""
         stored = {
             **self.overrides.to_dict(),
-            "runs": self._run_counts.runs,
-            "last_run": self._run_counts.last_run,
-            "in_vain": dict(self.record.starvation.in_vain),
+            "runs": self.record.runs,
+            "last_run": self.record.last_run,
+            "in_vain": self.record.starvation.in_vain,
         }
         self.effects.append(StoreOverrides(text=json.dumps(stored, ensure_ascii=False)))
 
@@ -212,8 +199,7 @@ class MarketState:
                 "the stored pins, vetoes and counts cannot be read, so none counts; set pins and "
                 "vetoes again",
             ) from None
-        self._run_counts.restore(found[0], found[1])
-        self.record.starvation.restore(found[2])
+        self.record.restore(*found)
 
     def asked(self, excluded: Collection[str], now: float) -> list[HostEntry]:
         """Return the hosts to ask: those that are free and have an agent that may bid."""
@@ -262,11 +248,7 @@ class MarketState:
     def give_up(self, goal: RunGoal, reason: str, now: float, *, runs: bool) -> None:
         """Cancel a goal that nobody waits for, and keep off its host until the tree has ended.
 
-        Args:
-            goal: The goal.
-            reason: Why its host is not free, in words.
-            now: Steady time [s].
-            runs: True when the host has taken it.
+        ``reason`` says why the host is not free; ``runs`` is True when it has taken the goal.
         """
         entry = self.registry.get(goal.host)
         if entry is not None and entry.instance == goal.instance:
@@ -313,7 +295,12 @@ class MarketState:
             return
         orphan = self._orphans.get(host)
         if orphan is None:
-            orphan = self._orphans[host] = self._suspect(host, round_number)
+            entry = self.registry.get(host)
+            orphan = self._orphans[host] = _OrphanRun(
+                instance=entry.instance if entry is not None else "",
+                reason=f"it runs a tree of round {round_number} that nobody waits for",
+                blocks=False,
+            )
         if orphan.running_since is None:
             orphan.running_since = now
         if not of_this:
@@ -322,14 +309,6 @@ class MarketState:
         elif _is_due(orphan, now):
             orphan.blocks, orphan.cancelled_at = True, now
             self.effects.append(CancelAll(host=host))
-
-    def _suspect(self, host: str, round_number: int) -> _OrphanRun:
-        entry = self.registry.get(host)
-        return _OrphanRun(
-            instance=entry.instance if entry is not None else "",
-            reason=f"it runs a tree of round {round_number} that nobody waits for",
-            blocks=False,
-        )
 
     def _blocked(self, host: str) -> str:
         orphan = self._orphans.get(host)

@@ -32,12 +32,7 @@ class OperatorAction(IntEnum):
 class OperatorCommand:
     """Command of an operator; fields as in ``OperateMarket.srv``.
 
-    Attributes:
-        action: What.
-        agent: Whom it is about; not read by ``UNPIN``.
-        author: Who asks; may be empty.
-        reason: Why; may be empty.
-        scene: Of ``AWARD``; None means the last scene.
+    ``scene`` is that of ``AWARD``; None means the last scene.
     """
 
     action: OperatorAction
@@ -59,8 +54,6 @@ class OperatorCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class _ActiveOverride:
-    """Override in force: its agent and its text."""
-
     agent: str
     text: str
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.liveness import extended_after_stall
@@ -26,16 +26,7 @@ The middleware takes its time to connect the market to the heartbeat of a host t
 
 @dataclass(frozen=True, kw_only=True)
 class Registration:
-    """Request of a host to enter its agents.
-
-    Attributes:
-        host: Fully qualified name of the host node.
-        instance: This start of the host.
-        run_action: Fully qualified name of its action.
-        heartbeat: Fully qualified name of its heartbeat topic.
-        parameters: The scene parameters of its profiles, in order.
-        agents: Names of its agents.
-    """
+    """Request of a host to enter its agents; fields as in ``RegisterHost.srv``."""
 
     host: str
     instance: str
@@ -58,14 +49,7 @@ class HostEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class RegistrationAnswer:
-    """Answer to a registration.
-
-    Attributes:
-        accepted: False when the host as a whole is refused.
-        agent_ids: Id of each agent of the request, 0 for a refused one.
-        reasons: Why each agent is refused, empty for an accepted one.
-        message: The answer in words.
-    """
+    """Answer to a registration; fields as in ``RegisterHost.srv``."""
 
     accepted: bool
     agent_ids: tuple[int, ...]
@@ -76,11 +60,9 @@ class RegistrationAnswer:
 class Registry:
     """Registry of hosts by name, with unique agents.
 
-    Ids count from 1 and stay with an agent's name for the life of the market.
-
-    Attributes:
-        lease_s: A host is alive this long after its last heartbeat or registration [s]; see
-            :data:`FIRST_BEAT_S` for a host without any heartbeat yet.
+    Ids count from 1 and stay with an agent's name for the life of the market. A host is alive for
+    ``lease_s`` after its last heartbeat or registration [s]; see :data:`FIRST_HEARTBEAT_S` for one
+    without any heartbeat yet.
     """
 
     def __init__(self, parameters: tuple[str, ...], lease_s: float) -> None:
@@ -171,10 +153,6 @@ class Registry:
         """Return the entry of a host, None when it is not registered."""
         return self._entries.get(host)
 
-    def holder(self, agent: str) -> HostEntry | None:
-        """Return the host that has an agent, dead or alive; None when no host has it."""
-        return self.agents.get(agent)
-
     @property
     def agents(self) -> Mapping[str, HostEntry]:
         """The agents of all registered hosts, dead or alive, with their hosts."""
@@ -250,24 +228,19 @@ class Registry:
             )
         if name in accepted:
             raise Refused("DUPLICATE", f"'{name}' stands twice in the list of {host}")
-        for other in self._entries.values():
-            if (
-                other.host != host
-                and name in other.agents
-                and self.is_live(other.host, other.instance, now)
-            ):
-                raise Refused(
-                    "AGENT_EXISTS",
-                    f"'{name}' is held by {other.host}, which is alive; agent names are unique",
-                )
+        holder = self.agents.get(name)
+        if (
+            holder is not None
+            and holder.host != host
+            and self.is_live(holder.host, holder.instance, now)
+        ):
+            raise Refused(
+                "AGENT_EXISTS",
+                f"'{name}' is held by {holder.host}, which is alive; agent names are unique",
+            )
 
     def _take_from_the_dead(self, agents: Mapping[str, int], host: str) -> None:
         for other in tuple(self._entries.values()):
             if other.host != host and not agents.keys().isdisjoint(other.agents):
-                self._entries[other.host] = HostEntry(
-                    host=other.host,
-                    instance=other.instance,
-                    run_action=other.run_action,
-                    heartbeat=other.heartbeat,
-                    agents={n: i for n, i in other.agents.items() if n not in agents},
-                )
+                left = {n: i for n, i in other.agents.items() if n not in agents}
+                self._entries[other.host] = replace(other, agents=left)

@@ -14,8 +14,6 @@ from marketplace_node.strategies import STRATEGIES, TIE_BREAKS, Option
 
 ON_NEW_SCENE: Final = ("queue", "reject", "preempt")
 MAX_QUEUE: Final = 100
-MAX_MARGIN: Final = 100.0
-MAX_STARVATION: Final = 1_000_000
 
 EXTERNAL: Final = "external"
 """The strategy that asks a program outside."""
@@ -23,40 +21,28 @@ EXTERNAL: Final = "external"
 RULES: Final = "rules"
 """The strategy that reads ``market.yaml``."""
 
-SECONDS: Final = {
+RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "bid_deadline_s": (0.01, 60.0),
     "host_lease_s": (0.5, 60.0),
     "goal_deadline_s": (0.1, 60.0),
     "cancel_deadline_s": (0.1, 600.0),
     "collect_deadline_s": (0.05, 600.0),
     "preempt_cooldown_s": (0.0, 600.0),
+    "queue_limit": (0, MAX_QUEUE),
+    "preempt_margin": (0.0, 100.0),
+    "starvation_rounds": (0, 1_000_000),
 }
-"""Allowed range of each duration [s]."""
+"""Allowed range of each number; durations, whose names end with ``_s``, in seconds."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Settings of one moment; immutable.
+    """Settings of one moment; immutable. The parameters of the node say what each of them means.
 
     Attributes:
-        strategy: Name of the strategy that ranks.
-        shadow_strategy: Name of a second one that only scores; empty for none.
         options: What is set about strategies, by names like ``softmax.temperature``; what is not
             named has its default.
-        bid_deadline_s: From the call to the close of a round [s].
-        host_lease_s: A host without a heartbeat for this long is gone [s].
-        goal_deadline_s: Time for a host to take or refuse a goal [s].
-        cancel_deadline_s: Time for a run to end after it was told to stop; longer than what a
-            host needs for clean-up and open goals together [s].
-        collect_deadline_s: Time for the feedback service to answer [s].
-        on_new_scene: What happens to a scene that comes during an interaction.
-        queue_limit: How many scenes may wait.
-        preempt_margin: A running agent is stopped for another one that is nearer to the new scene
-            by at least this distance.
-        preempt_cooldown_s: After such a stop there is none other for this long [s].
-        tie_break: Which of equally good bids wins.
-        starvation_rounds: An agent is starved once it has bid in so many rounds with a run since
-            it ran last; 0 is never.
+        cancel_deadline_s: Longer than what a host needs for clean-up and open goals together [s].
 
     Raises:
         Refused: ``UNKNOWN_STRATEGY``, ``UNKNOWN_OPTION``, ``UNKNOWN_CHOICE``, ``NO_SHADOW`` or
@@ -81,15 +67,20 @@ class Settings:
     def __post_init__(self) -> None:
         """Check every value against its range."""
         check_strategy(self.strategy)
-        self._check_shadow()
+        if self.shadow_strategy:
+            check_strategy(self.shadow_strategy, "shadow_strategy")
+        if self.shadow_strategy == EXTERNAL:
+            raise Refused(
+                "NO_SHADOW",
+                f"shadow_strategy: '{EXTERNAL}' cannot be the shadow, as a round would wait for "
+                "its answer; make it the strategy, and the other one the shadow",
+            )
         self._check_options()
         _check_choice("on_new_scene", self.on_new_scene, ON_NEW_SCENE)
         _check_choice("tie_break", self.tie_break, TIE_BREAKS)
-        for name, (least, most) in SECONDS.items():
-            _check_range(name.removesuffix("_s"), getattr(self, name), least, most, " s")
-        _check_range("queue_limit", self.queue_limit, 0, MAX_QUEUE, "")
-        _check_range("preempt_margin", self.preempt_margin, 0.0, MAX_MARGIN, "")
-        _check_range("starvation_rounds", self.starvation_rounds, 0, MAX_STARVATION, "")
+        for name, (least, most) in RANGES.items():
+            unit = " s" if name.endswith("_s") else ""
+            _check_range(name.removesuffix("_s"), getattr(self, name), least, most, unit)
 
     def options_of(self, strategy: str) -> dict[str, float]:
         """Return every option of a strategy with its value, by names like ``temperature``."""
@@ -100,17 +91,6 @@ class Settings:
             if name.startswith(start)
         }
         return STRATEGIES[strategy].values(given) if strategy else {}
-
-    def _check_shadow(self) -> None:
-        if not self.shadow_strategy:
-            return
-        check_strategy(self.shadow_strategy, "shadow_strategy")
-        if self.shadow_strategy == EXTERNAL:
-            raise Refused(
-                "NO_SHADOW",
-                f"shadow_strategy: '{EXTERNAL}' cannot be the shadow, as a round would wait for "
-                "its answer; make it the strategy, and the other one the shadow",
-            )
 
     def _check_options(self) -> None:
         known = dict(all_options())

@@ -14,8 +14,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Bids
 from bt_agents_ros import bid_encoding
 from bt_agents_ros.bid_encoding import BidEncoder
-from marketplace_node.node.bid_decoder import BidDecoder
-from marketplace_node.node.messages import bids_from_msg
+from marketplace_node.node.messages import BidDecoder, bids_from_msg
 from tree_harness import SPACE, agent, scene
 
 EPOCHS = ("0123456789ab", "e", "another market, äöü")

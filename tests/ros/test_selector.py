@@ -37,7 +37,7 @@ def decide(ros: Any, *, url: str = "", limit_s: float = 10.0, cards: int = 0) ->
     if url:
         selector = ros.add(SelectorNode(SPACE, Endpoint(base_url=url, model="small")))
         ros.until(lambda: len(selector.descriptions) == cards)
-        ros.until(lambda: stage.market.external_ranking.there)
+        ros.until(lambda: stage.market.selector.service_is_ready())
     host = stage.host()
     stage.scene()
     started = stage.until_event(Run.STARTED)

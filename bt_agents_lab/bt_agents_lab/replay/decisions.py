@@ -14,9 +14,8 @@ from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import NO_TEXTS, Round
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
-from marketplace_node.explanation.calculation import calculation
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.explanation.reason import reason_of
+from marketplace_node.explanation.reason import calculation, reason_of
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,

@@ -31,16 +31,12 @@ def explanation(decision: Decision, space: SceneSpace) -> str:
     Who won and why in the words of the scene, where each value of the scene comes from, what each
     parameter contributed, who came next and what would have made it win, who may not bid, and what
     the shadow strategy thinks.
-
-    Args:
-        decision: Of any outcome.
-        space: The scene parameters, with the labels of their values.
     """
     return "\n".join(_lines(decision, space))
 
 
 def _lines(decision: Decision, space: SceneSpace) -> Iterator[str]:
-    winner = decision.winner
+    winner, ranked = decision.winner, decision.ranked
     yield _head(decision)
     if decision.terms.intervention:
         yield _sentence(decision.terms.intervention)
@@ -49,12 +45,12 @@ def _lines(decision: Decision, space: SceneSpace) -> Iterator[str]:
         yield from _why(decision, winner, space)
         yield from _next(decision, winner, space)
     yield from _others(decision)
-    if decision.shadow_winner and winner is not None:
-        same = decision.shadow_winner == winner.agent
-        chosen = f"{winner.agent}, too" if same else decision.shadow_winner
+    if ranked.shadow_winner and winner is not None:
+        same = ranked.shadow_winner == winner.agent
+        chosen = f"{winner.agent}, too" if same else ranked.shadow_winner
         yield f"The strategy {decision.terms.shadow}, which only looks on, would choose {chosen}."
-    if decision.ranked.shadow_failure:
-        yield f"{decision.terms.shadow} only looks on: {decision.ranked.shadow_failure}."
+    if ranked.shadow_failure:
+        yield f"{decision.terms.shadow} only looks on: {ranked.shadow_failure}."
 
 
 def _head(decision: Decision) -> str:
@@ -238,7 +234,7 @@ def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[
 
 
 def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterator[str]:
-    change = decision.change
+    change = decision.ranked.change
     if change is None:
         return
     if not change.names:

@@ -22,9 +22,6 @@ class HttpClient:
 
     Certificates are checked, redirects are not followed, no proxy is asked, and nothing is
     unpacked, so that no small answer becomes a large one.
-
-    Args:
-        name: Of the thread.
     """
 
     def __init__(self, name: str) -> None:

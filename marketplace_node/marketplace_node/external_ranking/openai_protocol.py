@@ -7,13 +7,14 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import urlsplit
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from marketplace_node.formatting import shown
+from marketplace_node.round.decision import External
 from marketplace_node.round.precedence import check_ranking
 
 MOST_BYTES = 1_000_000
@@ -37,17 +38,15 @@ _HEADER = re.compile(r"[\x21-\x7e]+")
 
 @dataclass(frozen=True, kw_only=True)
 class Endpoint:
-    """Server that speaks the protocol.
+    """Server that speaks the protocol, at a ``base_url`` like ``http://127.0.0.1:11434/v1``.
 
-    Attributes:
-        base_url: For example ``http://127.0.0.1:11434/v1``.
-        model: Name of the model there.
-        key: Sent as bearer token; empty for none. Not shown when the endpoint is printed.
+    Its ``key`` is sent as bearer token, and is not shown when the endpoint is printed; empty for
+    none.
     """
 
     base_url: str
     model: str
-    key: str = ""
+    key: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         """Check address, model and key.
@@ -79,10 +78,6 @@ class Endpoint:
                 "on this machine",
             )
 
-    def __repr__(self) -> str:
-        """Return it without the key."""
-        return f"Endpoint(base_url={self.base_url!r}, model={self.model!r})"
-
     @property
     def url(self) -> str:
         """Address of the completions of chats."""
@@ -101,8 +96,6 @@ class Bidder:
     """Bid of an agent as the model gets it.
 
     Attributes:
-        name: Unique.
-        vector: What it bids, in the order of the space.
         distance: Manhattan distance to the scene.
         description: What it does and whom it suits; empty when nobody has said.
     """
@@ -113,25 +106,10 @@ class Bidder:
     description: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Ranking:
-    """Ranking by a model: agents, best first, and its reason."""
-
-    agents: tuple[str, ...]
-    reason: str
-
-
 def question(
     model: str, space: SceneSpace, scene: Scene, bidders: Sequence[Bidder]
 ) -> dict[str, Any]:
-    """Return the body of a chat-completions request that asks for a ranking.
-
-    Args:
-        model: Name of the model.
-        space: The scene parameters, with descriptions and labels.
-        scene: What the bids are for.
-        bidders: Who bids.
-    """
+    """Return the body of a chat-completions request that asks for a ranking."""
     asked = {
         "scene": {
             "label": scene.label,
@@ -152,13 +130,8 @@ def question(
     }
 
 
-def answer(status: int, body: bytes, bidders: Sequence[str]) -> Ranking:
-    """Return the ranking in the answer of a server, whatever it has sent.
-
-    Args:
-        status: Of the HTTP response.
-        body: Of the response.
-        bidders: Names of those that bid.
+def answer(status: int, body: bytes, bidders: Sequence[str]) -> External:
+    """Return the ranking in the HTTP response of a server, whatever it has sent.
 
     Raises:
         Refused: ``HTTP_ERROR``, ``TOO_LONG``, ``NOT_JSON``, ``NO_ANSWER``, ``NO_RANKING``,
@@ -178,7 +151,7 @@ def answer(status: int, body: bytes, bidders: Sequence[str]) -> Ranking:
     return ranking(_content(parsed), bidders)
 
 
-def ranking(content: str, bidders: Sequence[str]) -> Ranking:
+def ranking(content: str, bidders: Sequence[str]) -> External:
     """Return the ranking in the words of a model: JSON, alone, fenced, or amid prose.
 
     Raises:
@@ -188,9 +161,9 @@ def ranking(content: str, bidders: Sequence[str]) -> Ranking:
         named = found.get("ranking")
         if isinstance(named, list) and all(isinstance(name, str) for name in named):
             reason = found.get("reason")
-            return Ranking(
-                agents=check_ranking(named, bidders),
-                reason=shown(reason) if isinstance(reason, str) else "",
+            return External(
+                ranking=check_ranking(named, bidders),
+                message=shown(reason) if isinstance(reason, str) else "",
             )
     raise Refused(
         "NO_RANKING",
@@ -227,7 +200,6 @@ def _character(space: SceneSpace, bidder: Bidder) -> dict[str, Any]:
 
 
 def _content(parsed: object) -> str:
-    """Return the model's text from the response of its server."""
     at: object = parsed
     for key in ("choices", 0, "message", "content"):
         if isinstance(key, int):

@@ -16,7 +16,7 @@ PREEMPTED = "PREEMPTED"
 
 @dataclass(frozen=True, kw_only=True)
 class StopRequest:
-    """Order to stop a run, with its reason and whether to ask again afterwards.
+    """Order to stop a run.
 
     Attributes:
         reason: Why, in words.
@@ -39,17 +39,7 @@ class StopRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class RunEnd:
-    """End of a run as its host reports it; numbers are as in ``RunAgent.action``, unchecked.
-
-    Attributes:
-        outcome: How it ended.
-        message: Why, in words.
-        stop_cause: Why it was stopped.
-        host_reason: True when the message says more than that the market stopped it.
-        orphans: Paths of the nodes whose goals were not confirmed ended.
-        ticks: Ticks of the tree.
-        overruns: Ticks that took longer than the time between two.
-    """
+    """End of a run as its host reports it, unchecked; fields as in ``RunAgent.action``."""
 
     outcome: int
     message: str
@@ -65,8 +55,6 @@ class Award:
     """Goal for the winner of a round, and its state.
 
     Attributes:
-        goal: What the host is to run.
-        scene: For which scene.
         held: Why the goal is not sent yet; empty once it is.
         accepted: True once the host has taken the goal.
         started: When it was taken, steady time [s]; None for one that was stopped before.
@@ -91,12 +79,8 @@ class Award:
         """Return the code for the end of the scene when this was the last run for it."""
         if self.stop is not None and self.started is None:
             return self.stop.code
-        if self.stop is not None and (outcome, self.stop.code) == (
-            RunOutcome.CANCELLED,
-            PREEMPTED,
-        ):
-            return PREEMPTED
-        return outcome.name
+        preempted = self.stop is not None and self.stop.code == PREEMPTED
+        return PREEMPTED if preempted and outcome is RunOutcome.CANCELLED else outcome.name
 
     def event(self, kind: RunEventKind, message: str) -> AnnounceRun:
         """Return the announcement of an event before the end."""

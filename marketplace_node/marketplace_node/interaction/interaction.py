@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bt_agents_core.scene import Scene
@@ -21,16 +22,33 @@ from marketplace_node.effects import (
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.interaction.award import Award, RunEnd, StopRequest
 from marketplace_node.interaction.open_round import OpenRound
-from marketplace_node.interaction.scene_queue import QueuedScene
 from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
 
-NO_BIDS = "NO_BIDS"
-NOT_TAKEN = "NOT_TAKEN"
+FEEDBACK_DEFERRED = "feedback is kept until the feedback node is back"
 
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
+
+
+@dataclass(eq=False, kw_only=True)
+class QueuedScene:
+    """Scene that waits for its interaction.
+
+    Attributes:
+        asked: True once a challenge for it has been opened.
+        round: Number of that challenge, 0 before.
+        drawn: Number of the round whose chance it draws, as that round has decided for it; 0 for
+            the chance of its own.
+        excluded: Agents that may not bid when its turn comes, with the reason.
+    """
+
+    scene: Scene
+    asked: bool = False
+    round: int = 0
+    drawn: int = 0
+    excluded: Mapping[str, str] = field(default_factory=dict)
 
 
 class Interaction:
@@ -40,9 +58,9 @@ class Interaction:
 
     Attributes:
         origin: The scene that started it.
-        state: What is going on.
         round: Number of its round, the last one once that is closed.
         open_round: The round that is open; None between rounds.
+        due: When its deadline passes, that of the open round aside, steady time [s].
         over: The end of the scene; None before.
     """
 
@@ -53,7 +71,7 @@ class Interaction:
         self.open_round: OpenRound | None = None
         self.over: SceneEnded | None = None
         self._market_state = market_state
-        self._deadline: float | None = None
+        self.due = math.inf
         self._decision: Decision | None = None
         self._next_rank = 0
         self._not_taken_by: list[str] = []
@@ -70,11 +88,6 @@ class Interaction:
     def goal(self) -> RunGoal | None:
         """Goal of the award in force; None without one."""
         return self._award.goal if self._award else None
-
-    @property
-    def due(self) -> float:
-        """When its deadline passes, that of the open round aside, steady time [s]."""
-        return math.inf if self._deadline is None else self._deadline
 
     def state_text(self) -> str:
         """Return the state as a text for people."""
@@ -98,13 +111,10 @@ class Interaction:
         if by is not None:
             self._close(by, now)
 
-    def accepted(self, goal: RunGoal, now: float) -> None:
-        """The host has taken the goal; one that nobody waits for any more is cancelled."""
+    def accepted(self, goal: RunGoal, now: float) -> bool:
+        """The host has taken the goal; return False when nobody waits for that any more."""
         award = self._waiting(goal)
-        if award is None:
-            late = f"it took the run of round {goal.round} too late"
-            self._market_state.give_up(goal, late, now, runs=True)
-        elif not award.accepted:
+        if award is not None and not award.accepted:
             award.accepted = True
             assert self._decision is not None, "an award follows a decision"
             self._market_state.count_run(goal.agent, self._decision)
@@ -116,6 +126,7 @@ class Interaction:
                 )
             else:
                 self._cancel(award, now)
+        return award is not None
 
     def refused(self, goal: RunGoal, reason: str, now: float) -> None:
         """The host does not take the goal, or it could not be sent."""
@@ -123,12 +134,12 @@ class Interaction:
         if award is not None and not award.accepted:
             self._not_taken(award, reason, now)
 
-    def ended(self, goal: RunGoal, end: RunEnd, now: float) -> None:
-        """The host reports the end of a run."""
+    def ended(self, goal: RunGoal, end: RunEnd, now: float) -> bool:
+        """The host reports the end of a run; return False when it is not that of the award."""
         award = self._waiting(goal)
         if award is None or not award.accepted:
-            self._market_state.ended(goal)
-        elif end.outcome in _REPORTED:
+            return False
+        if end.outcome in _REPORTED:
             if award.stop is not None and end.outcome == RunOutcome.CANCELLED:
                 more = f" ({end.message})" if end.host_reason else ""
                 end = replace(end, message=f"{award.stop.reason}{more}")
@@ -136,6 +147,7 @@ class Interaction:
         else:
             message = f"the host reported the unknown outcome {end.outcome}; {end.message}"
             self._end(award, RunOutcome.FAILED, replace(end, message=message), now)
+        return True
 
     def on_heartbeat(self, host: str, epoch: str, round_number: int, now: float) -> None:
         """Note whether the host's heartbeat still names the run."""
@@ -148,11 +160,8 @@ class Interaction:
             award.silent_since = now
 
     def extend_after_stall(self, lasted_s: float) -> None:
-        """Move all deadlines, as nobody has listened for so long [s]."""
-        if self.open_round is not None:
-            self.open_round.extend_after_stall(lasted_s)
-        if self._deadline is not None:
-            self._deadline += lasted_s
+        """Move all deadlines but that of its round, as nobody has listened for so long [s]."""
+        self.due += lasted_s
         if self._award is not None and self._award.silent_since is not None:
             self._award.silent_since += lasted_s
 
@@ -161,10 +170,6 @@ class Interaction:
         if self.state is State.COLLECTING:
             self._last_text += f"; {message}"
             self._proceed()
-
-    def feedback_deferred(self) -> None:
-        """The feedback service is away, and its answer is not waited for."""
-        self.collected("feedback is kept until the feedback node is back")
 
     def stop(self, stop: StopRequest, now: float) -> tuple[bool, str]:
         """Stop the interaction; return whether it will stop, and the answer for people."""
@@ -182,7 +187,7 @@ class Interaction:
         # Without a run there is nothing to ask again about, unless somebody else is wanted.
         may_follow_up = award.accepted or stop.code == VETOED
         award.stop = stop if may_follow_up else replace(stop, again=False)
-        self._enter(State.CANCELLING, self._deadline)
+        self._enter(State.CANCELLING, self.due)
         self._market_state.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
         if award.held:
             self._not_taken(award, award.held, now)
@@ -203,8 +208,8 @@ class Interaction:
         if self.over is not None:
             return
         self.close_when_due(now)
-        if self.over is None and self._deadline is not None and now >= self._deadline:
-            self._deadline = None
+        if self.over is None and now >= self.due:
+            self.due = math.inf
             self._overdue(now)
 
     def check_host(self, now: float) -> None:
@@ -232,7 +237,7 @@ class Interaction:
         award = self._award
         assert award is not None, "outside of a round only an award has a deadline"
         if self.state is State.COLLECTING:
-            self.feedback_deferred()
+            self.collected(FEEDBACK_DEFERRED)
         elif award.accepted:
             self._market_state.give_up(award.goal, award.unfinished, now, runs=True)
             limit = settings.cancel_deadline_s
@@ -260,7 +265,7 @@ class Interaction:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
             self._award_next(decision, now)
         else:
-            self._finish(stop.code if stop else NO_BIDS, reason_fn())
+            self._finish(stop.code if stop else "NO_BIDS", reason_fn())
         # Last, as the winner must not wait for words.
         self._market_state.publish(decision, reason_fn)
 
@@ -282,7 +287,7 @@ class Interaction:
                 continue
             self._send(self._award, now)
             return
-        self._finish(NOT_TAKEN, f"nobody took the run: {'; '.join(self._not_taken_by)}")
+        self._finish("NOT_TAKEN", f"nobody took the run: {'; '.join(self._not_taken_by)}")
 
     def _send(self, award: Award, now: float) -> None:
         """Send the goal, unless another host still has the robot."""
@@ -312,7 +317,7 @@ class Interaction:
 
     def _cancel(self, award: Award, now: float) -> None:
         if award.accepted:
-            self._deadline = now + self._market_state.settings.cancel_deadline_s
+            self.due = now + self._market_state.settings.cancel_deadline_s
         self._market_state.effects.append(CancelGoal(goal=award.goal))
 
     def _lose(self, award: Award, message: str, now: float) -> None:
@@ -384,6 +389,6 @@ class Interaction:
         over = award is None or award.goal != goal or self.state is State.COLLECTING
         return None if over else award
 
-    def _enter(self, state: State, deadline: float | None = None) -> None:
+    def _enter(self, state: State, due: float = math.inf) -> None:
         self.state = state
-        self._deadline = deadline
+        self.due = due

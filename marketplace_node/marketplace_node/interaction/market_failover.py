@@ -25,11 +25,7 @@ _REMEMBERED = 400
 
 
 class InheritedRuns:
-    """Runs inherited from an earlier market, each taken once, each scene ended once.
-
-    Args:
-        market_state: Shared by all rounds.
-    """
+    """Runs inherited from an earlier market, each taken once, each scene ended once."""
 
     def __init__(self, market_state: MarketState) -> None:
         self._market_state = market_state
@@ -52,11 +48,7 @@ class InheritedRuns:
     ) -> None:
         """Record what a host hands over, and plan to ask again for what was cut off.
 
-        Args:
-            host: Who hands them over.
-            runs: What it says; the first of a round counts.
-            now: Steady time [s].
-            obstacle: Why nothing is asked for again; empty when nothing is in the way.
+        The first report about a round counts. With an ``obstacle`` nothing is asked for again.
         """
         fresh = [run for run in runs if self._is_new(host, run)]
         for run in fresh:
@@ -75,16 +67,17 @@ class InheritedRuns:
 
     def _is_new(self, host: str, run: EarlierRun) -> bool:
         which = (run.epoch, run.goal.round, run.goal.agent)
-        report = f"{host} says how the run of round {run.goal.round} of market '{run.epoch}' ended"
         if run.epoch == self._market_state.epoch:
-            self._note(f"{report}, but this market knows its own runs; it is left out")
+            problem = ", but this market knows its own runs"
         elif run.goal.host != host:
-            self._note(f"{report}, but it was a run of '{run.goal.host}'; it is left out")
+            problem = f", but it was a run of '{run.goal.host}'"
         elif which in self._runs:
-            self._note(f"{report} once more; it is left out")
+            problem = " once more"
         else:
             self._runs.append(which)
             return True
+        report = f"{host} says how the run of round {run.goal.round} of market '{run.epoch}' ended"
+        self._market_state.effects.append(Note(message=f"{report}{problem}; it is left out"))
         return False
 
     def _lose(self, origin: str, run: EarlierRun, now: float, obstacle: str) -> None:
@@ -105,6 +98,3 @@ class InheritedRuns:
         self._market_state.effects.append(
             SceneEnded(scene_id=scene_id, code=outcome.name, message=message, agent=run.goal.agent)
         )
-
-    def _note(self, message: str) -> None:
-        self._market_state.effects.append(Note(message=message))

@@ -20,20 +20,14 @@ class OpenRound:
 
     With the strategy ``external`` the bids are closed first, and a program outside is asked to
     rank them; the round closes with its answer, or without it after ``external.limit``.
+    ``due`` is when its time is over, steady time [s].
 
     Args:
         market_state: Counts the round and says whom to ask.
         scene: What the bids are for.
         now: Steady time [s].
-        follows: The round this one continues, 0 for none.
-        excluded: Agents that may not bid, with the reason.
-        preview: Name of the strategy of a round that only foretells; None for a real round.
-        drawn: Number of the round whose chance it draws; 0 for the chance of its own.
+        follows, excluded, preview, drawn: As in :meth:`MarketState.terms`.
         asks_external: False when nobody outside is asked to rank, as the order decides nothing.
-
-    Attributes:
-        number: Number of the round.
-        scene: What the bids are for.
     """
 
     def __init__(
@@ -65,7 +59,7 @@ class OpenRound:
         self._external: External | None = None
         self._asks_external = asks_external
         # A call that is never published has to end, too.
-        self._deadline = now + 2 * self._limit_s
+        self.due = now + 2 * self._limit_s
         if asked:
             market_state.effects.append(
                 OpenCall(
@@ -82,11 +76,6 @@ class OpenRound:
         """False once the bids are closed and their ranking is waited for."""
         return self._bids_closed_by is None
 
-    @property
-    def due(self) -> float:
-        """When its time is over, steady time [s]."""
-        return self._deadline
-
     def state_text(self) -> str:
         """Return what the round waits for, as a text for people."""
         return "asking for bids" if self.takes_bids else "asking outside for a ranking"
@@ -95,11 +84,11 @@ class OpenRound:
         """Start the clock, as the call for bids is published."""
         if self.takes_bids:
             self._opened = now
-            self._deadline = now + self._limit_s
+            self.due = now + self._limit_s
 
     def extend_after_stall(self, lasted_s: float) -> None:
         """Move the deadline, as nobody has listened for so long [s]."""
-        self._deadline += lasted_s
+        self.due += lasted_s
 
     def take(self, bids: Bids) -> None:
         """Take a host's answer, unchecked; only while bids are taken."""
@@ -118,7 +107,7 @@ class OpenRound:
             by = self._bids_closing(now)
             if by is None or not self._request_ranking(by, now):
                 return by
-        if self._external is None and now >= self._deadline:
+        if self._external is None and now >= self.due:
             limit_s = self._terms.options["limit"]
             self._external = External(failure=f"the selector did not answer within {limit_s:g} s")
         return self._bids_closed_by if self._external is not None else None
@@ -131,7 +120,7 @@ class OpenRound:
     def _bids_closing(self, now: float) -> ClosedBy | None:
         if self._auction.complete:
             return ClosedBy.ALL_ANSWERED
-        return ClosedBy.DEADLINE if now >= self._deadline else None
+        return ClosedBy.DEADLINE if now >= self.due else None
 
     def _request_ranking(self, by: ClosedBy, now: float) -> bool:
         """Ask for a ranking when the strategy wants one and there is something to rank."""
@@ -142,7 +131,7 @@ class OpenRound:
             return False
         limit_s = self._terms.options["limit"]
         self._bids_closed_by = by
-        self._deadline = now + limit_s
+        self.due = now + limit_s
         self._market_state.effects.append(
             RequestRanking(
                 round=self.number,

@@ -8,26 +8,15 @@ from dataclasses import replace
 from functools import partial
 
 from marketplace_node.explanation.reason import preemption_reason
+from marketplace_node.interaction.interaction import QueuedScene
 from marketplace_node.interaction.open_round import OpenRound
-from marketplace_node.interaction.scene_queue import QueuedScene
 from marketplace_node.market_state import MarketState
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
 from marketplace_node.settings import EXTERNAL, Settings
 
 
 class PreemptionRound:
-    """Round for a queued scene during the run of another agent.
-
-    Args:
-        market_state: Shared by all rounds.
-        waiting: The scene, which keeps its place in the line.
-        running: The agent that runs.
-        now: Steady time [s].
-
-    Attributes:
-        waiting: The scene.
-        open_round: Its call for bids.
-    """
+    """Round for a queued scene, which keeps its place, during the run of another agent."""
 
     def __init__(
         self, market_state: MarketState, waiting: QueuedScene, running: str, now: float

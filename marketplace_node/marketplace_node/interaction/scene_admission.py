@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Admission of scenes: reject, queue, or open a preemption round."""
+"""Admission of scenes: reject, queue, or open a preemption round; and the queue itself."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from marketplace_node.effects import SceneEnded, State
 from marketplace_node.interaction.award import PREEMPTED, SHUTTING_DOWN, STOPPED, StopRequest
-from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.interaction import Interaction, QueuedScene
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.preemption import PreemptionRound
-from marketplace_node.interaction.scene_queue import QueuedScene, SceneQueue
 from marketplace_node.market_state import MarketState
 from marketplace_node.settings import MAX_QUEUE
 
@@ -23,25 +22,20 @@ class SceneAdmission:
     """Admits scenes into the queue, or opens a preemption round where new scenes preempt.
 
     One challenge is open at a time, and only while a tree runs: scenes that come earlier, or
-    during another challenge, are asked about when it is their turn.
-
-    Args:
-        market_state: Shared by all rounds.
-
-    Attributes:
-        closed_reason: Why no more scenes are taken; empty while they are.
+    during another challenge, are asked about when it is their turn. Once ``closed_reason`` is set
+    no more scenes are taken.
     """
 
     def __init__(self, market_state: MarketState) -> None:
         self.closed_reason = ""
         self._market_state = market_state
-        self._line = SceneQueue()
+        self._queue: list[QueuedScene] = []
         self._known: deque[str] = deque(maxlen=_REMEMBERED_SCENES)
         self._challenge: PreemptionRound | None = None
         self._preempted_at: float | None = None
 
     def __len__(self) -> int:
-        return len(self._line)
+        return len(self._queue)
 
     @property
     def open_round(self) -> OpenRound | None:
@@ -49,14 +43,14 @@ class SceneAdmission:
         return self._challenge.open_round if self._challenge else None
 
     def take(self, scene: Scene, interaction: Interaction | None) -> None:
-        """Put a scene in line, or end it at once."""
+        """Put a scene in the queue, or end it at once."""
         try:
             self.join(scene, interaction)
         except Refused as refused:
             self.refuse(scene.scene_id, refused.code, refused.reason)
 
     def join(self, scene: Scene, interaction: Interaction | None) -> None:
-        """Put a scene in line.
+        """Put a scene in the queue: last, or an urgent one that preempts before the others.
 
         Raises:
             Refused: ``SHUTTING_DOWN``, ``DUPLICATE``, ``BUSY`` or ``QUEUE_FULL``.
@@ -64,7 +58,11 @@ class SceneAdmission:
         self._check(scene, interaction)
         self._known.append(scene.scene_id)
         self._market_state.last_scene = scene
-        self._line.push(scene, urgent_first=self._preempts)
+        place = len(self._queue)
+        if self._preempts and scene.urgent:
+            urgent = [index for index, other in enumerate(self._queue) if other.scene.urgent]
+            place = urgent[-1] + 1 if urgent else 0
+        self._queue.insert(place, QueuedScene(scene=scene))
 
     def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:
         """End a scene for which nothing has run."""
@@ -74,7 +72,7 @@ class SceneAdmission:
 
     def next(self) -> QueuedScene | None:
         """Take the scene whose turn it is; None when none waits."""
-        return self._line.pop() if len(self._line) else None
+        return self._queue.pop(0) if self._queue else None
 
     def close(self, reason: str, now: float) -> None:
         """End all scenes that wait, and from now on each one that comes."""
@@ -86,7 +84,7 @@ class SceneAdmission:
     def forget(self, reason: str, now: float) -> str:
         """End all queued scenes on request; return a text for the answer."""
         self._give_up_preemption(reason, now)
-        count = len(self._line)
+        count = len(self._queue)
         while (waiting := self.next()) is not None:
             self.refuse(waiting.scene.scene_id, STOPPED, f"stopped while it waited: {reason}")
         noun = "scene that waited is" if count == 1 else "scenes that waited are"
@@ -102,8 +100,8 @@ class SceneAdmission:
             self._give_up_preemption(f"on_new_scene is '{mode}' now", now)
         while interaction is not None and _running(interaction):
             if self._challenge is None:
-                waiting = self._line.unasked() if self._preempts else None
-                if waiting is None or interaction.goal is None:
+                waiting = next((one for one in self._queue if not one.asked), None)
+                if not self._preempts or waiting is None or interaction.goal is None:
                     return
                 self._challenge = PreemptionRound(
                     self._market_state, waiting, interaction.goal.agent, now
@@ -130,14 +128,14 @@ class SceneAdmission:
             raise Refused("BUSY", f"{busy} and on_new_scene is 'reject'")
         if self._preempts and _running(interaction) and self._challenge is None:
             return  # it is asked about at once, and waits only when that does not stop the run
-        waiting = len(self._line) - (self._challenge is not None)
+        waiting = len(self._queue) - (self._challenge is not None)
         limit = self._market_state.settings.queue_limit
         if waiting >= limit + self._finds_room(scene):
             raise Refused("QUEUE_FULL", f"{busy} and {waiting} wait, at most {limit} may")
 
     def _finds_room(self, scene: Scene) -> bool:
-        """Whether a scene is urgent enough to wait for its challenge in a full line."""
-        others = (waiting for waiting in self._line if not waiting.asked)
+        """Whether a scene is urgent enough to wait for its challenge in a full queue."""
+        others = (waiting for waiting in self._queue if not waiting.asked)
         return self._preempts and scene.urgent and not any(w.scene.urgent for w in others)
 
     def _decide(self, challenge: PreemptionRound, interaction: Interaction, now: float) -> bool:
@@ -151,17 +149,18 @@ class SceneAdmission:
         )
         if stops:
             self._preempted_at = now
-            self._line.put_first(waiting)
+            self._queue.remove(waiting)
+            self._queue.insert(0, waiting)
             preempted = f"preempted by scene '{waiting.scene.scene_id}': {reason}"
             interaction.stop(StopRequest(reason=preempted, code=PREEMPTED), now)
         elif no_room:
-            self._line.remove(waiting)
+            self._queue.remove(waiting)
             self.refuse(waiting.scene.scene_id, "QUEUE_FULL", reason, waiting.round)
         return True
 
     def _full(self) -> str:
         """Return why the scene of the challenge cannot wait; empty when it can."""
-        others, limit = len(self._line) - 1, self._market_state.settings.queue_limit
+        others, limit = len(self._queue) - 1, self._market_state.settings.queue_limit
         return f"{others} wait already and at most {limit} may" if others >= limit else ""
 
     def _cooldown_left(self, now: float) -> float:

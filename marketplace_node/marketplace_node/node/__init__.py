@@ -20,11 +20,12 @@ from bt_agents_interfaces.msg import CallForBids, MarketHeartbeat, MarketStatus
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
-from bt_agents_interfaces.srv import CancelRun, CollectFeedback
+from bt_agents_interfaces.srv import CancelRun, CollectFeedback, SelectAgent
 from bt_agents_language.files.market_reader import MarketRule, market_of
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
+from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg
 from bt_agents_ros.outbox import Outbox
 from bt_agents_ros.spinner import run
@@ -53,21 +54,21 @@ from marketplace_node.effects import (
 )
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.market import Market
-from marketplace_node.node.bid_decoder import BidDecoder
-from marketplace_node.node.external_ranking_client import ExternalRankingClient
 from marketplace_node.node.hosts import HostConnections
 from marketplace_node.node.messages import (
+    BidDecoder,
     auction_to_msg,
     call_to_msg,
-    earlier_run_to_msg,
     run_to_msg,
     scene_end_to_msg,
+    selection_from_msg,
+    selection_to_msg,
     status_to_msg,
 )
 from marketplace_node.node.operator_services import OperatorServices, OverridesFile
 from marketplace_node.node.parameters import declare_settings, watch_settings
-from marketplace_node.node.registration_service import RegistrationService
 from marketplace_node.registry import HostEntry
+from marketplace_node.round.decision import External
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
 
@@ -91,11 +92,11 @@ class MarketplaceNode(BaseNode):
         space: The scene parameters of the system.
         epoch: Name of this start of the market; None makes one.
         rules: Of the strategy ``rules``.
-        overrides_file: File that keeps pins, vetoes and counts over a restart; None keeps none.
+        overrides_file: Keeps pins, vetoes and counts over a restart; None keeps none.
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Attributes:
-        external_ranking: Asks a program outside for rankings.
+        selector: Client of the service ``select``, which ranks for the strategy ``external``.
     """
 
     def __init__(
@@ -114,7 +115,7 @@ class MarketplaceNode(BaseNode):
         self._executing = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
         self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
-        self._hosts = HostConnections(self, self._market, self._execute)
+        self._hosts = HostConnections(self, self._market, space, self._execute)
         watch_settings(self, lambda: self._market.settings, self._configure)
         self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
         self._auctions = self.create_publisher(AuctionMsg, "auctions", qos.HISTORY)
@@ -126,7 +127,9 @@ class MarketplaceNode(BaseNode):
         self._feedback = Outbox(
             self, self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE)
         )
-        self.external_ranking = ExternalRankingClient(self, self._market, self._execute)
+        self._questions = Calls(self)
+        # Made before it is needed, so that the server is found by then.
+        self.selector = self.create_client(SelectAgent, "select", qos_profile=qos.SERVICE)
         self._operators = OperatorServices(self, self._market, space, self._execute)
         self._overrides_file = (
             OverridesFile(self, overrides_file) if overrides_file is not None else None
@@ -135,7 +138,6 @@ class MarketplaceNode(BaseNode):
         self._deadline = OneShot(self, self._tick)
         self._poll = steady_timer(self, _POLL_S, self._tick, running=False)
         steady_timer(self, _HEARTBEAT_S, self._publish_heartbeat)
-        RegistrationService(self, self._market, self._hosts, space, self._execute)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bid_decoder = BidDecoder(self._market.epoch, self._hosts.reaches)
         self._bids = self.create_subscription(
@@ -225,7 +227,7 @@ class MarketplaceNode(BaseNode):
     def _tick(self) -> None:
         now = time.monotonic()
         if now - self._ticked > self._market.settings.host_lease_s / 2:
-            # This process was held up; the heartbeats of that time still wait to be read.
+            # This process was stalled; the heartbeats of that time still wait to be read.
             self._execute(self._market.extend_after_stall(self._ticked, now))
         self._ticked = now
         self._publish_calls(now)
@@ -275,7 +277,7 @@ class MarketplaceNode(BaseNode):
                 self._due_calls[effect.round] = (effect, latest)
                 self._publish_calls(now)
             case RequestRanking():
-                self.external_ranking.ask(effect)
+                self._request_ranking(effect)
             case PreviewEnded():
                 self._due_calls.pop(effect.number, None)
                 self._operators.end(effect)
@@ -295,7 +297,7 @@ class MarketplaceNode(BaseNode):
                 event = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
                 log.info(f"round {effect.goal.round}: {event}")
             case AnnounceEarlierRun():
-                self._runs.publish(earlier_run_to_msg(effect.run, self._now()))
+                self._runs.publish(run_to_msg(effect.run, effect.run.epoch, self._now()))
             case Collect():
                 self._collect(effect)
             case StatusChanged():
@@ -323,7 +325,9 @@ class MarketplaceNode(BaseNode):
         for effect, latest in list(self._due_calls.values()):
             if self._matched(effect.hosts) or now >= latest:
                 self._due_calls.pop(effect.round, None)
-                self._publish_call(effect, now)
+                call = call_to_msg(effect, self._market.epoch, self._space, self._now())
+                self._calls.publish(call)
+                self._execute(self._market.called(effect.round, now))
 
     def _matched(self, hosts: int) -> bool:
         """Return whether so many hosts are matched both ways; else messages would be lost."""
@@ -331,10 +335,22 @@ class MarketplaceNode(BaseNode):
         subscribers = int(self._calls.get_subscription_count())
         return min(publishers, subscribers) >= hosts
 
-    def _publish_call(self, effect: OpenCall, now: float) -> None:
-        call = call_to_msg(effect, self._market.epoch, self._space, self._now())
-        self._calls.publish(call)
-        self._execute(self._market.called(effect.round, now))
+    def _request_ranking(self, effect: RequestRanking) -> None:
+        """Ask once; the market owns the deadline."""
+
+        def report(external: External) -> None:
+            self._execute(self._market.ranked(effect.round, external, time.monotonic()))
+
+        if not self.selector.service_is_ready():
+            report(External(failure=f"no selector serves '{self.selector.srv_name}'"))
+            return
+        self._questions.call(
+            self.selector,
+            selection_to_msg(effect, self._market.epoch),
+            deadline_s=effect.limit_s,
+            on_answer=lambda answer: report(selection_from_msg(answer, effect.agents)),
+            on_failure=lambda reason: report(External(failure=reason)),
+        )
 
     def _collect(self, effect: Collect) -> None:
         number = effect.goal.round
@@ -371,11 +387,6 @@ def make_market(
     trees: Path, overrides_file: Path | None = None, **node_kwargs: Any
 ) -> MarketplaceNode:
     """Return the market of a trees folder; what it cannot use is logged.
-
-    Args:
-        trees: The folder.
-        overrides_file: As for :class:`MarketplaceNode`.
-        node_kwargs: For :class:`rclpy.node.Node`.
 
     Raises:
         ReadError: ``scene.yaml`` is wrong, or ``market.yaml`` that a strategy in force needs.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clients of every registered host: its heartbeat, its action and the goals under way."""
+"""Connections to the hosts: registration, heartbeats, actions and the goals under way."""
 
 from __future__ import annotations
 
@@ -14,13 +14,24 @@ from action_msgs.srv import CancelGoal
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat
+from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
+from bt_agents_ros.messages import seconds
 from marketplace_node.effects import Effect, RunGoal, SendGoal
+from marketplace_node.interaction.market_failover import MAX_RUNS
 from marketplace_node.market import Market
-from marketplace_node.node.messages import goal_to_msg, run_end_from_msg
+from marketplace_node.node.messages import (
+    earlier_run_from_msg,
+    goal_to_msg,
+    registration_from_msg,
+    run_end_from_msg,
+)
 from marketplace_node.registry import HostEntry
+
+_SHOWN = 200  # characters of what is malformed
 
 
 @dataclass(eq=False, kw_only=True)
@@ -50,26 +61,27 @@ class _Sending:
 
 
 class HostConnections:
-    """Action clients that send goals to hosts and report to the market what becomes of them.
+    """Service ``~/register`` and action clients, which report to the market what hosts do.
 
     A goal waits for its server until the market gives it up; the market owns every deadline. The
     action is spoken to by its services: a client of an action would also listen to its feedback
     and to the states of all its goals, which takes longer than all the rest.
-
-    Args:
-        node: The marketplace node.
-        market: Who is told.
-        execute: Executes the effects that the market answers with.
     """
 
     def __init__(
-        self, node: Node, market: Market, execute: Callable[[list[Effect]], None]
+        self,
+        node: Node,
+        market: Market,
+        space: SceneSpace,
+        execute: Callable[[list[Effect]], None],
     ) -> None:
         self._node = node
         self._market = market
+        self._space = space
         self._execute = execute
         self._links: dict[str, _Link] = {}
         self._goals: dict[RunGoal, _Sending] = {}
+        node.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
 
     @property
     def is_polling(self) -> bool:
@@ -156,7 +168,7 @@ class HostConnections:
     def cancel(self, goal: RunGoal) -> None:
         """Cancel a goal, or drop it unsent.
 
-        One that is not answered yet is cancelled all the same: a host that was held up finds the
+        One that is not answered yet is cancelled all the same: a host that was stalled finds the
         cancel beside the goal, and does not begin. The market cancels again on acceptance.
         """
         sending = self._goals.get(goal)
@@ -179,6 +191,50 @@ class HostConnections:
         if link is not None:
             # An action takes a request without an id and a stamp for all its goals.
             link.cancels.call_async(CancelGoal.Request())
+
+    def _register(
+        self, request: RegisterHost.Request, response: RegisterHost.Response
+    ) -> RegisterHost.Response:
+        registration = registration_from_msg(request)
+        answer, effects = self._market.register(registration, time.monotonic())
+        self._execute(effects)
+        response.epoch = self._market.epoch
+        response.accepted = answer.accepted
+        response.agent_ids = list(answer.agent_ids)
+        response.reasons = list(answer.reasons)
+        response.message = answer.message
+        if answer.accepted and not self.reaches(request.host):
+            response.accepted = False
+            response.agent_ids = [0] * len(request.agents)
+            response.message = (
+                f"UNREACHABLE: {request.run_action} or {request.heartbeat} cannot be used, "
+                "as something else has the name; the log of the marketplace says more"
+            )
+            response.reasons = [response.message] * len(request.agents)
+        if response.accepted:
+            self._take_unreported(request)
+        else:
+            self._node.get_logger().warning(f"host '{request.host}' refused: {response.message}")
+        return response
+
+    def _take_unreported(self, request: RegisterHost.Request) -> None:
+        """Take the runs of an earlier market as far as they are in order."""
+        now_s = seconds(self._node.get_clock().now().to_msg())
+        runs = []
+        for message in request.unreported[:MAX_RUNS]:
+            try:
+                runs.append(earlier_run_from_msg(message, self._space, now_s))
+            except Refused as refused:
+                self._node.get_logger().warning(
+                    f"a run that {request.host} had not reported is left out: "
+                    f"{str(refused)[:_SHOWN]}"
+                )
+        if len(request.unreported) > MAX_RUNS:
+            self._node.get_logger().warning(
+                f"{request.host} hands over {len(request.unreported)} unreported runs, "
+                f"the first {MAX_RUNS} are taken"
+            )
+        self._execute(self._market.unreported(request.host, runs, time.monotonic()))
 
     def _take_heartbeat(self, message: Heartbeat) -> None:
         self._execute(

@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
+from rclpy.serialization import deserialize_message
+
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_core.text import single_spaced
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
@@ -19,6 +23,7 @@ from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
 from bt_agents_interfaces.srv import OperateMarket, RegisterHost, SelectAgent
+from bt_agents_ros import bid_encoding
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg, seconds
 from marketplace_node.effects import (
     AnnounceRun,
@@ -26,23 +31,53 @@ from marketplace_node.effects import (
     OpenCall,
     PublishAuction,
     RequestRanking,
-    RunEventKind,
     RunGoal,
     RunOutcome,
     SceneEnded,
     SendGoal,
     StatusChanged,
 )
-from marketplace_node.explanation.calculation import calculation
+from marketplace_node.explanation.reason import calculation
 from marketplace_node.formatting import shown
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.registry import Registration
-from marketplace_node.round.decision import Bids, Decision, External, RankedBid, Terms
+from marketplace_node.round.decision import Bids, Decision, External, RankedBid
 from marketplace_node.round.precedence import check_ranking
 from marketplace_node.strategies import STRATEGIES
 
 _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
+
+
+class BidDecoder:
+    """Decoder that caches the last answer of each host, of those that ``is_known`` accepts."""
+
+    def __init__(self, epoch: str, is_known: Callable[[str], bool]) -> None:
+        self._epoch = epoch
+        self._is_known = is_known
+        self._last: dict[str, tuple[bytes, Bids]] = {}
+
+    def read(self, message: bytes) -> Bids:
+        """Return the answer in a serialised message; the auction checks it.
+
+        Raises:
+            Refused: ``MALFORMED``.
+        """
+        for last, bids in self._last.values():
+            number = bid_encoding.round_of(message, last, self._epoch)
+            if number is not None:
+                return replace(bids, round=number)
+        try:
+            bids = bids_from_msg(deserialize_message(message, BidsMsg))
+        except Exception as error:
+            raise Refused("MALFORMED", f"bids that are no message: {error}") from None
+        if bids.epoch == self._epoch and self._is_known(bids.host):
+            self._last[bids.host] = (message, bids)
+        return bids
+
+    def forget(self, host: str) -> None:
+        """Drop what is cached of a host."""
+        self._last.pop(host, None)
 
 
 def bids_from_msg(message: BidsMsg) -> Bids:
@@ -88,12 +123,7 @@ def run_end_from_msg(result: RunAgent.Result) -> RunEnd:
 
 
 def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> EarlierRun:
-    """Check a run of an earlier market and return it.
-
-    Args:
-        message: As the host hands it over.
-        space: The scene parameters.
-        now_s: Time on the clock of its stamp [s].
+    """Check a run of an earlier market, as a host hands it over at ``now_s`` [s], and return it.
 
     Raises:
         Refused: ``NOT_ENDED``, ``UNKNOWN_OUTCOME``, ``EMPTY``, ``NOT_FINITE``, or as in
@@ -158,26 +188,7 @@ def goal_to_msg(effect: SendGoal, epoch: str) -> RunAgent.Goal:
 
 def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus:
     """Return the message of what the market is doing since ``stamp``."""
-    return MarketStatus(
-        stamp=stamp,
-        epoch=epoch,
-        state=int(status.state),
-        round=status.round,
-        scene_id=status.scene_id,
-        agent=status.agent,
-        host=status.host,
-        finished_scene_id=status.finished_scene_id,
-        queued=status.queued,
-        hosts=status.hosts,
-        agents=status.agents,
-        strategy=status.strategy,
-        shadow_strategy=status.shadow_strategy,
-        strategies=strategies_to_msg(),
-        pinned=status.pinned,
-        vetoed=list(status.vetoed),
-        starved=list(status.starved),
-        message=status.message,
-    )
+    return MarketStatus(stamp=stamp, epoch=epoch, strategies=strategies_to_msg(), **vars(status))
 
 
 @cache
@@ -186,7 +197,7 @@ def strategies_to_msg() -> list[StrategyInfo]:
     return [
         StrategyInfo(
             name=name,
-            description=" ".join(spec.description.split()),
+            description=single_spaced(spec.description),
             options=[option.name for option in spec.options],
         )
         for name, spec in STRATEGIES.items()
@@ -197,6 +208,7 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
     """Return the message of the outcome of a round."""
     decision, terms = effect.decision, effect.decision.terms
     winner, change = decision.winner, decision.ranked.change
+    draws = any(STRATEGIES[name].draws for name in (terms.strategy, terms.shadow) if name)
     return AuctionMsg(
         stamp=stamp,
         epoch=terms.epoch,
@@ -212,16 +224,12 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
         option_values=[float(value) for value in terms.options.values()],
         earlier_runs=terms.earlier_runs,
         tie_break=terms.tie_break,
-        seed=terms.seed if _draws(terms) else "",
+        seed=terms.seed if draws else "",
         intervention=terms.intervention,
         ranking=[_ranked_to_msg(bid, decision) for bid in decision.ranking],
         refused=[
             RefusedBidMsg(
-                agent=bid.agent,
-                host=bid.host,
-                kind=int(bid.kind),
-                code=bid.code,
-                reason=bid.reason,
+                agent=bid.agent, host=bid.host, kind=bid.kind, code=bid.code, reason=bid.reason
             )
             for bid in decision.refused
         ],
@@ -299,24 +307,10 @@ def scene_or_last(message: Any, space: SceneSpace) -> Scene | None:
 
 
 def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
-    return RankedBidMsg(
-        agent=bid.agent,
-        agent_id=bid.agent_id,
-        host=bid.host,
-        vector=bid.vector,
-        distance=bid.distance,
-        contributions=bid.contributions,
-        weights=bid.weights,
-        bonus=bid.bonus,
-        score=bid.score,
-        runs=bid.runs,
-        last_run=bid.last_run,
-        calculation=calculation(bid, decision.terms.scene, decision.ranked.by),
-    )
-
-
-def _draws(terms: Terms) -> bool:
-    return any(STRATEGIES[name].draws for name in (terms.strategy, terms.shadow) if name)
+    fields = bid._asdict()
+    del fields["instance"]  # the message names the host alone
+    sum_of_it = calculation(bid, decision.terms.scene, decision.ranked.by)
+    return RankedBidMsg(**fields, calculation=sum_of_it)
 
 
 def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
@@ -341,31 +335,6 @@ def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
     )
 
 
-def earlier_run_to_msg(run: EarlierRun, stamp: Any) -> RunMsg:
-    """Return the message of the end of a run of an earlier market."""
-    end = AnnounceRun(
-        event=RunEventKind.ENDED,
-        outcome=run.outcome,
-        goal=run.goal,
-        scene=run.scene,
-        message=run.message,
-        stop_cause=run.stop_cause,
-        orphans=run.orphans,
-        ticks=run.ticks,
-        overruns=run.overruns,
-        duration_s=run.duration_s,
-    )
-    return run_to_msg(end, run.epoch, stamp)
-
-
 def scene_end_to_msg(effect: SceneEnded, epoch: str, stamp: Any) -> SceneEndMsg:
     """Return the message of the end of a scene."""
-    return SceneEndMsg(
-        stamp=stamp,
-        epoch=epoch,
-        scene_id=effect.scene_id,
-        code=effect.code,
-        round=effect.round,
-        agent=effect.agent,
-        message=effect.message,
-    )
+    return SceneEndMsg(stamp=stamp, epoch=epoch, **vars(effect))

@@ -24,14 +24,7 @@ from marketplace_node.node.messages import auction_to_msg, operator_command_from
 
 
 class OperatorServices:
-    """Services ``~/operate`` and ``~/preview``; a preview blocks nothing while it is open.
-
-    Args:
-        node: The marketplace node.
-        market: Who is asked.
-        space: The scene parameters.
-        execute: Executes the effects that the market answers with.
-    """
+    """Services ``~/operate`` and ``~/preview``; a preview blocks nothing while it is open."""
 
     def __init__(
         self,
@@ -79,7 +72,6 @@ class OperatorServices:
     async def _preview(
         self, request: PreviewAuction.Request, response: PreviewAuction.Response
     ) -> PreviewAuction.Response:
-        """Open a preview and answer with what becomes of it."""
         try:
             scene = scene_or_last(request.scene, self._space)
             number, effects = self._market.preview(scene, request.strategy, time.monotonic())
@@ -98,12 +90,7 @@ class OperatorServices:
 
 
 class OverridesFile:
-    """File that is read once and written by a thread of its own.
-
-    Args:
-        node: Logs failures.
-        path: The file; its folder is made when absent.
-    """
+    """File that is read once and written, with its folder, by a thread of its own."""
 
     def __init__(self, node: Node, path: Path) -> None:
         self._node = node

@@ -7,34 +7,35 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.text import single_spaced
 from bt_agents_ros.parameters import declare, describe
-from marketplace_node.settings import (
-    EXTERNAL,
-    MAX_MARGIN,
-    MAX_QUEUE,
-    MAX_STARVATION,
-    ON_NEW_SCENE,
-    SECONDS,
-    Settings,
-    all_options,
-)
+from marketplace_node.settings import EXTERNAL, ON_NEW_SCENE, RANGES, Settings, all_options
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
 
 _FIELDS = {
     name.removesuffix("_s"): name for name in Settings.__dataclass_fields__ if name != "options"
 }
 _MEANINGS = {
+    "shadow_strategy": "a second strategy that only scores, to see where it would decide "
+    "otherwise; empty for none",
     "bid_deadline": "from the call for bids to the close of the round [s]",
     "host_lease": "a host without a heartbeat for this long is gone [s]",
     "goal_deadline": "time for a host to take or refuse a run [s]",
     "cancel_deadline": "time for a run to end after it was told to stop [s]",
     "collect_deadline": "time to wait for the feedback service after a run [s]",
+    "on_new_scene": "what happens to a scene that comes during an interaction",
+    "queue_limit": "how many scenes may wait",
+    "preempt_margin": "a run is stopped for an agent that is nearer to the new scene by this "
+    "distance",
     "preempt_cooldown": "after a run was stopped for a scene, no other is for this long [s]",
+    "tie_break": "which of equally good bids wins",
+    "starvation_rounds": "an agent is starved once it has bid in so many rounds and got no run; "
+    "0 never",
 }
 
 
@@ -44,12 +45,27 @@ def declare_settings(node: Node) -> Settings:
     Raises:
         Refused: As :class:`Settings`.
     """
-    defaults = Settings()
-    descriptors = _descriptors()
-    values: dict[str, Any] = {
-        field: declare(node, name, getattr(defaults, field), descriptors[name])
-        for name, field in _FIELDS.items()
+    uses = (f"{name}: {single_spaced(spec.description)}" for name, spec in STRATEGIES.items())
+    meanings = {"strategy": "\n".join(["how bids are ranked", *uses]), **_MEANINGS}
+    choices: dict[str, tuple[str, ...]] = {
+        "strategy": tuple(STRATEGIES),
+        "shadow_strategy": tuple(name for name in STRATEGIES if name != EXTERNAL),
+        "on_new_scene": ON_NEW_SCENE,
+        "tie_break": TIE_BREAKS,
     }
+    defaults = Settings()
+    values: dict[str, Any] = {}
+    for name, field in _FIELDS.items():
+        default = getattr(defaults, field)
+        least, most = RANGES.get(field, (None, None))
+        descriptor = describe(
+            meanings[name],
+            minimum=least,
+            maximum=most,
+            integer=isinstance(default, int),
+            choices=choices.get(name, ()),
+        )
+        values[field] = declare(node, name, default, descriptor)
     values["options"] = {
         name: declare(
             node,
@@ -65,13 +81,7 @@ def declare_settings(node: Node) -> Settings:
 def watch_settings(
     node: Node, current: Callable[[], Settings], take: Callable[[Settings], None]
 ) -> None:
-    """Refuse changes of parameters that make no sense, and hand over all others.
-
-    Args:
-        node: Whose parameters.
-        current: Returns the settings in force.
-        take: Called with the settings after each change.
-    """
+    """Refuse parameters that make no sense; hand over the settings after any other change."""
 
     def changed(parameters: list[Parameter[Any]]) -> Settings:
         changes = {_FIELDS[p.name]: p.value for p in parameters if p.name in _FIELDS}
@@ -88,42 +98,3 @@ def watch_settings(
 
     node.add_on_set_parameters_callback(check)
     node.add_post_set_parameters_callback(lambda parameters: take(changed(parameters)))
-
-
-def _descriptors() -> dict[str, ParameterDescriptor]:
-    descriptors = {
-        "strategy": describe(_strategies(), choices=tuple(STRATEGIES)),
-        "shadow_strategy": describe(
-            "a second strategy that only scores, to see where it would decide otherwise; empty "
-            "for none",
-            choices=tuple(name for name in STRATEGIES if name != EXTERNAL),
-        ),
-        "on_new_scene": describe(
-            "what happens to a scene that comes during an interaction", choices=ON_NEW_SCENE
-        ),
-        "tie_break": describe("which of equally good bids wins", choices=TIE_BREAKS),
-        "queue_limit": describe(
-            "how many scenes may wait", minimum=0, maximum=MAX_QUEUE, integer=True
-        ),
-        "starvation_rounds": describe(
-            "an agent is starved once it has bid in so many rounds and got no run; 0 never",
-            minimum=0,
-            maximum=MAX_STARVATION,
-            integer=True,
-        ),
-        "preempt_margin": describe(
-            "a run is stopped for an agent that is nearer to the new scene by this distance",
-            minimum=0.0,
-            maximum=MAX_MARGIN,
-        ),
-    }
-    for name, meaning in _MEANINGS.items():
-        least, most = SECONDS[_FIELDS[name]]
-        descriptors[name] = describe(meaning, minimum=least, maximum=most)
-    return descriptors
-
-
-def _strategies() -> str:
-    """Return what the strategies are for, one a line behind its name."""
-    lines = [f"{name}: {' '.join(spec.description.split())}" for name, spec in STRATEGIES.items()]
-    return "\n".join(["how bids are ranked", *lines])

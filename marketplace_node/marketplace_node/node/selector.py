@@ -31,11 +31,11 @@ from marketplace_node.external_ranking.openai_protocol import (
     MOST_BYTES,
     Bidder,
     Endpoint,
-    Ranking,
     answer,
     question,
 )
 from marketplace_node.registry import MOST_HOSTS
+from marketplace_node.round.decision import External
 
 BASE_URL = StartParameter(
     name="base_url", description="address of the server, like http://127.0.0.1:11434/v1"
@@ -56,11 +56,6 @@ _MOST_WAITING = 4
 class SelectorNode(BaseNode):
     """Service ``select``, which asks a server that speaks the chat-completions protocol.
 
-    Args:
-        space: The scene parameters of the system.
-        endpoint: The server.
-        node_kwargs: For :class:`rclpy.node.Node`.
-
     Attributes:
         descriptions: What the agents of each host do, in words; by host and agent.
     """
@@ -70,7 +65,7 @@ class SelectorNode(BaseNode):
         self._space = space
         self._endpoint = endpoint
         self.descriptions: dict[str, dict[str, str]] = {}
-        self._requests: list[tuple[ThreadFuture[Ranking], Future]] = []
+        self._requests: list[tuple[ThreadFuture[External], Future]] = []
         self._client = HttpClient("selector")
         self._poll = steady_timer(self, _POLL_S, self._take_answers, running=False)
         self.create_subscription(HostCard, "cards", self._take_card, qos.FACTS)
@@ -102,17 +97,17 @@ class SelectorNode(BaseNode):
         self, request: SelectAgent.Request, response: SelectAgent.Response
     ) -> SelectAgent.Response:
         try:
-            ranking = await self._ask(request)
+            found = await self._ask(request)
         except Refused as refused:
             self.get_logger().warning(f"round {request.round}: {refused}")
             response.message = refused.reason
             return response
         response.accepted = True
-        response.ranking = list(ranking.agents)
-        response.message = ranking.reason
+        response.ranking = list(found.ranking)
+        response.message = found.message
         return response
 
-    async def _ask(self, request: SelectAgent.Request) -> Ranking:
+    async def _ask(self, request: SelectAgent.Request) -> External:
         """Ask the server for a ranking.
 
         Raises:

@@ -26,13 +26,7 @@ from marketplace_node.round.ranking import decide, nearest
 
 
 class Auction:
-    """Bids of one open round, checked as they come.
-
-    Args:
-        space: The scene parameters; the one validator of every vector.
-        terms: What the round is about.
-        asked: The hosts that are asked.
-    """
+    """Bids of one open round, checked as they come; ``asked`` are the hosts that may answer."""
 
     def __init__(self, space: SceneSpace, terms: Terms, asked: Iterable[HostEntry]) -> None:
         self.terms = terms
@@ -61,14 +55,10 @@ class Auction:
         """Take one message; whatever is wrong with it is recorded, never raised."""
         try:
             entry = self._sender(bids)
-        except Refused as refused:
-            self._refuse(bids, _only_agent(bids), refused)
-            return
-        self._answered.add(entry.host)
-        try:
+            self._answered.add(entry.host)
             self._check_lengths(bids)
         except Refused as refused:
-            self._refuse(bids, _only_agent(bids), refused)
+            self._refuse(bids, bids.agents[0] if len(bids.agents) == 1 else "", refused)
             return
         rows = BidRows(self._space, bids)
         if rows.all_fine and self._is_everybody(bids, entry):
@@ -92,7 +82,10 @@ class Auction:
                 self._refuse(bids, agent, refused)
             named.add(agent)
         if not entry.agents.keys() <= named:
-            self._record_silent(bids, entry, named)
+            reason = f"{entry.host} says nothing about it"
+            for agent in entry.agents:
+                if agent not in named and agent not in self._may_be_silent:
+                    self._record(bids, agent, RoundKind.REFUSED, "NO_ANSWER", reason)
 
     def close(
         self,
@@ -108,7 +101,7 @@ class Auction:
             by: What closes the round.
             duration_s: From the call to now [s].
             stopped: Why the round is stopped; only with ``ClosedBy.STOPPED``.
-            external: What a program outside answered; None when it was not asked.
+            external: As in :func:`decide`.
         """
         try:
             ranked = decide(self._space, self.terms, self._accepted.table(), external=external)
@@ -241,17 +234,6 @@ class Auction:
                 "WRONG_ID", f"'{agent}' bids with id {agent_id}, expected {entry.agents[agent]}"
             )
 
-    def _record_silent(self, bids: Bids, entry: HostEntry, named: set[str]) -> None:
-        for agent in entry.agents:
-            if agent not in named and agent not in self._may_be_silent:
-                self._record(
-                    bids,
-                    agent,
-                    RoundKind.REFUSED,
-                    "NO_ANSWER",
-                    f"{entry.host} says nothing about it",
-                )
-
     def _refuse(self, bids: Bids, agent: str, refused: Refused) -> None:
         self._record(bids, agent, RoundKind.REFUSED, refused.code, refused.reason)
 
@@ -279,7 +261,3 @@ def check_round(bids: Bids, epoch: str, current: int) -> None:
         raise Refused(
             "FOREIGN_ROUND", f"bids for round {bids.round}, the current one is {current}"
         )
-
-
-def _only_agent(bids: Bids) -> str:
-    return bids.agents[0] if len(bids.agents) == 1 else ""

@@ -25,9 +25,6 @@ class BidTable:
     """Accepted bids by column, in the order of the agents' names.
 
     Attributes:
-        agents: Names; N of them.
-        agent_ids: Their ids.
-        hosts: Their hosts.
         instances: The starts of the hosts.
         vectors: [N, n], stored parameter by parameter, as they are added up.
         weights: [N, n], stored alike; None when no agent states any.
@@ -91,11 +88,7 @@ def weights_of(space: SceneSpace) -> tuple[float, ...]:
 
 
 class BidColumns:
-    """Builder of a bid table, which takes all bids of a host at once.
-
-    Args:
-        space: The scene parameters.
-    """
+    """Builder of a bid table, which takes all bids of a host at once."""
 
     def __init__(self, space: SceneSpace) -> None:
         self._weights = np.array(weights_of(space))
@@ -154,9 +147,7 @@ def _by_parameter(blocks: Sequence[Floats], places: list[int] | None) -> Floats:
 class BidRows:
     """Vectors and weights of one host's answer, one row an agent, checked all at once.
 
-    Args:
-        space: The scene parameters.
-        bids: An answer whose lengths are right.
+    The lengths of the answer have to be right.
 
     Attributes:
         vectors: [k, n]; a row counts only when :meth:`check` has passed.

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import heapq
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
 from marketplace_node.round.decision import Counterfactual
-from marketplace_node.round.piecewise_linear import Intervals, losing_intervals
 from marketplace_node.round.round_model import RoundModel
 from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import LinearScores
@@ -24,22 +24,18 @@ _MOST_STEPS = 10
 _STEP = 1e-6
 _NUDGES = np.array([0.0, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7])
 
+_STRICTLY = 1e-9
+"""By so much a score has to be less, where an equal one loses."""
+
 
 def smallest_change(
     model: RoundModel, places: Integers, space: SceneSpace
 ) -> Counterfactual | None:
-    """Return the smallest change of one parameter by which the runner-up wins.
+    """Return the smallest change of one parameter by which the runner-up wins; None without one.
 
     It is exact to 1e-7 of the range of the parameter, but for rounding: where scores are equal on
-    paper, the last digit decides. It has been tried among all bids.
-
-    Args:
-        model: The round.
-        places: Indices of its bids, best first.
-        space: The scene parameters.
-
-    Returns:
-        None without a runner-up, and where scores are no straight lines (``StrategySpec.lines``).
+    paper, the last digit decides. It has been tried among all bids. There is none where scores are
+    no straight lines (``StrategySpec.lines``). ``places`` has the indices of the bids, best first.
     """
     if len(places) < 2 or model.spec.lines is None:
         return None
@@ -63,6 +59,29 @@ def _obstacle(model: RoundModel) -> str:
     if model.field.bids.size > MOST_NUMBERS:
         return "there are too many bids to search for it"
     return ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Intervals:
+    """Intervals of one parameter; ``low[k] <= high[k]``."""
+
+    low: Floats
+    high: Floats
+
+    def beyond(self, start: float, direction: float) -> float:
+        """Return the first value, going up (1) or down (-1), in no stretch; perhaps infinite."""
+        low, high = self.low, self.high
+        if direction < 0:
+            low, high = -high, -low
+        at = direction * start
+        by_low = np.argsort(low, kind="stable")
+        low, reach = low[by_low], np.maximum.accumulate(high[by_low])
+        begun = int(np.searchsorted(low, at, side="right"))
+        if begun == 0 or reach[begun - 1] <= at:
+            return start
+        ends = np.append(low[1:] > reach[:-1], True)
+        last = begun - 1 + int(np.argmax(ends[begun - 1 :]))
+        return direction * float(reach[last])
 
 
 class _Search:
@@ -96,7 +115,9 @@ class _Search:
             _, parameter, direction, value, step = heapq.heappop(self._queue)
             nudged = value + direction * _NUDGES * self._width[parameter]
             nudged = np.clip(nudged, self._low[parameter], self._high[parameter])
-            wins = self._model.winners(self._along(parameter, nudged)) == self._one
+            scenes = np.repeat(self._start[None], len(nudged), axis=0)
+            scenes[:, parameter] = nudged
+            wins = self._model.winners(scenes) == self._one
             if wins.any():
                 found = float(nudged[np.argmax(wins)])
                 return Counterfactual(names=(self._space.names[parameter],), values=(found,))
@@ -114,17 +135,57 @@ class _Search:
             heapq.heappush(self._queue, (size, parameter, direction, value, step))
 
     def _lost_along(self, parameter: int) -> Intervals:
-        """Return where along a parameter the bid is behind any of the others."""
+        """Return where along a parameter the bid is behind any of the K others.
+
+        Its score minus that of another bid is linear between the limits of the parameter and the
+        two profiles, so each of the three pieces holds at most one such stretch. Beyond the limits
+        all is lost.
+        """
         turn = np.argsort(self._model.order(np.zeros(self._model.field.shape)))
         others = np.delete(np.arange(len(turn)), self._one)
-        limits = (float(self._low[parameter]), float(self._high[parameter]))
-        behind = turn[self._one] > turn[others]
-        return losing_intervals(
-            self._lines, self._start, parameter, limits, self._one, others, behind
+        loses_ties = turn[self._one] > turn[others]
+        limits = float(self._low[parameter]), float(self._high[parameter])
+        lines = self._lines
+        weights = np.broadcast_to(lines.weights, lines.profiles.shape)
+        own_weight, own = weights[self._one, parameter], lines.profiles[self._one, parameter]
+        weight, profile = weights[others, parameter], lines.profiles[others, parameter]
+
+        def moved(at: Floats) -> Floats:
+            part: Floats = own_weight * np.abs(own - at) - weight[:, None] * np.abs(
+                profile[:, None] - at
+            )
+            return part
+
+        here = moved(np.full((len(others), 1), self._start[parameter]))
+        base = self._differences(others)[:, None] - here
+        bends = np.clip(np.stack([np.full_like(profile, own), profile], axis=1), *limits)
+        bends.sort(axis=1)
+        ends = np.full((len(others), 1), 1.0)
+        at = np.concatenate([limits[0] * ends, bends, limits[1] * ends], axis=1)
+        behind = base + moved(at) + np.where(loses_ties, _STRICTLY, 0.0)[:, None]
+        left, right = at[:, :-1], at[:, 1:]
+        at_left, at_right = behind[:, :-1], behind[:, 1:]
+        rise = np.where(at_right == at_left, 1.0, at_right - at_left)
+        root = np.clip(left - at_left * (right - left) / rise, left, right)
+        lost_left, lost_right = at_left > 0.0, at_right > 0.0
+        low = np.where(lost_left, left, root)
+        high = np.where(lost_right, right, root)
+        lost = lost_left | lost_right
+        low[:, 0] = np.where(lost_left[:, 0], -math.inf, low[:, 0])
+        high[:, -1] = np.where(lost_right[:, -1], math.inf, high[:, -1])
+        outside_low = [-math.inf, math.nextafter(limits[1], math.inf)]
+        outside_high = [math.nextafter(limits[0], -math.inf), math.inf]
+        return Intervals(
+            low=np.concatenate([low[lost], outside_low]),
+            high=np.concatenate([high[lost], outside_high]),
         )
 
-    def _along(self, parameter: int, values: Floats) -> Floats:
-        """Return a scene for each value of a parameter."""
-        scenes = np.repeat(self._start[None], len(values), axis=0)
-        scenes[:, parameter] = values
-        return scenes
+    def _differences(self, others: Integers) -> Floats:
+        """Return the score of the bid minus those of others, [K]; missing values do not count."""
+        lines, known = self._lines, ~np.isnan(self._start)
+        rows = np.append(others, self._one)
+        weights = np.broadcast_to(lines.weights, lines.profiles.shape)[rows][:, known]
+        parts = weights * np.abs(lines.profiles[rows][:, known] - self._start[known])
+        scores = lines.offsets[rows] + parts.sum(axis=-1)
+        gap: Floats = scores[-1] - scores[:-1]
+        return gap

@@ -68,21 +68,9 @@ class AcceptedBid:
 
 
 class RankedBid(NamedTuple):
-    """Accepted bid as the strategy ranked it.
+    """Accepted bid as the strategy ranked it; fields as in ``RankedBid.msg``.
 
-    Attributes:
-        agent: Who bids.
-        agent_id: Its id.
-        host: Its host.
-        instance: The start of the host.
-        vector: The bid, in the order of the space.
-        distance: To the scene, as the strategy measures it; less is better.
-        contributions: What each parameter adds to the distance; 0 where the scene has no value.
-        weights: How much each parameter counts for it; empty when all count 1.
-        bonus: What exploration takes off the distance.
-        score: By which it is ranked; less is better.
-        runs: How often it has run.
-        last_run: Number of its last run among all of the market, 0 when it never ran.
+    ``instance`` is the start of its host. Runs in earlier starts of the market count, too.
     """
 
     agent: str
@@ -101,15 +89,9 @@ class RankedBid(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class RefusedBid:
-    """Bid outside the ranking.
+    """Bid outside the ranking; fields as in ``RefusedBid.msg``.
 
-    Attributes:
-        agent: Whose; empty when a whole message is refused.
-        host: Who sent it.
-        kind: Who does not want it.
-        code: Why, as in ``RefusedBid.msg``.
-        reason: Why, in words.
-        unmet: What the scene lacks of what the agent requires; empty for any other reason.
+    ``unmet`` is what the scene lacks of what the agent requires, empty for any other reason.
     """
 
     agent: str
@@ -127,7 +109,7 @@ class External:
     Attributes:
         ranking: Names of bidders, best first; those not named come after these by distance.
         message: How it came to that, in words.
-        failure: Why there is no usable answer, in words; then it is ranked by Manhattan distance.
+        failure: Why there is no usable answer; then it is ranked by Manhattan distance.
     """
 
     ranking: tuple[str, ...] = ()
@@ -137,15 +119,9 @@ class External:
 
 @dataclass(frozen=True, kw_only=True)
 class Terms:
-    """Terms of a round, fixed when it opens.
+    """Terms of a round, fixed when it opens; fields as in ``Auction.msg``, and some more.
 
     Attributes:
-        epoch: The instance of the market.
-        round: Number of the round, from 1.
-        follows: The round this one continues, 0 for none.
-        scene: What the bids are for.
-        strategy: Name of the ranking function.
-        tie_break: Which of equally good bids wins.
         excluded: Agents that may not bid, as they were stopped earlier in the interaction, with
             the reason.
         operator_exclusions: Agents that may not bid by order of an operator, each as the refusal
@@ -154,14 +130,9 @@ class Terms:
         last_run: Number of the last run of each agent that ever ran.
         runs: How often each agent has run.
         rounds_run: How many runs there were in all.
-        earlier_runs: How many of these were before this start of the market.
         options: What is set about the strategy; what is not, has its default.
-        seed: Where the strategy draws chance from.
         shadow: Name of a strategy that only scores; empty for none.
-        shadow_options: What is set about it.
         rules: Of ``trees/market.yaml``, for the strategy ``rules``.
-        intervention: Why people had a say, in words; empty when they had none.
-        preview: True when the round is only asked for and nobody gets a run.
     """
 
     epoch: str
@@ -193,16 +164,12 @@ class Counterfactual:
     Attributes:
         names: The parameter that changes; empty when no change was found.
         values: Its value then.
-        obstacle: Why there is none, in words; empty when there is one.
+        obstacle: Why there is none; empty when there is one.
     """
 
     names: tuple[str, ...] = ()
     values: tuple[float, ...] = ()
     obstacle: str = ""
-
-
-def _no_change() -> Counterfactual | None:
-    return None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,13 +180,12 @@ class Ranked:
         bids: Best first; what comes after the first may be put in order only when it is looked at.
         bidders: The names of all, in alphabetical order.
         by: Name of the strategy that ranked; ``manhattan`` where that of the terms could not.
-        fallback: Why the strategy could not rank and ``manhattan`` did, in words; empty when it
-            could.
-        precedence: Why some bids come before nearer ones, in words: the rule that holds, or what
-            the program outside said; empty when distances alone decide.
+        fallback: Why the strategy could not rank and ``manhattan`` did; empty when it could.
+        precedence: Why some bids come before nearer ones: the rule that holds, or what the
+            program outside said; empty when distances alone decide.
         placed: How many bids, from the first, are there by ``precedence``.
         shadow_winner: Who would have won by the shadow strategy; empty without one.
-        shadow_failure: Why the shadow strategy could not rank, in words; empty when it could.
+        shadow_failure: Why the shadow strategy could not rank; empty when it could.
         find_change: Searches for ``change``.
     """
 
@@ -231,8 +197,8 @@ class Ranked:
     placed: int = 0
     shadow_winner: str = ""
     shadow_failure: str = ""
-    find_change: Callable[[], Counterfactual | None] = field(
-        default=_no_change, compare=False, repr=False
+    find_change: Callable[[], Counterfactual | None] | None = field(
+        default=None, compare=False, repr=False
     )
 
     @cached_property
@@ -241,21 +207,17 @@ class Ranked:
 
         It is searched for when it is first asked for, so that no award waits for it.
         """
-        return self.find_change()
+        return self.find_change() if self.find_change is not None else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """Decision of a round.
+    """Decision of a round; its ranking is best first, its refusals are in the order they came.
 
     Attributes:
-        terms: What was fixed at the opening.
         outcome: ``NO_BIDS`` also when the round was stopped; of a challenge ``PREEMPTS`` or
             ``WAITS``.
-        closed_by: What closed it.
         duration_s: From the call to the close [s].
-        ranked: Accepted bids in order, and why they are.
-        refused: Declined and refused bids, in the order they came.
         silent_hosts: Hosts that were asked and did not answer.
         stopped: Why the round was stopped; empty when it was not.
     """
@@ -273,16 +235,6 @@ class Decision:
     def ranking(self) -> Sequence[RankedBid]:
         """Accepted bids; the best first."""
         return self.ranked.bids
-
-    @property
-    def shadow_winner(self) -> str:
-        """Who would have won by the shadow strategy; empty without one."""
-        return self.ranked.shadow_winner
-
-    @property
-    def change(self) -> Counterfactual | None:
-        """As in :class:`Ranked`."""
-        return self.ranked.change
 
     @property
     def winner(self) -> RankedBid | None:

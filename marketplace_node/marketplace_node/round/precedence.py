@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,13 +23,7 @@ def applicable_rule(
 ) -> tuple[int, MarketRule] | None:
     """Return the first rule that holds and names a bidder, with its number from 1.
 
-    A condition on a missing value does not hold, nor does one that cannot be worked out.
-
-    Args:
-        rules: In their order.
-        values: Value of each scene parameter, NaN when missing.
-        person: Whether a person is there.
-        agents: Who bids.
+    A condition on a missing value, NaN, does not hold, nor does one that cannot be worked out.
     """
     names = partial(resolve, scene=SceneFacts(person=person, values=values))
     bidders = set(agents)
@@ -40,10 +35,6 @@ def applicable_rule(
 
 def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, ...]:
     """Return a ranking from outside, best first, when it names bidders only and none twice.
-
-    Args:
-        ranking: Names of agents; those that it leaves out come after these by distance.
-        bidders: Who has bid.
 
     Raises:
         Refused: ``EMPTY``, ``UNKNOWN_AGENT`` or ``DUPLICATE``.
@@ -67,20 +58,11 @@ def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, 
 
 
 def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:
-    """Put bids before all others; what is left is ranked by its distance.
+    """Put the bids at some places first, in that order; what is left is ranked by its distance.
 
     The score of the k-th of m such bids is k - m, below every distance. That is a place and no
     exploration, so there is no bonus.
-
-    Args:
-        scores: Of one round, as ``manhattan`` gives them.
-        places: Indices of the bids that come first, in their order.
     """
     score = scores.distance.copy()
     score[list(places)] = np.arange(len(places)) - float(len(places))
-    return Scores(
-        distance=scores.distance,
-        bonus=np.zeros_like(score),
-        score=score,
-        contributions=scores.contributions,
-    )
+    return replace(scores, bonus=np.zeros_like(score), score=score)

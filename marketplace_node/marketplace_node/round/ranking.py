@@ -44,14 +44,9 @@ def decide(
     *,
     external: External | None = None,
 ) -> Ranked:
-    """Rank bids; equal arguments give the equal ranking, on every start and in every order.
+    """Rank bids, one an agent; equal arguments give the equal ranking, in every order.
 
-    Args:
-        space: The scene parameters.
-        terms: What was fixed at the opening of the round.
-        bids: The accepted bids, one an agent.
-        external: What a program outside answered, for the strategy ``external``; None when it was
-            not asked.
+    ``external`` is what a program outside answered, None when it was not asked.
 
     Raises:
         Refused: ``UNKNOWN_STRATEGY``: no strategy, or shadow, of that name is installed.
@@ -290,9 +285,6 @@ class LazyRanking(Sequence[RankedBid]):
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and self._all == tuple(other)
-
-    def __hash__(self) -> int:
-        return hash(self._all)
 
     def __repr__(self) -> str:
         return repr(self._all)

@@ -32,13 +32,7 @@ _UNUSED = round_rng("")
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """Scores of one round, and the precedence of some bids over nearer ones.
-
-    Attributes:
-        scores: Of all bids.
-        precedence: As in ``Ranked``.
-        placed: As in ``Ranked``.
-    """
+    """Scores of one round; precedence and placed bids as in :class:`Ranked`."""
 
     scores: Scores
     precedence: str = ""
@@ -49,14 +43,7 @@ class Scored:
 class RoundModel:
     """Bids of a round with the strategy, options and seed that rank them.
 
-    Attributes:
-        terms: What is fixed in the round.
-        table: The bids; at least one.
-        field: The same as arrays.
-        spec: The strategy.
-        options: What is set about it.
-        seed: Where it draws chance from.
-        external: What a program outside said.
+    ``field`` is ``table`` as arrays; there is at least one bid.
     """
 
     terms: Terms
@@ -118,7 +105,6 @@ class RoundModel:
             )
 
     def _random_source(self) -> np.random.Generator:
-        """Return what the strategy draws from."""
         return _UNUSED if self.spec.sum is not None else round_rng(self.seed)
 
     def _first(self) -> tuple[list[str], str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -104,8 +104,6 @@ class Option:
     Attributes:
         name: As in parameters and on the command line.
         default: Value unless it is set.
-        minimum: Smallest value allowed.
-        maximum: Largest value allowed.
         description: What it does, in words, with its unit.
     """
 
@@ -175,19 +173,16 @@ def round_rng(seed: str) -> np.random.Generator:
 class BatchRandomSource:
     """Random source of many rounds at once, each of which draws what it would draw alone.
 
-    Args:
-        sources: One for each round along the first axis.
+    There is one source for each round along the first axis.
     """
 
     def __init__(self, sources: list[np.random.Generator]) -> None:
         self._sources = sources
 
     def random(self, size: tuple[int, ...], /) -> Floats:
-        """Return numbers drawn evenly from 0 to 1."""
         return np.stack([source.random(size[1:]) for source in self._sources])
 
     def standard_normal(self, size: tuple[int, ...], /) -> Floats:
-        """Return numbers drawn from the standard normal distribution."""
         return np.stack([source.standard_normal(size[1:]) for source in self._sources])
 
 
@@ -227,12 +222,7 @@ def scores_of(field: RoundArrays, contributions: Floats) -> Scores:
 
 def with_bonus(scores: Scores, bonus: Floats) -> Scores:
     """Return the scores with an exploration bonus taken off."""
-    return Scores(
-        distance=scores.distance,
-        bonus=bonus,
-        score=scores.distance - bonus,
-        contributions=scores.contributions,
-    )
+    return replace(scores, bonus=bonus, score=scores.distance - bonus)
 
 
 def order(

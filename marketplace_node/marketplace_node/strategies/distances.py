@@ -68,12 +68,12 @@ def euclidean(field: RoundArrays, options: Mapping[str, float], random: RandomSo
     """
     del options, random
     squares = differences(field) ** 2
-    distance = np.sqrt(total(squares))
+    distance = np.broadcast_to(np.sqrt(total(squares)), field.shape)
     length = np.where(distance > 0.0, distance, 1.0)[..., None]
     return Scores(
-        distance=np.broadcast_to(distance, field.shape),
+        distance=distance,
         bonus=np.zeros(field.shape),
-        score=np.broadcast_to(distance, field.shape),
+        score=distance,
         contributions=squares / length,
     )
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -75,12 +76,8 @@ def epsilon_greedy(
     explores = tickets[..., :1] < options["epsilon"]
     places = np.argsort(np.argsort(tickets[..., 1:], axis=-1, kind="stable"), axis=-1)
     score = np.where(explores, places.astype(np.float64), scores.distance)
-    return Scores(
-        distance=scores.distance,
-        bonus=np.where(explores, scores.distance - score, 0.0),
-        score=score,
-        contributions=scores.contributions,
-    )
+    bonus = np.where(explores, scores.distance - score, 0.0)
+    return replace(scores, bonus=bonus, score=score)
 
 
 def ucb(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
@@ -102,12 +99,7 @@ def thompson(field: RoundArrays, options: Mapping[str, float], random: RandomSou
     scores = manhattan(field, options, random)
     gap = _drawn(field, options, random) - field.scene[..., None, :]
     drawn = total(mask_missing(field, np.abs(gap)))
-    return Scores(
-        distance=scores.distance,
-        bonus=scores.distance - drawn,
-        score=drawn,
-        contributions=scores.contributions,
-    )
+    return replace(scores, bonus=scores.distance - drawn, score=drawn)
 
 
 def softmax_lines(

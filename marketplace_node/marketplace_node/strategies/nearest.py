@@ -61,11 +61,7 @@ def weighted_distance(
 ) -> tuple[float, tuple[float, ...]]:
     """Return the distance of one bid and what each parameter adds to it, as its strategy does.
 
-    Args:
-        bid: n values.
-        scene: n values, NaN where missing.
-        distance: How it is measured.
-        weights: Of a weighted sum, n of them.
+    All are n values; those of the scene are NaN where missing.
     """
     differences = zip(bid, scene, strict=True)
     parts = [

@@ -41,11 +41,8 @@ def read_plugins(
 ) -> tuple[Mapping[str, StrategySpec], tuple[str, ...]]:
     """Return the strategies of entry points by name, and why others are none.
 
-    One that is wrong stops no other. What a strategy gives back is checked in every round.
-
-    Args:
-        points: The entry points.
-        taken: Names that are in use already.
+    One that is wrong, or whose name is ``taken``, stops no other. What a strategy gives back is
+    checked in every round.
     """
     found: dict[str, StrategySpec] = {}
     problems: list[str] = []
@@ -71,34 +68,36 @@ def _spec(point: EntryPoint) -> StrategySpec:
             "digits and '_'"
         )
     try:
-        spec = point.load()
+        spec: StrategySpec = point.load()
     except (Exception, SystemExit) as error:
         raise StrategyPluginProblem(
             f"{whose} cannot be loaded: {type(error).__name__}: {' '.join(str(error).split())}"
         ) from error
+    if problem := _problem(point.name, spec):
+        raise StrategyPluginProblem(f"{whose}{problem}")
+    return spec
+
+
+def _problem(name: str, spec: object) -> str:
+    """Return what is wrong with the object of an entry point, behind whose it is; else empty."""
     if not isinstance(spec, StrategySpec):
-        raise StrategyPluginProblem(
-            f"{whose} is a {type(spec).__name__}, expected a "
-            "marketplace_node.strategies.StrategySpec"
-        )
-    if spec.name != point.name:
-        raise StrategyPluginProblem(
-            f"{whose} calls itself '{spec.name}'; both names must be the same"
-        )
+        return f" is a {type(spec).__name__}, expected a marketplace_node.strategies.StrategySpec"
+    if spec.name != name:
+        return f" calls itself '{spec.name}'; both names must be the same"
     if not isinstance(spec.description, str):
-        raise StrategyPluginProblem(f"{whose}: 'description' is no text")
+        return ": 'description' is no text"
     if not callable(spec.score):
-        raise StrategyPluginProblem(f"{whose}: 'score' is no function")
+        return ": 'score' is no function"
     if spec.lines is not None and not callable(spec.lines):
-        raise StrategyPluginProblem(f"{whose}: 'lines' is no function")
+        return ": 'lines' is no function"
     if not isinstance(spec.options, tuple) or not all(_is_option(one) for one in spec.options):
-        raise StrategyPluginProblem(
-            f"{whose}: 'options' must be a tuple of Option with name and description as texts, "
+        return (
+            ": 'options' must be a tuple of Option with name and description as texts, "
             "and whose default lies between minimum and maximum"
         )
     if len({option.name for option in spec.options}) < len(spec.options):
-        raise StrategyPluginProblem(f"{whose}: two options have the same name")
-    return spec
+        return ": two options have the same name"
+    return ""
 
 
 def _is_option(option: object) -> bool:

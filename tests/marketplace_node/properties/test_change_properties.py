@@ -52,8 +52,8 @@ def wins_with(decision: Decision, accepted: list[AcceptedBid], values: dict[str,
 
 def found_change(of: Terms, accepted: list[AcceptedBid]) -> Decision:
     decision = decided(of, accepted)
-    assert decision.change is not None
-    assert bool(decision.change.names) != bool(decision.change.obstacle)
+    assert decision.ranked.change is not None
+    assert bool(decision.ranked.change.names) != bool(decision.ranked.change.obstacle)
     return decision
 
 
@@ -63,7 +63,7 @@ def found_change(of: Terms, accepted: list[AcceptedBid]) -> Decision:
 def test_with_the_change_the_runner_up_wins(strategy: str, data: st.DataObject) -> None:
     of, accepted = data.draw(rounds(st.just(strategy)))
     decision = found_change(of, accepted)
-    change = decision.change
+    change = decision.ranked.change
     assert change is not None
     assume(change.names)
 
@@ -79,7 +79,7 @@ def test_no_smaller_change_of_one_parameter_does(
 ) -> None:
     of, accepted = of_and_bids
     decision = found_change(of, accepted)
-    change = decision.change
+    change = decision.ranked.change
     assert change is not None
     size = math.inf
     if change.names:

@@ -27,7 +27,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
-from marketplace_node.operators.previews import MOST
+from marketplace_node.operators import MOST_PREVIEWS
 from marketplace_node.round.decision import AuctionOutcome, External
 from marketplace_node.settings import ON_NEW_SCENE
 
@@ -189,7 +189,7 @@ class AnyMarket(RuleBasedStateMachine):
         try:
             number = self.driver.preview(3.0, 3.0, 3.0, strategy=strategy)
         except Refused:
-            assert len(self.previews) == MOST
+            assert len(self.previews) == MOST_PREVIEWS
             return
         ended = {effect.number for effect in self.driver.previews}
         self.previews |= {number} - ended

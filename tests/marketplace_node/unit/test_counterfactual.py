@@ -29,7 +29,9 @@ def search(
 ) -> Counterfactual | None:
     external = changes.pop("external", None)
     of = terms(scene("s", *values), **changes)
-    return decided(of, bids(dict(zip("abcd", vectors, strict=False))), external=external).change
+    return decided(
+        of, bids(dict(zip("abcd", vectors, strict=False))), external=external
+    ).ranked.change
 
 
 def change(
@@ -125,4 +127,4 @@ def test_nothing_is_searched_before_somebody_asks_for_it() -> None:
 
 
 def test_a_single_bid_has_no_runner_up() -> None:
-    assert decided(terms(), bids({"a": (4.0, 1.0, 3.0)})).change is None
+    assert decided(terms(), bids({"a": (4.0, 1.0, 3.0)})).ranked.change is None

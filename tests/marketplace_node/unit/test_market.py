@@ -24,7 +24,7 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy
-from marketplace_node.settings import SECONDS, Settings
+from marketplace_node.settings import RANGES, Settings
 
 ROOT = Path(__file__).parents[3]
 
@@ -418,8 +418,8 @@ def test_the_document_of_the_market_names_every_setting_with_its_default_and_ran
     assert settings.pop("options") == {}, "each strategy tells of its own"
     for name, default in settings.items():
         value, span = told[name.removesuffix("_s")]
-        if name in SECONDS:
-            least, most = SECONDS[name]
+        if name.endswith("_s"):
+            least, most = RANGES[name]
             assert (value, span) == (f"{default:g} s", f"{least:g} to {most:g} s"), name
         else:
             assert value == str(default), name

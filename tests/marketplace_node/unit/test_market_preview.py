@@ -10,7 +10,7 @@ from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import PublishAuction, SendGoal, State
 from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction
-from marketplace_node.operators.previews import MOST
+from marketplace_node.operators import MOST_PREVIEWS
 
 
 @pytest.fixture
@@ -144,14 +144,14 @@ def test_a_preview_that_makes_no_sense_is_refused(
 
 
 def test_only_so_many_previews_are_open_at_once(market: Driver) -> None:
-    for _ in range(MOST):
+    for _ in range(MOST_PREVIEWS):
         market.preview()
     with pytest.raises(Refused) as caught:
         market.preview()
     assert caught.value.code == "BUSY"
 
     market.wait(0.6)
-    assert len(market.previews) == MOST
+    assert len(market.previews) == MOST_PREVIEWS
     market.preview()
 
 

@@ -100,7 +100,7 @@ def test_the_shadow_counts_where_it_disagrees() -> None:
 
     published = market.all(PublishAuction)
     assert [p.decision.ranking[0].agent for p in published] == [GUIDE] * 5
-    assert [p.decision.shadow_winner for p in published] == [EXPRESS] * 2 + [GUIDE] * 3
+    assert [p.decision.ranked.shadow_winner for p in published] == [EXPRESS] * 2 + [GUIDE] * 3
     assert [(p.shadow_rounds, p.shadow_disagreements) for p in published] == [
         (1, 1),
         (2, 2),
@@ -170,5 +170,5 @@ def test_where_another_strategy_had_to_rank_the_shadow_is_not_compared() -> None
     market.bid()
     market.ranked(failure="no")
 
-    assert market.auction.decision.shadow_winner
+    assert market.auction.decision.ranked.shadow_winner
     assert market.auction.shadow_rounds == 0

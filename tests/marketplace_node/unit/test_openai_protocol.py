@@ -28,11 +28,11 @@ from marketplace_node.external_ranking.openai_protocol import (
     MOST_BYTES,
     Bidder,
     Endpoint,
-    Ranking,
     answer,
     question,
     ranking,
 )
+from marketplace_node.round.decision import External
 from model_server import ModelServer, completion, drips, free_port, model_server, sends
 
 BIDDERS = (GUIDE, EXPRESS)
@@ -76,7 +76,7 @@ def post(
         client.close()
 
 
-def ask(server: ModelServer, limit_s: float = 5.0) -> Ranking:
+def ask(server: ModelServer, limit_s: float = 5.0) -> External:
     endpoint = Endpoint(base_url=server.url, model="small", key="secret")
     status, body = post(endpoint.url, endpoint.headers(), b"{}", limit_s=limit_s, most=MOST_BYTES)
     return answer(status, body, BIDDERS)
@@ -131,7 +131,7 @@ def test_the_question_holds_scene_labels_and_descriptions() -> None:
     ],
 )
 def test_a_ranking_is_found_alone_in_fences_and_amid_prose(content: str) -> None:
-    assert ranking(content, BIDDERS) == Ranking(agents=(EXPRESS, GUIDE), reason="quick")
+    assert ranking(content, BIDDERS) == External(ranking=(EXPRESS, GUIDE), message="quick")
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_hostile_answers_of_a_server_are_refused(
 def test_a_good_answer_comes_over_the_wire(server: ModelServer) -> None:
     server.reply = sends(completion(GOOD))
 
-    assert ask(server).agents == (EXPRESS, GUIDE)
+    assert ask(server).ranking == (EXPRESS, GUIDE)
     assert server.headers[0]["Authorization"] == "Bearer secret"
 
 
@@ -273,7 +273,7 @@ def test_several_requests_are_under_way_at_once(server: ModelServer) -> None:
         )
         for _ in range(3)
     ]
-    assert [one.result(timeout=30.0).agents for one in asked] == [(EXPRESS, GUIDE)] * 3
+    assert [one.result(timeout=30.0).ranking for one in asked] == [(EXPRESS, GUIDE)] * 3
     client.close()
 
 

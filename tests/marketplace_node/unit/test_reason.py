@@ -9,7 +9,7 @@ import pytest
 
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
-from marketplace_node.explanation.calculation import calculation
+from marketplace_node.explanation.reason import calculation
 from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
 

@@ -1,31 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of operators, executed by the market."""
+"""Means of operators: commands, and previews that show who would win without a run."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from bt_agents_language.diagnostics.collection import did_you_mean
-from marketplace_node.effects import State
+from marketplace_node.effects import PreviewEnded, State
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED, OperatorAction, OperatorCommand
+from marketplace_node.settings import check_strategy
+
+MOST_PREVIEWS = 8
+"""As many previews may be under way at once."""
 
 _AWARDED = re.compile(r"\+award\d+$")
 
 
 class OperatorCommands:
-    """Executor of operator commands: pins and vetoes, stops of vetoed runs, awarded scenes.
-
-    Args:
-        market_state: Shared by all rounds.
-        admission: Takes the scenes.
-    """
+    """Executor of operator commands: pins and vetoes, stops of vetoed runs, awarded scenes."""
 
     def __init__(self, market_state: MarketState, admission: SceneAdmission) -> None:
         self._market_state = market_state
@@ -43,7 +45,10 @@ class OperatorCommands:
             return overrides.unpin()
         if command.action is OperatorAction.ALLOW:
             return overrides.allow(command)
-        self._check_known(command.agent)
+        agents = self._market_state.registry.agents
+        if command.agent not in agents:
+            hint = did_you_mean(command.agent, agents) or "no host is there"
+            raise Refused("UNKNOWN_AGENT", f"no agent '{command.agent}' is registered; {hint}")
         match command.action:
             case OperatorAction.PIN:
                 return overrides.pin(command) + _runs_on(command.agent, interaction)
@@ -51,15 +56,6 @@ class OperatorCommands:
                 return overrides.veto(command) + self._stop(command, interaction, now)
             case _:
                 return self._award(command, interaction)
-
-    def restore(self, text: str) -> str:
-        """Take over the overrides of an earlier market; return them as a text, empty for none.
-
-        Raises:
-            Refused: ``MALFORMED``; nothing is changed.
-        """
-        self._market_state.restore(text)
-        return self._market_state.overrides.intervention("")
 
     def scene(self, scene: Scene | None) -> Scene:
         """Return a scene, or the one that was taken last.
@@ -73,13 +69,6 @@ class OperatorCommands:
                 "NO_SCENE", "there has been no scene yet; name one, or ask after the first"
             )
         return found
-
-    def _check_known(self, agent: str) -> None:
-        if self._market_state.registry.holder(agent) is None:
-            hint = did_you_mean(agent, self._market_state.registry.agents)
-            raise Refused(
-                "UNKNOWN_AGENT", f"no agent '{agent}' is registered; {hint or 'no host is there'}"
-            )
 
     def _stop(self, command: OperatorCommand, interaction: Interaction | None, now: float) -> str:
         """Stop the agent if it has the run and ask the others; return the end of the answer."""
@@ -116,3 +105,48 @@ def _runs_on(agent: str, interaction: Interaction | None) -> str:
     if goal is None or goal.agent == agent:
         return ""
     return f"; {goal.agent} goes on until its run ends"
+
+
+class Previews:
+    """Open previews, each of which ends once."""
+
+    def __init__(self, market_state: MarketState) -> None:
+        self._market_state = market_state
+        self.open_rounds: list[OpenRound] = []
+
+    def ask(self, scene: Scene, strategy: str, now: float) -> int:
+        """Open a preview and return its number; ``strategy`` is empty for the one in force.
+
+        Raises:
+            Refused: ``UNKNOWN_STRATEGY`` or ``BUSY``.
+        """
+        strategy = strategy or self._market_state.settings.strategy
+        check_strategy(strategy)
+        if len(self.open_rounds) >= MOST_PREVIEWS:
+            raise Refused(
+                "BUSY",
+                f"{MOST_PREVIEWS} previews are under way, and more may not be; ask again later",
+            )
+        preview = OpenRound(self._market_state, scene, now, preview=strategy)
+        self.open_rounds.append(preview)
+        return preview.number
+
+    def update(self, now: float) -> None:
+        """End the previews that are due."""
+        for preview in tuple(self.open_rounds):
+            by = preview.closing(now)
+            if by is not None:
+                self.open_rounds.remove(preview)
+                decision = preview.close(by, now)
+                outcome = self._market_state.outcome(decision, partial(reason_of, decision))
+                self._market_state.effects.append(
+                    PreviewEnded(number=preview.number, outcome=outcome)
+                )
+
+    def give_up(self, code: str, reason: str) -> None:
+        """End all previews without an outcome."""
+        for preview in self.open_rounds:
+            self._market_state.effects.append(
+                PreviewEnded(number=preview.number, outcome=Refused(code, reason))
+            )
+        self.open_rounds.clear()
