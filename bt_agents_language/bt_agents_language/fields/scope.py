@@ -15,7 +15,7 @@ from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
 from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
-from bt_agents_language.expression.units import ANGLE, LENGTH, TIME, Dimension
+from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.interfaces import MessageFields
 
 RESERVED = (
@@ -30,19 +30,9 @@ _KINDS = {
     FieldType.TEXT: ValueKind.TEXT,
     FieldType.NUMBER: ValueKind.NUMBER,
     FieldType.INTEGER: ValueKind.NUMBER,
-    FieldType.DURATION: ValueKind.NUMBER,
-    FieldType.LENGTH: ValueKind.NUMBER,
-    FieldType.ANGLE: ValueKind.NUMBER,
     FieldType.BOOLEAN: ValueKind.BOOLEAN,
+    **dict.fromkeys(DIMENSIONS, ValueKind.NUMBER),
 }
-
-
-UNITS: Mapping[FieldType, Dimension] = {
-    FieldType.DURATION: TIME,
-    FieldType.LENGTH: LENGTH,
-    FieldType.ANGLE: ANGLE,
-}
-"""Dimension of the types that are quantities."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,7 +185,7 @@ def _parsed(text: str, types: tuple[FieldType | None, ...]) -> Expression:
     return parse_expression(
         text,
         kind_of=lambda name: _KINDS.get(known.get(name) or FieldType.ANY),
-        unit_of=lambda name: UNITS.get(known.get(name) or FieldType.ANY),
+        unit_of=lambda name: DIMENSIONS.get(known.get(name) or FieldType.ANY),
     )
 
 

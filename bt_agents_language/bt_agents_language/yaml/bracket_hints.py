@@ -5,8 +5,14 @@ from __future__ import annotations
 
 from bt_agents_core.text import quote
 from bt_agents_language.yaml.line_hints import SyntaxHint
-from bt_agents_language.yaml.patched_source import Edit
-from bt_agents_language.yaml.source import Source, end_above, indentation, line_at, line_start
+from bt_agents_language.yaml.source import (
+    Edit,
+    Source,
+    end_above,
+    indentation,
+    line_at,
+    line_start,
+)
 
 QUOTE_INSIDE = "inside { … } and [ … ], quote texts with ':', '?', ',' or brackets in them"
 _COMMENT = "a '#' behind a space starts a comment: put quotes around the text"
@@ -87,15 +93,14 @@ def _no_deeper(source: Source, index: int, begun: int) -> bool:
 def behind_value(source: Source, index: int) -> SyntaxHint:
     """Return what is wrong where something stands behind the end of a value."""
     found = source.text[index : index + 1]
-    message, hint = "something stands behind the end of a value", ""
     if found in _CLOSING.values():
-        message, hint = f"there is no open bracket that this '{found}' could close", "remove it"
         return SyntaxHint(
             index=index,
-            message=message,
-            hint=hint,
+            message=f"there is no open bracket that this '{found}' could close",
+            hint="remove it",
             fix=Edit(start=index, stop=index + 1, text=" "),
         )
+    message = "something stands behind the end of a value"
     mark = source.text[index - 1 : index]
     opened = source.text.rfind(mark, 0, index - 1) if mark in ("'", '"') else index
     line = source.position(index).line
@@ -109,12 +114,3 @@ def behind_value(source: Source, index: int) -> SyntaxHint:
     else:
         hint = 'write the quotation marks inside of a text as \\"'
     return SyntaxHint(index=index, message=message, hint=hint)
-
-
-def open_quote(source: Source, index: int, begun: int) -> SyntaxHint:
-    """Return that a quotation mark is not closed."""
-    return SyntaxHint(
-        index=begun,
-        message="this quotation mark is not closed",
-        hint="add one at the end of the text",
-    )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bt_agents_core.text import ellipsize
-from bt_agents_language.yaml.patched_source import Edit
+from bt_agents_language.yaml.source import Edit
 
 _LEAD = r"^(?P<lead>\s*(?:-\s+)*)"
 _KEY = r"(?P<key>[^\W\d][\w-]*)"
@@ -17,8 +17,7 @@ _ONE_WORD = re.compile(rf"{_LEAD}{_KEY}\s*(?:#.*)?$")
 _EQUALS = re.compile(rf"{_LEAD}{_KEY}\s*=(?=\s)")
 _WIDE_COLON = re.compile(rf"{_LEAD}{_KEY}\s*(?P<colon>[：︰﹕∶ː])")  # noqa: RUF001 - meant
 _DASH = re.compile(r"^\s*(?P<dash>[-–—•*])(?=\w)|^\s*(?P<other>[–—•*])\s")
-_NO_COLON = re.compile(rf"{_LEAD}{_KEY}[ ]+(?P<rest>[^\s#].*)$")
-_COLON_LATER = re.compile(r":(\s|$)")
+_NO_COLON = re.compile(rf"{_LEAD}{_KEY}[ ]+(?!.*:(\s|$))(?P<rest>[^\s#].*)$")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,26 +50,23 @@ def line_hint(line: str, start: int) -> SyntaxHint | None:
         line: The line without its end.
         start: Index of its first character in the text.
     """
-    for find in _FINDERS:
-        hint = find(line, start)
-        if hint is not None:
-            return hint
-    return None
+    dash = _DASH.match(line)
+    if dash is not None:
+        return _dash(dash, start)
+    no_colon = _NO_COLON.match(line)
+    return key_hint(line, start) or (_without_colon(no_colon, start) if no_colon else None)
 
 
 def key_hint(line: str, start: int) -> SyntaxHint | None:
     """Return a hint for what keeps a line from being ``key: value``; as :func:`line_hint`."""
-    for find in (_wide_colon, _no_space, _one_word, _equals):
-        hint = find(line, start)
-        if hint is not None:
-            return hint
+    for pattern, explain in _NO_KEY:
+        match = pattern.match(line)
+        if match is not None:
+            return explain(match, start)
     return None
 
 
-def _wide_colon(line: str, start: int) -> SyntaxHint | None:
-    match = _WIDE_COLON.match(line)
-    if match is None:
-        return None
+def _wide_colon(match: re.Match[str], start: int) -> SyntaxHint:
     at = start + match.start("colon")
     return SyntaxHint(
         index=at,
@@ -80,23 +76,17 @@ def _wide_colon(line: str, start: int) -> SyntaxHint | None:
     )
 
 
-def _no_space(line: str, start: int) -> SyntaxHint | None:
-    match = _NO_SPACE.match(line)
-    if match is None:
-        return None
+def _no_space(match: re.Match[str], start: int) -> SyntaxHint:
     at = start + match.end()
     return SyntaxHint(
         index=at - 1,
         message=f"a space is missing behind '{ellipsize(match['key'])}:'",
-        hint=f"write '{ellipsize(match['key'])}: {line[match.end() :].strip()[:30]}'",
+        hint=_with_value(match),
         fix=Edit(start=at, stop=at, text=" "),
     )
 
 
-def _one_word(line: str, start: int) -> SyntaxHint | None:
-    match = _ONE_WORD.match(line)
-    if match is None:
-        return None
+def _one_word(match: re.Match[str], start: int) -> SyntaxHint:
     at = start + match.end("key")
     return SyntaxHint(
         index=start + match.start("key"),
@@ -107,30 +97,37 @@ def _one_word(line: str, start: int) -> SyntaxHint | None:
     )
 
 
-def _equals(line: str, start: int) -> SyntaxHint | None:
-    match = _EQUALS.match(line)
-    if match is None:
-        return None
+def _equals(match: re.Match[str], start: int) -> SyntaxHint:
     at = start + match.end() - 1
     return SyntaxHint(
         index=at,
         message=f"'=' stands behind '{ellipsize(match['key'])}', expected ':'",
-        hint=f"write '{ellipsize(match['key'])}: {line[match.end() :].strip()[:30]}'",
+        hint=_with_value(match),
         fix=Edit(start=at, stop=at + 1, text=":"),
     )
 
 
-def _dash(line: str, start: int) -> SyntaxHint | None:
-    match = _DASH.match(line)
-    if match is None:
-        return None
+def _with_value(match: re.Match[str]) -> str:
+    value = match.string[match.end() :].strip()[:30]
+    return f"write '{ellipsize(match['key'])}: {value}'"
+
+
+_NO_KEY: tuple[tuple[re.Pattern[str], Callable[[re.Match[str], int], SyntaxHint]], ...] = (
+    (_WIDE_COLON, _wide_colon),
+    (_NO_SPACE, _no_space),
+    (_ONE_WORD, _one_word),
+    (_EQUALS, _equals),
+)
+
+
+def _dash(match: re.Match[str], start: int) -> SyntaxHint:
     group = "dash" if match["dash"] else "other"
     at, mark = start + match.start(group), match[group]
     if mark == "-":
         return SyntaxHint(
             index=at,
             message="a space is missing behind '-'",
-            hint=f"write '- {line.strip()[1:31]}'",
+            hint=f"write '- {match.string.strip()[1:31]}'",
             fix=Edit(start=at + 1, stop=at + 1, text=" "),
             is_item=True,
         )
@@ -142,25 +139,12 @@ def _dash(line: str, start: int) -> SyntaxHint | None:
     )
 
 
-def _without_colon(line: str, start: int) -> SyntaxHint | None:
-    match = _NO_COLON.match(line)
-    if match is None or _COLON_LATER.search(line):
-        return None
+def _without_colon(match: re.Match[str], start: int) -> SyntaxHint:
     key, rest = ellipsize(match["key"]), match["rest"].strip()[:30]
     return SyntaxHint(
         index=start + match.start("key"),
-        width=len(line.rstrip()) - match.start("key"),
+        width=len(match.string.rstrip()) - match.start("key"),
         message="this line is neither 'key: value' nor a '-' item",
         hint=f"write '{key}: {rest}', or indent the line if it belongs to the text above",
         is_item=True,
     )
-
-
-_FINDERS: tuple[Callable[[str, int], SyntaxHint | None], ...] = (
-    _dash,
-    _wide_colon,
-    _no_space,
-    _one_word,
-    _equals,
-    _without_colon,
-)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,6 +16,7 @@ from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import join_quoted, join_words, quote
 from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean, nearest
 from bt_agents_language.expression import quantities
+from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.yaml.field_tables import (
     Entries,
     Items,
@@ -49,11 +51,9 @@ _SPOILING = ("tag", "bad-character")
 """Problems of a value that leave open what it is."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
-_A_TIME = quantities.expected(FieldType.DURATION)
-_A_LENGTH = quantities.expected(FieldType.LENGTH)
-_AN_ANGLE = quantities.expected(FieldType.ANGLE)
 
 T = TypeVar("T")
+NumberT = TypeVar("NumberT", int, float)
 
 
 class Shape(Enum):
@@ -312,43 +312,49 @@ class TypedReader:
         self, node: Node, what: str, minimum: float | None = None, maximum: float | None = None
     ) -> int | None:
         """Return a whole number in a range."""
-        value = self._quantity(node, what, "a whole number", quantities.integer, "bad-number")
-        return (
-            value if value is None or self.in_range(node, what, value, minimum, maximum) else None
+        return self._converted(
+            node, what, "a whole number", "bad-number", quantities.integer, minimum, maximum
         )
 
     def number(
         self, node: Node, what: str, minimum: float | None = None, maximum: float | None = None
     ) -> float | None:
         """Return a finite number in a range."""
-        value = self._quantity(node, what, "a number", quantities.number, "bad-number")
-        return (
-            value if value is None or self.in_range(node, what, value, minimum, maximum) else None
+        return self._converted(
+            node, what, "a number", "bad-number", quantities.number, minimum, maximum
         )
 
-    def duration(self, node: Node, what: str) -> float | None:
-        """Return a time [s]."""
-        return self._quantity(node, what, _A_TIME, quantities.duration, "bad-duration")
+    def amount(
+        self, node: Node, what: str, field_type: FieldType, minimum: float | None = None
+    ) -> int | float | None:
+        """Return a number of a type, or a time [s], length [m] or angle [rad] of any size."""
+        if field_type is FieldType.INTEGER:
+            return self.integer(node, what, None if minimum is None else int(minimum))
+        dimension = DIMENSIONS.get(field_type)
+        if dimension is None:
+            return self.number(node, what, minimum)
+        convert = partial(quantities.quantity, field_type=field_type)
+        return self._converted(node, what, dimension.wanted, dimension.code, convert)
 
-    def length(self, node: Node, what: str) -> float | None:
-        """Return a length [m]."""
-        return self._quantity(node, what, _A_LENGTH, quantities.length, "bad-length")
-
-    def angle(self, node: Node, what: str) -> float | None:
-        """Return an angle [rad]."""
-        return self._quantity(node, what, _AN_ANGLE, quantities.angle, "bad-angle")
-
-    def _quantity(
-        self, node: Node, what: str, expected: str, convert: Callable[[str], T], code: str
-    ) -> T | None:
+    def _converted(
+        self,
+        node: Node,
+        what: str,
+        expected: str,
+        code: str,
+        convert: Callable[[str], NumberT],
+        minimum: float | None = None,
+        maximum: float | None = None,
+    ) -> NumberT | None:
         if not isinstance(node, Scalar) or node.empty:
             self.wrong_type(node, what, expected)
             return None
         try:
-            return convert(node.text)
+            value = convert(node.text)
         except quantities.QuantityError as error:
             self.error(code, node, f"{what}: {error.message}", error.hint)
             return None
+        return value if self.in_range(node, what, value, minimum, maximum) else None
 
     def in_range(
         self,
@@ -496,7 +502,7 @@ class MappingReader:
 
     def duration(self, key: str) -> float | None:
         """Return a time [s]."""
-        return self._read(key, self._reading.duration)
+        return self._read(key, lambda n, w: self._reading.amount(n, w, FieldType.DURATION))
 
     def boolean(self, key: str) -> bool | None:
         """Return true or false."""
