@@ -54,12 +54,7 @@ class _Performed:
 
 
 class RobotNode(BaseNode):
-    """The simulated robot; its parameters are ``pace`` and ``voice``.
-
-    Args:
-        voice: The voice; by default the one that the parameter asks for.
-        node_kwargs: For :class:`rclpy.node.Node`.
-    """
+    """The simulated robot; its parameters are ``pace`` and ``voice``, unless a voice is given."""
 
     def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
         super().__init__("robot", **node_kwargs)
@@ -97,17 +92,14 @@ class RobotNode(BaseNode):
     # Ending
 
     def request_stop(self) -> None:
-        """Abort everything under way and take no more goals."""
         self._stopping = True
         for performed in list(self._performed):
             self._end(performed, "the robot is being switched off")
 
     def stopped(self) -> bool:
-        """Return whether every goal has its result."""
         return self._open_goals == 0
 
     def destroy_node(self) -> None:
-        """Stop all acts and leave the graph."""
         for performed in self._performed:
             performed.act.stop()
         for server in self._servers:

@@ -58,13 +58,7 @@ def check_rate(rate: float) -> float:
 
 
 def speaking_time(text: str, rate: float, pace: float) -> float:
-    """Return the duration of a spoken text [s].
-
-    Args:
-        text: The text.
-        rate: Speed of speech relative to normal.
-        pace: Speed of the whole simulation relative to real time.
-    """
+    """Return the duration of a spoken text [s]; its rate and the pace are relative to normal."""
     return (len(text) / CHARACTERS_PER_S + PAUSE_S) / rate / pace
 
 

@@ -92,11 +92,6 @@ class _Sensor:
 class VisitorsNode(BaseNode):
     """Player of a script of people who come, are sensed, react and leave.
 
-    Args:
-        spec: The scene parameters and the sources that read them.
-        script: The visits.
-        node_kwargs: For :class:`rclpy.node.Node`.
-
     Raises:
         Refused: A source has a type or field that cannot be written, or persons are told apart.
     """

@@ -51,12 +51,8 @@ class Calls:
     ) -> None:
         """Send a request; exactly one of the two callbacks follows, on the executor's thread.
 
-        Args:
-            client: Client of the service.
-            request: The request message.
-            deadline_s: Time for finding the server and getting the answer [s].
-            on_answer: Called with the response.
-            on_failure: Called with the reason as text.
+        The deadline [s] is for finding the server and getting the answer; ``on_failure`` takes the
+        reason.
         """
         call = _Call(client, request, time.monotonic() + deadline_s, on_answer, on_failure)
         self._open.append(call)

@@ -19,11 +19,7 @@ _POLL_S = 0.01
 
 
 class FuturePoller:
-    """Polls the futures of other threads, which must not call into rclpy.
-
-    Args:
-        node: Whose executor calls back; call from its thread only.
-    """
+    """Polls the futures of other threads, which must not call into rclpy."""
 
     def __init__(self, node: Node) -> None:
         self._watched: list[tuple[ThreadFuture[Any], float, Callable[[str], None]]] = []
@@ -32,9 +28,7 @@ class FuturePoller:
     def watch(self, future: ThreadFuture[Any], done: Callable[[str], None]) -> None:
         """Call back once, when a future is done or :data:`LIMIT_S` has passed.
 
-        Args:
-            future: Of another thread.
-            done: Takes what went wrong; empty when it has succeeded.
+        ``done`` takes what went wrong, an empty text when nothing did.
         """
         self._watched.append((future, time.monotonic() + LIMIT_S, done))
         if self._timer.is_canceled():

@@ -11,11 +11,7 @@ from bt_agents_ros.types import read_field
 
 
 class MessageView(Mapping[str, Plain]):
-    """Fields of a message by name, each converted when it is first read.
-
-    Args:
-        message: Instance of a ROS message, which must not change any more.
-    """
+    """Fields of a message by name, each converted when first read; the message must not change."""
 
     def __init__(self, message: Any) -> None:
         self._message = message

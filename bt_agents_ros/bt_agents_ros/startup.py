@@ -31,12 +31,9 @@ TREES = StartParameter(
 def make_from_parameters(
     name: str, parameters: tuple[StartParameter, ...], make: Callable[[Mapping[str, str]], NodeT]
 ) -> NodeT:
-    """Return a node that is constructed from the parameters of its process.
+    """Return a node that is constructed from the parameters of its process; ``make`` may raise.
 
-    Args:
-        name: Name of the node.
-        parameters: Read by a temporary node, then declared on the node itself too.
-        make: Constructs the node from the values by name; may raise.
+    A temporary node reads them; then they are declared on the node itself, too.
     """
     reader = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
     try:

@@ -19,23 +19,14 @@ def steady_timer(
 ) -> Timer:
     """Create a timer on the steady clock, which nobody can set or stop.
 
-    Args:
-        node: Owner of the timer.
-        period_s: Time between two calls [s].
-        callback: Called on the thread of the node's executor.
-        running: False creates it cancelled; ``reset`` starts it.
+    Without ``running`` it is created cancelled; ``reset`` starts it.
     """
     steady = Clock(clock_type=ClockType.STEADY_TIME)
     return node.create_timer(period_s, callback, clock=steady, autostart=running)
 
 
 class OneShot:
-    """Steady timer that fires once, at a time that may be moved.
-
-    Args:
-        node: Owner of the timer.
-        callback: Called on the thread of the node's executor.
-    """
+    """Steady timer that fires once, at a time that may be moved."""
 
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
         self._callback = callback

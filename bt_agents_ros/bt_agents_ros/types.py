@@ -204,11 +204,7 @@ def _slots(message_type: Any) -> dict[str, Any]:
 
 
 def slot_at(message_type: Any, path: str) -> Any:
-    """Return the rosidl type of a field, or the class of a nested message.
-
-    Args:
-        message_type: Class of a message.
-        path: Field names joined by dots; a number picks an item of a list.
+    """Return the rosidl type of the field of a path, or the class of a nested message.
 
     Raises:
         Refused: ``UNKNOWN_FIELD``.

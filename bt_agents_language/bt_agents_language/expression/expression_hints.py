@@ -103,12 +103,7 @@ def no_value(token: Token) -> ExpressionError | None:
 
 
 def unexpected(token: Token, before: Token | None) -> ExpressionError:
-    """Return the error for a word where an operator or the end is expected.
-
-    Args:
-        token: The word.
-        before: The one before it.
-    """
+    """Return the error for a word where an operator or the end is expected."""
     if token.text == ")":
         return token.error("this ')' closes nothing", "remove it")
     if token.text == "]":
@@ -127,7 +122,6 @@ def unexpected(token: Token, before: Token | None) -> ExpressionError:
 
 
 def _between(token: Token, before: Token | None) -> str:
-    """Return what may be missing between two words."""
     if token.kind is TokenKind.NAME and token.text.lower() in _OTHER_OPERATORS:
         return _OTHER_OPERATORS[token.text.lower()]
     if token.text == "not":

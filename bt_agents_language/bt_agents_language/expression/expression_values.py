@@ -83,13 +83,8 @@ class Part:
     def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
         """Refuse the part if its value is certainly of another kind.
 
-        Args:
-            kind: The kind it must have.
-            needs: Who needs what, for the message: ``'<' needs numbers``.
-            hint: How to fix it.
-
         Raises:
-            ExpressionError: It has another kind.
+            ExpressionError: It is; ``needs`` says there who needs what: ``'<' needs numbers``.
         """
         if self.kind is not None and self.kind is not kind:
             raise self.error(f"{needs}, found {self.kind.one}", hint)

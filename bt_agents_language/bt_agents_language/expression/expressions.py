@@ -42,11 +42,7 @@ MAX_DEPTH = 32
 
 
 class MissingValue(BtAgentsError):
-    """A name has no value now; a lookup raises it and an evaluation passes it on.
-
-    Attributes:
-        name: The name.
-    """
+    """A name has no value now; a lookup raises it and an evaluation passes it on."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"'{name}' has no value")
@@ -54,11 +50,7 @@ class MissingValue(BtAgentsError):
 
 
 class StaleValue(MissingValue):
-    """A name of the live scene whose last value is too old to tell anything about now.
-
-    Attributes:
-        name: The name.
-    """
+    """A name of the live scene whose last value is too old to tell anything about now."""
 
     def __init__(self, name: str, silent_s: float) -> None:
         super().__init__(name)
@@ -94,9 +86,6 @@ class Expression:
 
     def evaluate(self, lookup: Lookup) -> object:
         """Return its value.
-
-        Args:
-            lookup: Returns the value of a name.
 
         Raises:
             EvaluationError: Values do not fit the operators, or a division by zero.
@@ -165,7 +154,6 @@ class _Parser:
         self._depth = 0
 
     def whole(self) -> Part:
-        """Parse all tokens."""
         if self._at_end():
             raise ExpressionError(
                 "there is no expression", 1, "write one, for example scene.age >= 4"

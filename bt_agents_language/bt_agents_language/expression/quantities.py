@@ -39,12 +39,7 @@ _LONGEST_QUANTITY = 40
 
 
 class QuantityError(BtAgentsError):
-    """A text that is not the number or quantity it should be.
-
-    Attributes:
-        message: What was found and what is expected.
-        hint: How to fix it; may be empty.
-    """
+    """A text that is not the number or quantity it should be; ``hint`` may be empty."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -113,9 +108,7 @@ def quantity(text: str, field_type: FieldType) -> float:
 def quantity_type(text: str, *, strict: bool = True) -> FieldType | None:
     """Return the type of a number with a unit behind it, None for any other text.
 
-    Args:
-        text: Any text.
-        strict: False takes any word that is like a unit.
+    Without ``strict``, any word that is like a unit counts as one.
     """
     match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
     if match is None or not match[2]:

@@ -42,14 +42,7 @@ _OTHER_WORDS = {
 def read_inputs(
     reading: TypedReader, node: Node, what: str, kind: str = "input"
 ) -> tuple[FieldSpec, ...]:
-    """Return declared inputs; what is wrong with one is reported, the input kept if possible.
-
-    Args:
-        reading: The file.
-        node: Names and types.
-        what: What has the inputs, for messages.
-        kind: ``input`` or ``output``.
-    """
+    """Return declared inputs, or outputs; one that is wrong is reported, and kept if possible."""
     inputs = (
         _read_input(reading, entry, kind)
         for entry in reading.entries(node, f"the {kind}s of {what}", "names and types")

@@ -62,33 +62,25 @@ class Interfaces(Protocol):
 
 
 class OfInstalledPackages:
-    """The types of the packages that are there; those of absent packages are not checked.
-
-    Args:
-        interfaces: Knows the ROS types of a machine.
-    """
+    """The types of the packages that are there; those of absent packages are not checked."""
 
     def __init__(self, interfaces: Interfaces) -> None:
         self._interfaces = interfaces
 
     def has_package(self, package: str) -> bool:
-        """Return whether a ROS package is installed."""
         return self._interfaces.has_package(package)
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
-        """Return why a type cannot be used; see :class:`Interfaces`."""
         known = self._knows(type_name)
         return self._interfaces.type_problem(kind, type_name) if known else None
 
     def field_problem(
         self, kind: BindingKind, type_name: str, section: str, path: str
     ) -> str | None:
-        """Return why a type has no such field; see :class:`Interfaces`."""
         known = self._knows(type_name)
         return self._interfaces.field_problem(kind, type_name, section, path) if known else None
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
-        """Return the type of a field's value; see :class:`Interfaces`."""
         if not self._knows(type_name):
             return FieldType.ANY
         return self._interfaces.field_type(kind, type_name, section, path)
@@ -96,7 +88,6 @@ class OfInstalledPackages:
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return why values do not fit the fields of a type; see :class:`Interfaces`."""
         known = self._knows(type_name)
         return self._interfaces.value_problem(kind, type_name, section, values) if known else None
 
@@ -172,11 +163,7 @@ def read_ros_name(
 ) -> str | None:
     """Return the name of a topic, service or action, checked by the rules of ROS.
 
-    Args:
-        reading: The file.
-        node: What is written.
-        what: The name, for messages.
-        brackets: Whether a word of it may be a name in angle brackets: ``persons/<person>/age``.
+    With ``brackets``, a word of it may be a name in angle brackets: ``persons/<person>/age``.
     """
     text = reading.text(node, what)
     if text is None:

@@ -124,12 +124,7 @@ class NameScope:
         return _parsed(text, types)
 
     def problem(self, name: str, *, maybe_text: bool = False) -> tuple[str, str, str] | None:
-        """Return code, message and hint when a name cannot be used.
-
-        Args:
-            name: The name.
-            maybe_text: Whether it can be meant as a text.
-        """
+        """Return code, message and hint when a name, perhaps meant as a text, cannot be used."""
         if name in self._types and not self._messages:
             self.used.add(name)
             return None
@@ -148,7 +143,6 @@ class NameScope:
         return ("unknown-name", f"there is no name '{name[:80]}' here", hint)
 
     def _hint(self, name: str, known: list[str], maybe_text: bool) -> str:
-        """Return how to fix a name that is not known."""
         if name == "mood.change":
             if "live.person" not in known:
                 return "moods change only while a tree runs; name scene.mood, the mood before it"

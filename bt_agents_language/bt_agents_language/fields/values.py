@@ -50,16 +50,7 @@ def read_value(
     what: str,
     minimum: float | None = None,
 ) -> Value | None:
-    """Return a value that fits a type; None when it does not, which is then reported.
-
-    Args:
-        reading: The file.
-        node: What is written.
-        field_type: What is expected.
-        names: What ``${…}`` may name.
-        what: The field, for messages.
-        minimum: Smallest number that is possible.
-    """
+    """Return a value that fits a type; None when it does not, which is then reported."""
     if field_type is FieldType.ANY:
         return _read_any(reading, node, names, what)
     if not isinstance(node, Scalar):

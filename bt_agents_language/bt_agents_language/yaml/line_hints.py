@@ -44,12 +44,7 @@ class SyntaxHint:
 
 
 def line_hint(line: str, start: int) -> SyntaxHint | None:
-    """Return a hint for a line; None when nothing in it looks like one.
-
-    Args:
-        line: The line without its end.
-        start: Index of its first character in the text.
-    """
+    """Return a hint for a line that starts at an index of the text; None when it looks sound."""
     dash = _DASH.match(line)
     if dash is not None:
         return _dash(dash, start)

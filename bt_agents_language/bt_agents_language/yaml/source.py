@@ -67,12 +67,7 @@ class Edit:
 
 
 class PatchedSource(Source):
-    """A text with one edit made; places are still those of the file as it is.
-
-    Args:
-        source: The text before.
-        edit: The edit.
-    """
+    """A text with one edit made; places are still those of the file as it is."""
 
     def __init__(self, source: Source, edit: Edit) -> None:
         before, after = source.text[: edit.start], source.text[edit.stop :]
@@ -81,7 +76,6 @@ class PatchedSource(Source):
         self._edit = edit
 
     def position(self, index: int) -> Position:
-        """Return where the character at ``index`` stands in the file."""
         edit = self._edit
         if index >= edit.start + len(edit.text):
             index += edit.stop - edit.start - len(edit.text)
@@ -90,7 +84,6 @@ class PatchedSource(Source):
         return self._source.position(index)
 
     def line(self, number: int) -> str:
-        """Return a line as it stands in the file."""
         return self._source.line(number)
 
 

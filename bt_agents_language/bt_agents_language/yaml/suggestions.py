@@ -27,15 +27,7 @@ _HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 
 def other_file(root: Node, known: Collection[str]) -> tuple[MappingEntry, str, str] | None:
-    """Return the key that shows that a file is of another kind, that kind, and a hint.
-
-    Args:
-        root: The document.
-        known: Keys of the kind of file that is expected.
-
-    Returns:
-        None when it may well be of the expected kind.
-    """
+    """Return the key that shows that a file is of another kind, that kind, and a hint; or None."""
     if not isinstance(root, MappingNode) or any(e.key.text in known for e in root.entries):
         return None
     for entry in root.entries:

@@ -106,7 +106,6 @@ class TypedReader:
         )
 
     def _index(self, scalar: Scalar, offset: int) -> int:
-        """Return the place in the file of a character of a scalar's text."""
         if scalar.span != self._aligned_span:
             self._aligned_span = scalar.span
             self._aligned = aligned(scalar.text, self.source.text[slice(*scalar.span)])
@@ -248,14 +247,7 @@ class TypedReader:
         return MappingReader(self, node, nodes, keys)
 
     def wrong_type(self, node: Node, what: str, expected: str, shape: Shape = Shape.OTHER) -> None:
-        """Report that something else than expected stands here.
-
-        Args:
-            node: What stands here.
-            what: The place, for messages.
-            expected: What should stand here, for messages.
-            shape: What that is as YAML; decides about the hint.
-        """
+        """Report that something else than expected stands here; its shape decides on the hint."""
         if isinstance(node, Scalar) and node.empty:
             self.error(
                 "missing-value", node, f"{what}: nothing is written here, expected {expected}"
@@ -480,47 +472,47 @@ class MappingReader:
 
     def text(self, key: str, default: str = "") -> str:
         """Return a text, ``default`` when it is not there or wrong."""
-        return self._read(key, self._reading.text) or default
+        return self.read(key, self._reading.text) or default
 
     def name(self, key: str) -> str | None:
         """Return an identifier."""
-        return self._read(key, self._reading.name)
+        return self.read(key, self._reading.name)
 
     def integer(
         self, key: str, minimum: float | None = None, maximum: float | None = None
     ) -> int | None:
         """Return a whole number; a limit that is not given is that of the table."""
         low, high = self._limits(key, minimum, maximum)
-        return self._read(key, lambda n, w: self._reading.integer(n, w, low, high))
+        return self.read(key, lambda n, w: self._reading.integer(n, w, low, high))
 
     def number(
         self, key: str, minimum: float | None = None, maximum: float | None = None
     ) -> float | None:
         """Return a number; a limit that is not given is that of the table."""
         low, high = self._limits(key, minimum, maximum)
-        return self._read(key, lambda n, w: self._reading.number(n, w, low, high))
+        return self.read(key, lambda n, w: self._reading.number(n, w, low, high))
 
     def duration(self, key: str) -> float | None:
         """Return a time [s]."""
-        return self._read(key, lambda n, w: self._reading.amount(n, w, FieldType.DURATION))
+        return self.read(key, lambda n, w: self._reading.amount(n, w, FieldType.DURATION))
 
     def boolean(self, key: str) -> bool | None:
         """Return true or false."""
-        return self._read(key, self._reading.boolean)
+        return self.read(key, self._reading.boolean)
 
     def choice(self, key: str, words: Collection[str] = ()) -> str | None:
         """Return one of some words, without any of those of the table."""
         declared = self._declared(key)
         if not words and isinstance(declared, WordChoice):
             words = declared.words
-        return self._read(key, lambda n, w: self._reading.choice(n, w, words))
+        return self.read(key, lambda n, w: self._reading.choice(n, w, words))
 
     def items(self, key: str) -> tuple[Node, ...]:
         """Return the items of a list, none when it is not there.
 
         An empty list is reported where the table refuses one.
         """
-        items = self._read(key, self._reading.items) or ()
+        items = self.read(key, self._reading.items) or ()
         declared = self._declared(key)
         if isinstance(declared, Items) and declared.empty:
             node = self.nodes.get(key)
@@ -531,16 +523,13 @@ class MappingReader:
     def entries(self, key: str, of: str = "") -> tuple[MappingEntry, ...]:
         """Return the entries of a mapping of something, none when it is not there.
 
-        A mapping without any is reported where the table refuses one.
-
-        Args:
-            key: Its key.
-            of: The entries, for messages; empty for what the table calls them.
+        A mapping without any is reported where the table refuses one. What the entries are called
+        stands in the table, too, unless it is given.
         """
         declared = self._declared(key)
         if not of and isinstance(declared, Entries):
             of = declared.of
-        entries = self._read(key, lambda n, w: self._reading.entries(n, w, of)) or ()
+        entries = self.read(key, lambda n, w: self._reading.entries(n, w, of)) or ()
         if isinstance(declared, Entries) and declared.empty:
             node = self.nodes.get(key)
             if isinstance(node, Mapping) and not entries:
@@ -570,7 +559,8 @@ class MappingReader:
             declared.maximum if maximum is None else maximum,
         )
 
-    def _read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
+    def read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
+        """Return what a function reads from a value and its name for messages."""
         node = self.nodes.get(key)
         return None if node is None else read(node, f"'{key}'")
 

@@ -76,9 +76,6 @@ class Scalar(_Located):
     """A text, number or word as written.
 
     Attributes:
-        source: The file.
-        start: Index of its first character in the text of the file.
-        end: Index of the character after its last one.
         text: Its content, quotes and line folding resolved.
         style: Empty for a plain scalar, else ``'``, ``"``, ``|`` or ``>``.
     """
@@ -239,11 +236,7 @@ class _Builder:
         self._documents = 0
 
     def take(self, events: Iterable[Any]) -> None:
-        """Build from all events, or until the file turns out to be hopeless.
-
-        Args:
-            events: Of the parser, each with its marks.
-        """
+        """Build from all events of the parser, or until the file turns out to be hopeless."""
         # One loop without calls for what is usual: it sees every word of the file.
         source = self._source
         waiting: list[_Open | None] = []

@@ -66,13 +66,11 @@ class CachedExecutor(Executor):
         }
 
     def add_node(self, node: Any) -> bool:
-        """Spin a node from now on; return False when it is spun already."""
         added = super().add_node(node)
         self.wake()
         return bool(added)
 
     def remove_node(self, node: Any) -> None:
-        """Spin a node no more."""
         super().remove_node(node)
         self.wake()
         if get_ident() == self._thread:
@@ -93,16 +91,12 @@ class CachedExecutor(Executor):
         return task
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """Drop pending work and release all nodes."""
         self._batch.clear()
         self._release_wait_set()
         return bool(super().shutdown(timeout_sec))
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Do one piece of work; wait for it if there is none.
-
-        Args:
-            timeout_sec: Longest time to wait [s]; None for no limit.
 
         Raises:
             ExternalShutdownException: The context was shut down.
