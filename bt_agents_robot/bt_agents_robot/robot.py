@@ -58,7 +58,8 @@ class RobotNode(BaseNode):
 
     def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
         super().__init__("robot", **node_kwargs)
-        self._pace = float(declare(self, "pace", 1.0, _pace_descriptor()))
+        pace = describe("speed of everything relative to real time", minimum=0.1, maximum=1000.0)
+        self._pace = float(declare(self, "pace", 1.0, pace))
         wanted = declare(
             self,
             "voice",
@@ -80,10 +81,10 @@ class RobotNode(BaseNode):
         tick_s = min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S)
         self._timer = steady_timer(self, tick_s, self._tick, running=False)
         self._servers = [
-            self._serve(SayAction, "say", self._say, _say_result),
-            self._serve(AskAction, "ask", self._ask, _ask_result),
-            self._serve(ShowAction, "show", self._show, _show_result),
-            self._serve(DriveAction, "drive", self._drive, _drive_result),
+            self._serve(SayAction, "say", self._say),
+            self._serve(AskAction, "ask", self._ask),
+            self._serve(ShowAction, "show", self._show),
+            self._serve(DriveAction, "drive", self._drive),
         ]
         self.create_service(SetLight, "set_light", self._on_light, qos_profile=qos.SERVICE)
         self.create_subscription(String, "sound", self._on_sound, qos.EVENTS)
@@ -108,18 +109,12 @@ class RobotNode(BaseNode):
 
     # Goals
 
-    def _serve(
-        self,
-        kind: Any,
-        name: str,
-        make_act: Callable[[Any], Act],
-        make_result: Callable[[Act | None, float, str], Any],
-    ) -> ActionServer:
+    def _serve(self, kind: Any, name: str, make_act: Callable[[Any], Act]) -> ActionServer:
         return ActionServer(
             self,
             kind,
             name,
-            partial(self._execute, make_act, make_result),
+            partial(self._execute, kind, make_act),
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
             goal_service_qos_profile=qos.SERVICE,
             result_service_qos_profile=qos.SERVICE,
@@ -127,19 +122,14 @@ class RobotNode(BaseNode):
             result_timeout=RESULT_TIMEOUT_S,
         )
 
-    async def _execute(
-        self,
-        make_act: Callable[[Any], Act],
-        make_result: Callable[[Act | None, float, str], Any],
-        goal: Any,
-    ) -> Any:
+    async def _execute(self, kind: Any, make_act: Callable[[Any], Act], goal: Any) -> Any:
         try:
             self._check_capacity()
             act = make_act(goal.request)
         except Refused as refused:
             self.get_logger().warning(f"goal refused: {refused}")
             goal.abort()
-            return make_result(None, 0.0, refused.reason)
+            return kind.Result(message=refused.reason)
         performed = _Performed(act=act, goal=goal, done=Future(executor=self.executor))
         self._performed.append(performed)
         self._open_goals += 1
@@ -155,7 +145,7 @@ class RobotNode(BaseNode):
             goal.succeed()
         else:
             goal.abort()
-        return make_result(act, time.monotonic(), message or "")
+        return _result(act, time.monotonic(), message or "")
 
     def _check_capacity(self) -> None:
         if self._stopping:
@@ -272,10 +262,6 @@ class RobotNode(BaseNode):
                 return
 
 
-def _pace_descriptor() -> Any:
-    return describe("speed of everything relative to real time", minimum=0.1, maximum=1000.0)
-
-
 def _feedback(act: Act, now: float) -> Any:
     if isinstance(act, Drive):
         return DriveAction.Feedback(remaining_m=act.distance - act.driven(now))
@@ -283,22 +269,16 @@ def _feedback(act: Act, now: float) -> Any:
     return kinds[type(act)].Feedback(progress=act.progress(now))
 
 
-def _say_result(act: Act | None, now: float, message: str) -> Any:
-    return SayAction.Result(duration_s=act.elapsed(now) if act else 0.0, message=message)
-
-
-def _ask_result(act: Act | None, _now: float, message: str) -> Any:
-    answer = act.answer if isinstance(act, Ask) else ""
-    return AskAction.Result(answer=answer, message=message or ("" if answer else "no answer"))
-
-
-def _show_result(_act: Act | None, _now: float, message: str) -> Any:
+def _result(act: Act, now: float, message: str) -> Any:
+    match act:
+        case Drive():
+            return DriveAction.Result(distance_m=act.driven(now), message=message)
+        case Ask():
+            no_answer = "" if act.answer else "no answer"
+            return AskAction.Result(answer=act.answer, message=message or no_answer)
+        case Say():
+            return SayAction.Result(duration_s=act.elapsed(now), message=message)
     return ShowAction.Result(message=message)
-
-
-def _drive_result(act: Act | None, now: float, message: str) -> Any:
-    driven = act.driven(now) if isinstance(act, Drive) else 0.0
-    return DriveAction.Result(distance_m=driven, message=message)
 
 
 def main(args: Sequence[str] | None = None) -> int:

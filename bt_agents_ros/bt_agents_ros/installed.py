@@ -10,7 +10,7 @@ from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
-from bt_agents_ros.types import SECTIONS, fill, load_type, slot_at, types_of
+from bt_agents_ros.types import fill, load_type, slot_at, types_of
 
 
 class InstalledInterfaces:
@@ -67,7 +67,7 @@ def _section(kind: BindingKind, type_name: str, section: str) -> Any:
     """
     found = load_type(type_name, kind)
     if section != "message":
-        found = getattr(found, SECTIONS.get(section, ""), None)
+        found = getattr(found, section.capitalize(), None)
     if not hasattr(found, "SLOT_TYPES"):
         raise Refused("UNKNOWN_FIELD", f"{type_name} has no {section}")
     return found

@@ -9,7 +9,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +18,11 @@ from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_path import NoSuchField, NoSuchItem, is_index, is_list, value_at
-from bt_agents_core.field_types import INTERFACE_FOLDERS, BindingKind
-
-SECTIONS = {
-    "goal": "Goal",
-    "result": "Result",
-    "feedback": "Feedback",
-    "request": "Request",
-    "response": "Response",
-}
+from bt_agents_core.field_types import INTERFACE_FOLDERS, BindingKind, Plain
 
 _TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
+_INTERFACE = re.compile(r"(msg|srv|action)/[^/]*")
+_INDEX = Path("share/ament_index/resource_index/rosidl_interfaces")
 _SHORT_NAME = re.compile(r"([a-z][a-z0-9_]*)/([A-Z][A-Za-z0-9]*)")
 _LARGEST_FLOAT32 = 3.4028234663852886e38
 _SECONDS = {
@@ -131,23 +125,43 @@ def message_field(value: Any, part: str) -> Any:
     return getattr(value, part)
 
 
+class MessageView(Mapping[str, Plain]):
+    """Fields of a message by name, each converted when first read; the message must not change."""
+
+    def __init__(self, message: Any) -> None:
+        self._message = message
+        self._names = message.get_fields_and_field_types()
+        self._converted: dict[str, Plain] = {}
+
+    def __getitem__(self, name: str) -> Plain:
+        if name not in self._names:
+            raise KeyError(name)
+        if name not in self._converted:
+            self._converted[name] = read_field(self._message, name)
+        return self._converted[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
 def types_of(package: str) -> list[str]:
     """Return the types of an installed package as ``msg/Bool``; empty when it has none.
 
     The ament index names them in ``share/ament_index/resource_index/rosidl_interfaces/<package>``.
     """
     for prefix in prefixes():
-        entry = prefix / "share/ament_index/resource_index/rosidl_interfaces" / package
         try:
-            lines = entry.read_text(encoding="utf-8").split()
+            lines = (prefix / _INDEX / package).read_text(encoding="utf-8").split()
         except (OSError, UnicodeDecodeError):
             continue
-        return sorted({line.rpartition(".")[0] for line in lines if _is_interface(line)})
+        return sorted({line.rpartition(".")[0] for line in lines if _INTERFACE.fullmatch(line)})
     return []
-
-
-def _is_interface(line: str) -> bool:
-    return line.startswith(("msg/", "srv/", "action/")) and line.count("/") == 1
 
 
 def prefixes() -> list[Path]:
@@ -162,9 +176,8 @@ def prefixes() -> list[Path]:
 def _packages() -> list[str]:
     found: set[str] = set()
     for prefix in prefixes():
-        folder = prefix / "share/ament_index/resource_index/rosidl_interfaces"
-        if folder.is_dir():
-            found.update(entry.name for entry in folder.iterdir())
+        if (prefix / _INDEX).is_dir():
+            found.update(entry.name for entry in (prefix / _INDEX).iterdir())
     return sorted(found)
 
 
@@ -209,7 +222,7 @@ def slot_at(message_type: Any, path: str) -> Any:
     Raises:
         Refused: ``UNKNOWN_FIELD``.
     """
-    current: Any = message_type
+    current = message_type
     done: list[str] = []
     for part in path.split("."):
         if hasattr(current, "SLOT_TYPES"):

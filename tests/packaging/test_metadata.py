@@ -90,7 +90,8 @@ def test_the_packages_hold_more_than_python_modules():
     held = set().union(*(package.package_data for package in PYTHON_PACKAGES))
     assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
     language = Path("bt_agents_language")
-    assert {language / "reference/codes.yaml", language / "tools/templates/agent.yaml"} <= held
+    data = ("expression/hints.yaml", "reference/codes.yaml", "tools/templates/agent.yaml")
+    assert {language / path for path in data} <= held
 
 
 @every_python_package

@@ -5,8 +5,12 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from importlib.resources import files
+
+import yaml
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import ellipsize
@@ -21,56 +25,23 @@ OPERATOR_WORDS = ("and", "or", "not", "in", "between")
 NAME = r"[^\W\d]\w*(?:\.\w+)*"
 """Pattern of a name."""
 
+HINTS: Mapping[str, Mapping[str, str]] = yaml.load(
+    files("bt_agents_language").joinpath("expression/hints.yaml").read_text(encoding="utf-8"),
+    Loader=yaml.CSafeLoader,
+)
+"""What other languages write → how to write it here, by the kind of word."""
+
 _WORDS = frozenset((*OPERATOR_WORDS, "true", "false"))
 
 _NUMBER_LIKE = re.compile(r"[\w.]+")
 _UNIT = re.compile(r"([0-9.]+)([^\W\d_]+)")
-_STRAIGHT_DOUBLE = 'use straight quotation marks: "…"'
-_STRAIGHT_SINGLE = "use straight quotation marks: '…'"
-_CHARACTER_HINTS = {
-    "=": "compare with ==",
-    "&": "write and",
-    "|": "write or",
-    "!": "write not",
-    "~": "write not",
-    "$": "in an expression names stand alone, without ${ }",
-    "{": "write a list in square brackets: [1, 2]",
-    "^": "powers are not possible, write a * a",
-    "“": _STRAIGHT_DOUBLE,
-    "”": _STRAIGHT_DOUBLE,
-    "„": _STRAIGHT_DOUBLE,
-    "«": _STRAIGHT_DOUBLE,
-    "»": _STRAIGHT_DOUBLE,
-    "\u2018": _STRAIGHT_SINGLE,
-    "’": _STRAIGHT_SINGLE,
-    "`": _STRAIGHT_SINGLE,
-    "≤": "write <=",
-    "≥": "write >=",
-    "≠": "write !=",
-    "−": "write the plain minus sign -",
-    "–": "write the plain minus sign -",
-    "×": "write *",
-    "·": "write *",
-    "÷": "write /",
-    "∈": "write in",
-    ";": "join conditions with 'and' or 'or'",
-    ".": "a point stands only inside of names and numbers",
-    "?": "a choice between two values is not possible; use two nodes with 'when'",
-}
-_OPERATOR_HINTS = {
-    "===": "write ==", "!==": "write !=", "=<": "write <=", "=>": "write >=", "<>": "write !=",
-    "**": "powers are not possible, write a * a", "//": "write round(a / b)",
-    "+=": "write x + 1; the node 'set' gives the result a name",
-    "-=": "write x - 1; the node 'set' gives the result a name",
-    "&&": "write and", "||": "write or",
-}  # fmt: skip
 _TOKEN = re.compile(
     rf"""
     \s*(?:
     (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
     | (?P<not_in>not\s+in\b)
     | (?P<name>{NAME})
-    | (?P<foreign>{"|".join(map(re.escape, _OPERATOR_HINTS))})
+    | (?P<foreign>{"|".join(map(re.escape, HINTS["signs"]))})
     | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\)|\[|\]|,)
     | (?P<text>"[^"]*"|'[^']*')
     )
@@ -162,7 +133,7 @@ def _token(match: re.Match[str]) -> Token:
     if kind == "not_in":
         return Token(TokenKind.OPERATOR, "not in", column)
     if kind == "foreign":
-        hint = _OPERATOR_HINTS[word]
+        hint = HINTS["signs"][word]
         raise ExpressionError(f"there is no operator '{word}'", column, hint, len(word))
     _refuse_protected_quote(word, match)
     return Token(TokenKind.TEXT, word, column, word[1:-1])
@@ -240,7 +211,7 @@ def _unreadable(text: str, at: int) -> ExpressionError:
         return ExpressionError(
             "this quotation mark is not closed", at + 1, f"close the text with {character}"
         )
-    hint = _CHARACTER_HINTS.get(character, "")
+    hint = HINTS["characters"].get(character, "")
     if character == ":" and text[at - 1 : at].isdecimal():
         hint = "times are numbers of seconds here: 1:30 is 90"
     return ExpressionError(f"'{character}' means nothing in an expression", at + 1, hint)

@@ -26,6 +26,16 @@ There are two for each publisher and subscription, and they are rare.
 """
 
 
+_ENTITIES = {
+    "timer": "timers",
+    "subscription": "subscriptions",
+    "guard_condition": "guards",
+    "client": "clients",
+    "service": "services",
+}
+"""Kind of entity, as a wait set calls it → where a node lists its own."""
+
+
 class CachedWaitSet:
     """Wait set over the entities of some nodes, whose handles it holds until :meth:`release`.
 
@@ -39,15 +49,8 @@ class CachedWaitSet:
         self._events_due = 0.0
         with ExitStack() as held:
             self._tables = {
-                "timer": _hold(held, (entity for node in nodes for entity in node.timers)),
-                "subscription": _hold(
-                    held, (entity for node in nodes for entity in node.subscriptions)
-                ),
-                "guard_condition": _hold(
-                    held, (entity for node in nodes for entity in node.guards)
-                ),
-                "client": _hold(held, (entity for node in nodes for entity in node.clients)),
-                "service": _hold(held, (entity for node in nodes for entity in node.services)),
+                kind: _hold(held, (entity for node in nodes for entity in getattr(node, listed)))
+                for kind, listed in _ENTITIES.items()
             }
             waitables = _hold_waitables(
                 held, (waitable for node in nodes for waitable in node.waitables)
