@@ -27,9 +27,8 @@ from bt_agents_robot.people import REACTION_S, field_value, is_read, nested, pau
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
-from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.parameters import TREES, StartParameter, declare, describe, make_from_parameters
 from bt_agents_ros.spinner import run
-from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import fill, load_type, read_field
 from scene_layer.script import MarketView, ScriptPerformance, answer

@@ -15,7 +15,8 @@ from bt_agents_language.expression.expression_tokens import (
     unit_hint,
 )
 
-_NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
+NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
+"""Words of other languages for nothing."""
 
 
 def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
@@ -38,10 +39,8 @@ def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
     return token.error(f"there is no function '{ellipsize(word)}'", hint)
 
 
-def no_value(token: Token) -> ExpressionError | None:
-    """Return the error for ``null`` and its like, None for any other name."""
-    if token.text not in _NO_VALUES:
-        return None
+def no_value(token: Token) -> ExpressionError:
+    """Return the error for one of :data:`NO_VALUES`."""
     return token.error(
         f"'{token.text}' is no value",
         "a condition with a name that has no value yet is not true, so this need not be asked",

@@ -145,11 +145,6 @@ def described(value: object) -> str:
     return "a list" if isinstance(value, (list, tuple)) else "a mapping"
 
 
-_ADDING = ("+", "-", "%")
-_COMPARING = ("==", "!=", "<", "<=", ">", ">=")
-_SAME_UNIT = ("min", "max", "abs", "round")
-
-
 def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
     """Return the dimension of what an operator gives; None for a plain number, or no number.
 
@@ -158,10 +153,10 @@ def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
     Raises:
         ExpressionError: The operands have dimensions that do not go together.
     """
-    if word in _ADDING:
-        return _same(word, (left, right))
-    if word in _COMPARING:
-        _same(word, (left, right))
+    if word in ("+", "-", "%"):
+        return common_unit(word, (left, right))
+    if word in ("==", "!=", "<", "<=", ">", ">="):
+        common_unit(word, (left, right))
         return None
     units = [part.unit for part in (left, right) if part.unit is not None]
     if word == "*" and len(units) == 2:
@@ -174,21 +169,13 @@ def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
 
 def unit_of_call(name: str, arguments: Sequence[Part]) -> Dimension | None:
     """Return the dimension of what a function gives; as :func:`unit_of_pair`."""
-    if name not in _SAME_UNIT:
+    if name not in ("min", "max", "abs", "round"):
         return None
-    return _same(name, arguments[:1] if name == "round" else arguments)
+    return common_unit(name, arguments[:1] if name == "round" else arguments)
 
 
-def check_range_units(value: Part, low: Part, high: Part) -> None:
-    """Refuse a range of another dimension than the value that may lie in it.
-
-    Raises:
-        ExpressionError: The dimensions differ.
-    """
-    _same("between", (value, low, high))
-
-
-def _same(word: str, parts: Sequence[Part]) -> Dimension | None:
+def common_unit(word: str, parts: Sequence[Part]) -> Dimension | None:
+    """Return the dimension that the parts have together; as :func:`unit_of_pair`."""
     first: Dimension | None = None
     for part in parts:
         if part.unit is None:

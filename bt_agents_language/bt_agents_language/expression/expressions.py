@@ -19,7 +19,7 @@ from bt_agents_language.expression.expression_values import (
     Lookup,
     Part,
     ValueKind,
-    check_range_units,
+    common_unit,
     unit_of_call,
     unit_of_pair,
 )
@@ -205,7 +205,7 @@ class _Parser:
         return left
 
     def _applied(self, operator: Operator, token: Token, left: Part, right: Part) -> Part:
-        operator.check(left, right, token.column)
+        operator.check(left, right)
         return Part(
             run=operator.compile(left, right, token.column),
             kind=operator.gives,
@@ -225,7 +225,7 @@ class _Parser:
         self._take()
         high = self._expression(COMPARISON)
         check_between(value, low, high)
-        check_range_units(value, low, high)
+        common_unit("between", (value, low, high))
         return Part(
             run=compile_between(value, low, high, token.column),
             kind=ValueKind.BOOLEAN,
@@ -290,9 +290,8 @@ class _Parser:
 
     def _name(self, token: Token) -> Part:
         name = token.text
-        nothing = expression_hints.no_value(token)
-        if nothing is not None:
-            raise nothing
+        if name in expression_hints.NO_VALUES:
+            raise expression_hints.no_value(token)
         if self._known is not None and not self._known(name):
             raise token.error(f"there is no name '{name}' here")
         self.mentions.append(Mention(name=name, column=token.column))

@@ -59,7 +59,9 @@ def read_value(
         return None
     if "${" not in node.text:
         if field_type is FieldType.TEXT:
-            return _plain_text(reading, node, what)
+            # An empty text can be meant, but then it is in quotes.
+            text = reading.text(node, what, empty=not node.plain)
+            return None if text is None else Literal(value=text)
         return _literal(reading, node, field_type, what, minimum)
     parts = read_parts(reading, node, names)
     if parts is None:
@@ -88,12 +90,6 @@ def _literal(
         else reading.amount(node, what, field_type, minimum)
     )
     return None if value is None else Literal(value=value, type=field_type)
-
-
-def _plain_text(reading: TypedReader, node: Scalar, what: str) -> Literal | None:
-    # An empty text can be meant, but then it is in quotes.
-    text = reading.text(node, what, empty=not node.plain)
-    return None if text is None else Literal(value=text)
 
 
 def _text(parts: tuple[Part, ...]) -> Value:

@@ -16,6 +16,12 @@ BAD_CHARACTER = re.compile(
 )
 """Invisible characters that no file may hold."""
 
+UNDECIDED = (
+    "two versions of the file were merged, and this place is not decided yet",
+    "keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
+)
+"""Message and hint about two versions of a file that git has put one after the other."""
+
 _PAGE = ("a web page", "save the file itself, not the page that shows it")
 _SIGNS = {
     "{\\rtf": ("rich text", "save it as plain text (in the editor: Make plain text)"),
@@ -53,12 +59,7 @@ def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
         return False
     conflict = _merge_conflict(source.text)
     if conflict is not None:
-        problems.add(
-            "syntax",
-            source.position(conflict),
-            "two versions of the file were merged, and this place is not decided yet",
-            "keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
-        )
+        problems.add("syntax", source.position(conflict), *UNDECIDED)
         return False
     return True
 

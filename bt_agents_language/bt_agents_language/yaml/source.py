@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from bt_agents_core.diagnostic import Diagnostic, Position
+from bt_agents_core.diagnostic import Position
 from bt_agents_language.diagnostics.collection import Diagnostics
 
 MAX_BYTES = 1024 * 1024
@@ -168,11 +168,7 @@ def _check_regular(file: str, mode: int) -> None:
 
 def _refusal(file: str, code: str, message: str, hint: str) -> Exception:
     problems = Diagnostics(None)
-    problems.append(
-        Diagnostic(
-            code=code, position=Position(file=file, line=1, column=1), message=message, hint=hint
-        )
-    )
+    problems.add(code, Position(file, 1, 1), message, hint)
     return problems.error()
 
 

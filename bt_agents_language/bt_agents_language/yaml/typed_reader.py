@@ -111,10 +111,8 @@ class TypedReader:
             self._aligned = aligned(scalar.text, self.source.text[slice(*scalar.span)])
         return scalar.span[0] + self._aligned[min(max(offset, 0), len(self._aligned) - 1)]
 
-    def document(
-        self, what: str, known: Collection[str], required: Collection[str] = ()
-    ) -> MappingReader:
-        """Return the keys of the whole file, ``format`` checked.
+    def file(self, kind: KeyTable) -> MappingReader:
+        """Return the keys of the whole file as its table says, ``format`` checked.
 
         Raises:
             ReadError: The file is no mapping, so that nothing can be read from it.
@@ -122,17 +120,17 @@ class TypedReader:
         if self.root is None:
             self.problems.raise_if_any()
         assert self.root is not None
-        other = other_file(self.root, {*known, *required})
+        other = other_file(self.root, kind.values)
         if other is not None:
-            entry, kind, hint = other
-            message = f"expected {what}, found {kind}: it has the key '{entry.key.text}'"
+            entry, what, hint = other
+            message = f"expected {kind.what}, found {what}: it has the key '{entry.key.text}'"
             self.error("wrong-type", entry.key, message, hint)
             raise self.problems.error()
-        fields = self.fields(
-            self.root, what, ("format", *known), ("format", *required), at_start=True
-        )
+        known, required = ("format", *kind.values), ("format", *kind.required)
+        fields = self.fields(self.root, kind.what, known, required)
         if fields is None:
             raise self.problems.error()
+        fields.table = kind
         version = fields.integer("format")
         if version is not None and version != FORMAT:
             self.error(
@@ -141,12 +139,6 @@ class TypedReader:
                 f"the file has format {version}, this program reads format {FORMAT}",
                 "write format: 1",
             )
-        return fields
-
-    def file(self, kind: KeyTable) -> MappingReader:
-        """Return the keys of the whole file as its table says; as :meth:`document`."""
-        fields = self.document(kind.what, kind.values, kind.required)
-        fields.table = kind
         return fields
 
     def keys(
@@ -180,7 +172,6 @@ class TypedReader:
         what: str,
         known: Collection[str],
         required: Collection[str] = (),
-        at_start: bool = False,
         beside: Collection[str] = (),
     ) -> MappingReader | None:
         """Return the keys of a mapping; unknown and missing ones become problems.
@@ -190,7 +181,6 @@ class TypedReader:
             what: What the mapping is, for messages: ``a tunable``.
             known: All possible keys.
             required: Keys that must be there.
-            at_start: Report a missing key at the start instead of the whole mapping.
             beside: Keys that belong beside what has the mapping, not into it.
         """
         if not isinstance(node, Mapping):
@@ -240,7 +230,7 @@ class TypedReader:
         if missing:
             self.error(
                 "missing-key",
-                node.position if at_start or not node.entries else node.entries[0].key,
+                node.entries[0].key if node.entries and node is not self.root else node.position,
                 f"{what} needs the key{'s' * (len(missing) > 1)} {join_quoted(missing)}",
                 adding(missing),
             )

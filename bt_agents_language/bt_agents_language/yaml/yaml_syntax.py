@@ -13,6 +13,7 @@ from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.bracket_hints import QUOTE_INSIDE, behind_value, in_brackets
 from bt_agents_language.yaml.line_hints import SyntaxHint, key_hint, line_hint
+from bt_agents_language.yaml.precheck import UNDECIDED
 from bt_agents_language.yaml.source import (
     Edit,
     Source,
@@ -112,12 +113,8 @@ def _quoted_value(source: Source, start: int, line: str) -> Edit | None:
 
 def _no_colon(source: Source, index: int, begun: int) -> SyntaxHint:
     if source.text.startswith(_CONFLICT, begun):
-        return SyntaxHint(
-            index=begun,
-            width=len(_CONFLICT[0]),
-            message="two versions of the file were merged, and this place is not decided yet",
-            hint="keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
-        )
+        message, hint = UNDECIDED
+        return SyntaxHint(index=begun, width=len(_CONFLICT[0]), message=message, hint=hint)
     found = _sure(source, line_start(source, begun), line_hint)
     return found or SyntaxHint(
         index=begun,
