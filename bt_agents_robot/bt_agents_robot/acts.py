@@ -136,10 +136,6 @@ class Say(Act):
 class Ask(Say):
     """Act of asking a question and waiting for an answer, which may interrupt the question.
 
-    Attributes:
-        question: Text of the question.
-        answer: Answer of the person; empty without one.
-
     Raises:
         Refused: The question or the waiting time cannot be used.
     """

@@ -45,8 +45,6 @@ _FEEDBACK_STEP = 0.1
 
 @dataclass(eq=False)
 class _Performed:
-    """An act with the goal that asked for it."""
-
     act: Act
     goal: Any
     done: Future
@@ -256,7 +254,6 @@ class RobotNode(BaseNode):
             self.get_logger().warning(f"sound refused: {refused}")
 
     def _on_answer(self, message: Any) -> None:
-        """Give an answer to the first open question that accepts it."""
         for performed in self._performed:
             if isinstance(performed.act, Ask) and performed.act.receive(message.data):
                 return

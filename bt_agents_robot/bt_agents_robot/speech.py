@@ -104,13 +104,7 @@ def start_process(command: Sequence[str], text: str) -> Process:
 
 
 class Voice:
-    """Voice of a child process; silent where there is no program or it fails.
-
-    Args:
-        find: Finds a program by name, as :func:`shutil.which`.
-        start: Starts it, as :func:`start_process`.
-        warn: Called once with the reason why there is no sound.
-    """
+    """Voice of a child process; silent, after a warning, where there is no program or it fails."""
 
     def __init__(
         self,

@@ -33,11 +33,9 @@ _SECONDS = {
 
 
 def load_type(name: str, kind: BindingKind | None = None) -> Any:
-    """Return the class of a ROS type; nothing is imported unless an installed package lists it.
+    """Return the class of a ROS type such as ``std_msgs/msg/Bool``, of a kind unless any will do.
 
-    Args:
-        name: Full name, for example ``std_msgs/msg/Bool``.
-        kind: What the type is needed for; None takes any kind.
+    Nothing is imported unless an installed package lists it.
 
     Raises:
         Refused: ``UNKNOWN_TYPE``, ``WRONG_KIND`` or ``TYPE_NOT_LOADABLE``.
@@ -70,12 +68,9 @@ def load_type(name: str, kind: BindingKind | None = None) -> Any:
 def fill(message: Any, values: Mapping[str, Any]) -> None:
     """Set fields of a message from plain nested data; on an error nothing is set.
 
-    A whole number is taken for a float, NaN too; a boolean is no number and a number no text.
-    ``builtin_interfaces`` Time and Duration may be written as seconds.
-
-    Args:
-        message: Instance of a ROS message; fields that ``values`` does not name stay.
-        values: Mappings, sequences and scalars in the shape of the message.
+    Fields that are not named stay. A whole number is taken for a float, NaN too; a boolean is no
+    number and a number no text. ``builtin_interfaces`` Time and Duration may be written as
+    seconds.
 
     Raises:
         Refused: ``UNKNOWN_FIELD``, ``WRONG_TYPE``, ``WRONG_LENGTH``, ``OUT_OF_RANGE`` or
@@ -91,11 +86,7 @@ def to_plain(message: Any) -> dict[str, Any]:
 
 
 def read_field(message: Any, path: str) -> Any:
-    """Return one field of a message as plain data.
-
-    Args:
-        message: Instance of a ROS message.
-        path: Field names joined by dots; a number picks an item: ``faces.0.mood``.
+    """Return one field of a message, such as ``faces.0.mood``, as plain data.
 
     Raises:
         Refused: ``UNKNOWN_FIELD``, or ``NO_SUCH_ITEM`` where a list is too short.
@@ -210,7 +201,6 @@ def _did_you_mean(name_given: str, known: Collection[str]) -> str:
 
 
 def _slots(message_type: Any) -> dict[str, Any]:
-    """Return the fields of a message type with their rosidl types."""
     return dict(
         zip(message_type.get_fields_and_field_types(), message_type.SLOT_TYPES, strict=True)
     )

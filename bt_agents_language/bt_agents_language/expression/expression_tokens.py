@@ -53,11 +53,8 @@ _TOKEN = re.compile(
 class ExpressionError(BtAgentsError):
     """An expression that cannot be understood, or whose values do not fit.
 
-    Attributes:
-        message: What was found and what is expected.
-        column: Where, counted from 1 in the text that was parsed.
-        hint: How to fix it; may be empty.
-        width: How many characters are wrong.
+    The column counts from 1 in the text that was parsed, and ``width`` characters are wrong there;
+    the hint may be empty.
     """
 
     def __init__(self, message: str, column: int, hint: str = "", width: int = 1) -> None:

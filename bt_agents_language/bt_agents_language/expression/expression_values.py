@@ -63,10 +63,8 @@ class Part:
     """A part of an expression, compiled.
 
     Attributes:
-        run: Gives its value.
         kind: Kind of its value, None where only a run shows it.
-        column: Where it starts, from 1.
-        width: Characters of its first word.
+        column: Where its first word starts, from 1.
         items: Kind of the items of a list that is written out; None elsewhere.
         constant: Value of a number, text or boolean that is written out; None elsewhere.
         unit: Dimension of a quantity; None for plain numbers and everything else.

@@ -72,7 +72,6 @@ class Expression:
     Attributes:
         text: As written, without spaces around it.
         mentions: Every name in it with its place in the text that was parsed.
-        names: The names in it.
         kind: Kind of its value where that is known without running it.
         unit: Dimension of its value; None for a plain number, or no number.
     """
@@ -361,7 +360,7 @@ class _Parser:
         )
 
     def _items(self, opening: Token, closing: str) -> list[Part]:
-        """Return the expressions up to a closing bracket, which is taken."""
+        """Take the expressions up to a closing bracket, and that."""
         items: list[Part] = []
         if self._token.text == closing:
             self._take()

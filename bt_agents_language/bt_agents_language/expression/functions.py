@@ -31,14 +31,13 @@ _EXACT = Context(prec=60)
 
 @dataclass(frozen=True, kw_only=True)
 class Function:
-    """A function.
+    """A function of at least one argument.
 
     Attributes:
-        name: As written.
         usage: How it is written, for messages.
         check_kinds: Refuses arguments whose kinds do not fit.
         compile: (arguments, column) → evaluator.
-        most: Arguments that it takes at most; it needs one at least.
+        most: Arguments that it takes at most.
     """
 
     name: str
@@ -149,9 +148,7 @@ def _finite(value: object, column: int) -> float:
 def rounded(value: float, digits: int) -> float:
     """Return a finite number rounded as at school: halves away from zero, 2.5 to 3.
 
-    Args:
-        value: The number; what counts is how it is written, so that 2.675 gives 2.68.
-        digits: Digits behind the point that are kept; 0 gives a whole number.
+    What counts is how it is written, so that 2.675 gives 2.68; 0 digits give a whole number.
     """
     if isinstance(value, int):
         return value

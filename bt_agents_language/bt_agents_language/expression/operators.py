@@ -31,7 +31,6 @@ class Operator:
     """An operator between two operands.
 
     Attributes:
-        word: As written, for messages.
         check: Refuses operands whose kinds do not fit.
         compile: (left, right, column) → evaluator.
         strength: Binds its operands the more tightly the larger it is.

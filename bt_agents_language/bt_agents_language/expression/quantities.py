@@ -123,12 +123,9 @@ def is_clock(text: str) -> bool:
 
 
 def format_quantity(value: float, field_type: FieldType, digits: int = 3) -> str:
-    """Return a value of a type as people write it: ``1.5 min``, ``250 ms``, ``90 deg``.
+    """Return a value in SI as people write it: ``1.5 min``, ``250 ms``, ``90 deg``.
 
-    Args:
-        value: The value [SI].
-        field_type: Any type of a number; one that is no quantity gets no unit.
-        digits: Significant digits of a quantity that are kept.
+    A quantity keeps so many significant digits; a value of any other type gets no unit.
     """
     if not math.isfinite(value):
         return f"{value:g}"

@@ -70,11 +70,6 @@ def timeout_keys(kind: BindingKind) -> tuple[str, ...]:
 class Outputs:
     """Where the outputs of an interface come from: output name → field path.
 
-    Args:
-        kind: Action, service or topic.
-        type_name: Of the interface as far as it is known.
-        interfaces: Installed types, None to leave them unchecked.
-
     Attributes:
         result: Those that come at the end.
         feedback: Those that come while an action goes on.
@@ -160,15 +155,8 @@ def read_binding(
 ) -> Binding | None:
     """Return a binding; None when it is wrong, which is then reported.
 
-    Args:
-        reading: The file.
-        kind: Action, service or topic.
-        fields: Keys as in :func:`binding_keys`.
-        names: What the values that are sent may name.
-        result_names: What ``succeed_when`` may name besides ``result.*``.
-        interfaces: Installed types, None to leave them unchecked.
-        outputs: Where outputs come from, read before.
-        name_key: Key of the ROS name.
+    ``names`` are for the values that are sent, ``result_names`` for ``succeed_when``, besides
+    ``result.*``; without ``interfaces`` types are not checked.
     """
     name = fields.read(name_key, partial(read_ros_name, reading))
     type_name = fields.read("type", lambda node, _: read_ros_type(reading, node, kind, interfaces))

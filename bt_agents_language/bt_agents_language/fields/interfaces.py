@@ -38,11 +38,8 @@ class Interfaces(Protocol):
     ) -> str | None:
         """Return why a type has no such field; None when it has.
 
-        Args:
-            kind: Action, service or topic.
-            type_name: Full name of the type.
-            section: ``goal``, ``result``, ``request``, ``response`` or ``message``.
-            path: Field names joined by dots; a number picks an item of a list.
+        A section is ``goal``, ``result``, ``feedback``, ``request``, ``response`` or ``message``;
+        a path joins field names by dots, and a number in it picks an item of a list.
         """
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
@@ -51,14 +48,7 @@ class Interfaces(Protocol):
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return why values do not fit the fields of a type; None when they do.
-
-        Args:
-            kind: Action, service or topic.
-            type_name: Full name of the type.
-            section: As in :meth:`field_problem`.
-            values: Plain nested data in the shape of the section.
-        """
+        """Return why nested values do not fit the fields of a section; None when they do."""
 
 
 class OfInstalledPackages:

@@ -25,12 +25,7 @@ class SyntaxHint:
     """A syntax error and how to fix it.
 
     Attributes:
-        index: Where it begins.
-        width: Number of characters.
-        message: What was found and what is expected.
-        hint: How to fix it.
         fix: The edit that fixes it, where there is no doubt; reading then goes on.
-        code: Of the problem.
         is_item: Whether the line may be meant as a '-' item.
     """
 

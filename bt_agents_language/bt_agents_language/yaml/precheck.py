@@ -65,7 +65,6 @@ def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
 
 
 def _foreign_format(text: str) -> tuple[str, str] | None:
-    """Return what a file is that is no YAML, and a hint; None when it may be YAML."""
     start = text[:_FORMAT_PREFIX].lstrip().lower()
     tree = start.find("<root btcpp_format")
     if start.startswith("<?xml") and tree > 0:

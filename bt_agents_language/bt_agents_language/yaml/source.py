@@ -53,13 +53,7 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Edit:
-    """A piece of a text and what is to stand there instead.
-
-    Attributes:
-        start: Index of the first character that goes.
-        stop: Index behind the last one; equal to ``start`` when nothing goes.
-        text: What comes.
-    """
+    """A text that is to stand from one index of another text to before a second one."""
 
     start: int
     stop: int

@@ -150,14 +150,10 @@ class TypedReader:
         required: Collection[str] | None = None,
         more: Collection[str] = (),
     ) -> MappingReader | None:
-        """Return the keys of a mapping as its table says; as :meth:`fields`.
+        """Return the keys of a mapping as its table says, and perhaps more; as :meth:`fields`.
 
-        Args:
-            node: Anything.
-            table: The keys that there may be.
-            what: What the mapping is, for messages; empty for what the table calls it.
-            required: Keys that must be there; None for those of the table.
-            more: Further keys that there may be.
+        What the mapping is called and which keys it needs stand in the table unless they are
+        given.
         """
         needed = table.required if required is None else required
         known = (*table.values, *more) if more else table.values
@@ -176,12 +172,7 @@ class TypedReader:
     ) -> MappingReader | None:
         """Return the keys of a mapping; unknown and missing ones become problems.
 
-        Args:
-            node: Anything.
-            what: What the mapping is, for messages: ``a tunable``.
-            known: All possible keys.
-            required: Keys that must be there.
-            beside: Keys that belong beside what has the mapping, not into it.
+        What is ``beside`` belongs beside what has the mapping, not into it.
         """
         if not isinstance(node, Mapping):
             expected = f"a mapping with the keys {join_quoted(required or known)}"
@@ -415,7 +406,6 @@ class MappingReader:
     """The keys of one mapping, each readable as the type that is expected of it.
 
     Attributes:
-        mapping: The mapping itself.
         nodes: Value of each key that is known.
         keys: Every key as it stands in the file.
         table: What its keys may hold; None where the caller says so each time.

@@ -40,9 +40,6 @@ class CachedExecutor(Executor):
 
     What is called, when, and what becomes of an error is as with ``SingleThreadedExecutor``; the
     wait set is made anew only when a node, an entity or a callback group has changed.
-
-    Args:
-        context: Context of its nodes; None takes the default one.
     """
 
     def __init__(self, *, context: Any = None) -> None:

@@ -39,10 +39,8 @@ _ENTITIES = {
 class CachedWaitSet:
     """Wait set over the entities of some nodes, whose handles it holds until :meth:`release`.
 
-    Args:
-        nodes: The nodes; entities of a busy callback group are left out.
-        wakers: Handles of guard conditions that end a wait.
-        context: Context of the nodes.
+    Entities of a busy callback group are left out; ``wakers`` are guard conditions that end a
+    wait.
     """
 
     def __init__(self, nodes: list[Any], wakers: tuple[Any, ...], context: Any) -> None:
@@ -92,13 +90,7 @@ class CachedWaitSet:
         )
 
     def wait(self, timeout_s: float | None) -> list[tuple[str, Any]]:
-        """Wait until an entity is ready; return all that are, each with its kind.
-
-        It may return early with none.
-
-        Args:
-            timeout_s: Longest time to wait [s]; None for no limit.
-        """
+        """Wait for entities; return those that are ready with their kinds, or early with none."""
         now = time.monotonic()
         polls_events = now >= self._events_due
         if polls_events:
