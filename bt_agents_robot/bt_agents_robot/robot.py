@@ -122,7 +122,10 @@ class RobotNode(BaseNode):
 
     async def _execute(self, kind: Any, make_act: Callable[[Any], Act], goal: Any) -> Any:
         try:
-            self._check_capacity()
+            if self._stopping:
+                raise Refused("STOPPING", "the robot is being switched off")
+            if len(self._performed) >= MOST_ACTS:
+                raise Refused("BUSY", f"the robot does {MOST_ACTS} things already; cancel some")
             act = make_act(goal.request)
         except Refused as refused:
             self.get_logger().warning(f"goal refused: {refused}")
@@ -145,25 +148,14 @@ class RobotNode(BaseNode):
             goal.abort()
         return _result(act, time.monotonic(), message or "")
 
-    def _check_capacity(self) -> None:
-        if self._stopping:
-            raise Refused("STOPPING", "the robot is being switched off")
-        if len(self._performed) >= MOST_ACTS:
-            raise Refused("BUSY", f"the robot does {MOST_ACTS} things already; cancel some")
-
     def _say(self, request: Any) -> Act:
         self._check_mouth()
         return Say(request.text, request.rate, pace=self._present_pace(), voice=self._voice)
 
     def _ask(self, request: Any) -> Act:
         self._check_mouth()
-        return Ask(
-            request.text,
-            request.choices,
-            request.wait_s,
-            pace=self._present_pace(),
-            voice=self._voice,
-        )
+        pace = self._present_pace()
+        return Ask(request.text, request.choices, request.wait_s, pace=pace, voice=self._voice)
 
     def _show(self, request: Any) -> Act:
         return Show(request.clip, request.text, request.duration_s, pace=self._present_pace())

@@ -7,6 +7,7 @@ import math
 import shutil
 import subprocess
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Protocol
 
 from bt_agents_core.errors import Refused
@@ -95,11 +96,10 @@ def start_process(command: Sequence[str], text: str) -> Process:
     )
     stdin = process.stdin
     if stdin is not None:
-        try:
+        # One that has ended already says so by its exit code.
+        with suppress(BrokenPipeError):
             stdin.write(text.encode("utf-8", "replace"))
             stdin.close()
-        except BrokenPipeError:
-            pass  # it has ended already; its exit code says so
     return process
 
 

@@ -78,23 +78,20 @@ class Calls:
             call.on_failure(f"{call.client.srv_name} was cancelled")
 
     def _poll(self) -> None:
+        now = time.monotonic()
         try:
-            self._send_or_end()
+            for call in list(self._open):
+                if now < call.deadline:
+                    self._send(call)
+                    continue
+                self._open.remove(call)
+                if call.future is None:
+                    call.on_failure(f"{call.client.srv_name} is not there")
+                else:
+                    call.client.remove_pending_request(call.future)
+                    call.on_failure(f"{call.client.srv_name} did not answer in time")
         finally:
             self._set_timer()
-
-    def _send_or_end(self) -> None:
-        now = time.monotonic()
-        for call in list(self._open):
-            if now < call.deadline:
-                self._send(call)
-                continue
-            self._open.remove(call)
-            if call.future is None:
-                call.on_failure(f"{call.client.srv_name} is not there")
-            else:
-                call.client.remove_pending_request(call.future)
-                call.on_failure(f"{call.client.srv_name} did not answer in time")
 
     def _set_timer(self) -> None:
         due = min((call.deadline for call in self._open), default=math.inf)

@@ -20,10 +20,8 @@ MAX_TOKENS = 400
 """Words of an expression; evaluation nests at most half as deep."""
 
 OPERATOR_WORDS = ("and", "or", "not", "in", "between")
-"""Operators that are words."""
 
 NAME = r"[^\W\d]\w*(?:\.\w+)*"
-"""Pattern of a name."""
 
 HINTS: Mapping[str, Mapping[str, str]] = yaml.load(
     files("bt_agents_language").joinpath("expression/hints.yaml").read_text(encoding="utf-8"),
@@ -117,36 +115,33 @@ def tokenize(text: str) -> list[Token]:
 def _token(match: re.Match[str]) -> Token:
     kind = match.lastgroup
     assert kind is not None
-    word, column = match[kind], match.start(kind) + 1
+    token = Token(TokenKind.OPERATOR, match[kind], match.start(kind) + 1)
     if kind == "name":
-        return _name(word, column)
-    if kind == "operator":
-        return Token(TokenKind.OPERATOR, word, column)
+        return _name(token)
     if kind == "number":
         rest = _NUMBER_LIKE.match(match.string, match.end())
         if rest is not None:
-            raise _bad_number(word + rest[0], column)
-        return Token(TokenKind.NUMBER, word, column, _number(word, column))
+            raise _bad_number(token.text + rest[0], token.column)
+        return Token(TokenKind.NUMBER, token.text, token.column, _number(token))
     if kind == "not_in":
-        return Token(TokenKind.OPERATOR, "not in", column)
+        return Token(TokenKind.OPERATOR, "not in", token.column)
     if kind == "foreign":
-        hint = HINTS["signs"][word]
-        raise ExpressionError(f"there is no operator '{word}'", column, hint, len(word))
-    _refuse_protected_quote(word, match)
-    return Token(TokenKind.TEXT, word, column, word[1:-1])
+        raise token.error(f"there is no operator '{token.text}'", HINTS["signs"][token.text])
+    if kind == "text":
+        _refuse_protected_quote(token.text, match)
+        return Token(TokenKind.TEXT, token.text, token.column, token.text[1:-1])
+    return token
 
 
-def _name(word: str, column: int) -> Token:
-    lowered = word.lower()
+def _name(token: Token) -> Token:
+    word, lowered = token.text, token.text.lower()
     if lowered not in _WORDS:
-        return Token(TokenKind.NAME, word, column)
+        return Token(TokenKind.NAME, word, token.column)
     if lowered != word:
-        raise ExpressionError(
-            f"'{word}' is written with capital letters", column, f"write {lowered}", len(word)
-        )
+        raise token.error(f"'{word}' is written with capital letters", f"write {lowered}")
     if word in OPERATOR_WORDS:
-        return Token(TokenKind.OPERATOR, word, column)
-    return Token(TokenKind.BOOLEAN, word, column, word == "true")
+        return token
+    return Token(TokenKind.BOOLEAN, word, token.column, word == "true")
 
 
 def unit_hint(amount: str, unit: str) -> str:
@@ -172,21 +167,18 @@ def _bad_number(word: str, column: int) -> ExpressionError:
     )
 
 
-def _number(word: str, column: int) -> int | float:
+def _number(token: Token) -> int | float:
+    word = token.text
     if word[0] == "0" and word[1:2].isdecimal():
-        raise ExpressionError(
+        raise token.error(
             f"'{ellipsize(word)}' starts with a zero, which some programs read as another number",
-            column,
             f"write {ellipsize(word.lstrip('0') or '0')}",
-            len(word),
         )
     if word.isdigit() and len(word) <= 18:
         return int(word)
     value = float(word)
     if not math.isfinite(value):
-        raise ExpressionError(
-            f"'{ellipsize(word)}' is too large for a number", column, "", len(word)
-        )
+        raise token.error(f"'{ellipsize(word)}' is too large for a number")
     return value
 
 

@@ -28,7 +28,6 @@ from bt_agents_language.expression.operators import (
     BINARY,
     COMPARISON,
     PREFIXES,
-    Operator,
     check_between,
     compile_between,
 )
@@ -197,26 +196,26 @@ class _Parser:
             if operator is None or operator.strength <= weakest:
                 break
             self._take()
-            left = self._applied(operator, token, left, self._expression(operator.strength))
+            right = self._expression(operator.strength)
+            operator.check(left, right)
+            left = Part(
+                run=operator.compile(left, right, token.column),
+                kind=operator.gives,
+                column=left.column,
+                width=left.width,
+                unit=unit_of_pair(operator.word, left, right),
+            )
             if not operator.chains:
                 self._refuse_chain()
         self._depth -= 1
         return left
 
-    def _applied(self, operator: Operator, token: Token, left: Part, right: Part) -> Part:
-        operator.check(left, right)
-        return Part(
-            run=operator.compile(left, right, token.column),
-            kind=operator.gives,
-            column=left.column,
-            width=left.width,
-            unit=unit_of_pair(operator.word, left, right),
-        )
-
     def _between(self, value: Part, token: Token) -> Part:
         opening = self._token
-        if opening.text in ("(", "["):
-            self._refuse_pair(opening)
+        second = self._tokens[min(self._next + 2, len(self._tokens) - 1)]
+        # As in ``between [2, 4]`` and ``between (2, 4)``.
+        if opening.text == "[" or (opening.text == "(" and second.text == ","):
+            raise expression_hints.bad_between(opening)
         low = self._expression(COMPARISON)
         joint = self._token
         if joint.text != "and":
@@ -231,12 +230,6 @@ class _Parser:
             column=value.column,
             width=value.width,
         )
-
-    def _refuse_pair(self, opening: Token) -> None:
-        """Refuse ``between [2, 4]`` and ``between (2, 4)`` by what they mean."""
-        second = self._tokens[min(self._next + 2, len(self._tokens) - 1)]
-        if opening.text == "[" or second.text == ",":
-            raise expression_hints.bad_between(opening)
 
     def _refuse_chain(self) -> None:
         token = self._token

@@ -49,7 +49,6 @@ TIMEOUTS = KeyTable(
         FieldDecl("result", DURATION, "until the result or answer"),
     ),
 )
-"""The keys of ``timeouts``."""
 
 HEARTBEAT = KeyTable(
     what="'heartbeat'",
@@ -59,7 +58,6 @@ HEARTBEAT = KeyTable(
         FieldDecl("within", DURATION, "how long it may be silent"),
     ),
 )
-"""The keys of ``heartbeat``."""
 
 
 def timeout_keys(kind: BindingKind) -> tuple[str, ...]:
@@ -73,6 +71,7 @@ class Outputs:
     Attributes:
         result: Those that come at the end.
         feedback: Those that come while an action goes on.
+        result_fields: Fields of what comes back.
     """
 
     def __init__(
@@ -81,7 +80,8 @@ class Outputs:
         self.result: dict[str, str] = {}
         self.feedback: dict[str, str] = {}
         self._is_action = kind is BindingKind.ACTION
-        self._result_fields = result_fields(kind, type_name, interfaces)
+        received = interfaces if kind in RECEIVED else None
+        self.result_fields = MessageFields(received, kind, type_name or "", RECEIVED.get(kind, ""))
         self._feedback_fields = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
 
     def read(self, reading: TypedReader, name: str, node: Node, what: str) -> None:
@@ -89,7 +89,7 @@ class Outputs:
 
         What is written is a path such as ``answer``, ``result.answer`` or ``feedback.progress``.
         """
-        fields, message, found = self._result_fields, "result", self.result
+        fields, message, found = self.result_fields, "result", self.result
         if self._is_action and isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}."):
             fields, message, found = self._feedback_fields, FEEDBACK, self.feedback
         path = read_output(reading, node, what, fields, message)
@@ -169,8 +169,7 @@ def read_binding(
     succeed_node = fields.get("succeed_when")
     succeed_when = None
     if succeed_node is not None:
-        result = result_fields(kind, type_name, interfaces)
-        names = result_names.and_message("result", result)
+        names = result_names.and_message("result", outputs.result_fields)
         succeed_when = read_condition(reading, succeed_node, names, "'succeed_when'")
     timeouts = _timeouts(reading, fields, kind)
     heartbeat = _heartbeat(reading, fields, interfaces)
@@ -187,14 +186,6 @@ def read_binding(
         timeouts=timeouts,
         heartbeat=heartbeat,
     )
-
-
-def result_fields(
-    kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
-) -> MessageFields:
-    """Return the fields of what comes back."""
-    known = interfaces if kind in RECEIVED else None
-    return MessageFields(known, kind, type_name or "", RECEIVED.get(kind, ""))
 
 
 def read_output(

@@ -51,11 +51,11 @@ class Interfaces(Protocol):
         """Return why nested values do not fit the fields of a section; None when they do."""
 
 
+@dataclass(frozen=True)
 class OfInstalledPackages:
     """The types of the packages that are there; those of absent packages are not checked."""
 
-    def __init__(self, interfaces: Interfaces) -> None:
-        self._interfaces = interfaces
+    _interfaces: Interfaces
 
     def has_package(self, package: str) -> bool:
         return self._interfaces.has_package(package)
@@ -120,10 +120,8 @@ class MessageFields:
     def type_of(self, path: str) -> FieldType:
         """Return the type of a field as far as it is known."""
         known = self._known()
-        if known is None:
-            return FieldType.ANY
         # What stands in a JSON text has no type.
-        if "#" in path:
+        if known is None or "#" in path:
             return FieldType.ANY
         return known.field_type(self.kind, self.type_name, self.section, self._whole(path))
 

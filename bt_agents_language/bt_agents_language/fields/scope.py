@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -84,9 +85,8 @@ class NameScope:
 
     def and_message(self, name: str, fields: MessageFields) -> NameScope:
         """Return these names and the fields of a message; both remember together."""
-        messages = {**self._messages, name: fields}
-        names = NameScope(self._types, self._written, messages, self._hidden, self._lenient)
-        names.used, names.given = self.used, self.given
+        names = copy(self)
+        names._messages = {**self._messages, name: fields}
         return names
 
     def give(self, names: Iterable[str]) -> None:

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -28,7 +30,6 @@ from bt_agents_language.yaml.field_tables import (
 )
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.source import Source, aligned, read_source
-from bt_agents_language.yaml.suggestions import left_empty, name_meant, other_file, without_value
 from bt_agents_language.yaml.yaml_reader import (
     Mapping,
     MappingEntry,
@@ -44,13 +45,20 @@ FORMAT = 1
 MAX_NAME = 64
 """Characters of an agent's, skill's or tunable's name."""
 
-MESSAGE_DIGITS = 6
-"""Digits of a number in a message, more than rounding it for people would keep."""
-
-_SPOILING = ("tag", "bad-character")
-"""Problems of a value that leave open what it is."""
-
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+_SKILLS = ("a skills file", "put it under skills/ or libraries/")
+_FILES = {
+    "agent": ("an agent file", "put it under agents/"),
+    "skills": _SKILLS,
+    "bindings": _SKILLS,
+    "parameters": ("a scene.yaml", "name another file"),
+    "visits": ("a script", "put it under scripts/"),
+    "cases": ("a test file", "let its name end with .test.yaml"),
+    "rules": ("a market.yaml", "put it beside scene.yaml"),
+    "rounds": ("an experiment", "name another file"),
+}
+"""Key that only one kind of file has → that kind, and where it belongs."""
 
 T = TypeVar("T")
 NumberT = TypeVar("NumberT", int, float)
@@ -71,7 +79,9 @@ class TypedReader:
     def __init__(self, source: Source) -> None:
         self.problems = Diagnostics(source)
         self.source, self.root = read_document(source, self.problems)
-        self._spoilt = {d.position for d in self.problems.sorted() if d.code in _SPOILING}
+        # These leave open what a value is.
+        spoiling = ("tag", "bad-character")
+        self._spoilt = {d.position for d in self.problems.sorted() if d.code in spoiling}
         self._aligned_span = (-1, -1)
         self._aligned: list[int] = []
 
@@ -86,12 +96,10 @@ class TypedReader:
 
     def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
         """Add a problem about a whole node, or at one position."""
-        if not isinstance(where, Position) and where.position in self._spoilt:
-            # What the value would be without that, nobody knows.
-            return
         if isinstance(where, Position):
             self.problems.add(code, where, message, hint)
-        else:
+        elif where.position not in self._spoilt:
+            # What a spoilt value would be without that, nobody knows.
             end = self.source.position(where.span[1])
             self.problems.add(code, where.position, message, hint, end)
 
@@ -118,9 +126,8 @@ class TypedReader:
             ReadError: The file is no mapping, so that nothing can be read from it.
         """
         if self.root is None:
-            self.problems.raise_if_any()
-        assert self.root is not None
-        other = other_file(self.root, kind.values)
+            raise self.problems.error()
+        other = _other_file(self.root, kind.values)
         if other is not None:
             entry, what, hint = other
             message = f"expected {kind.what}, found {what}: it has the key '{entry.key.text}'"
@@ -191,7 +198,7 @@ class TypedReader:
         missing = [key for key in required if key not in nodes]
         if not unknown and not missing:
             return MappingReader(self, node, nodes, keys)
-        if unknown and not nodes and all(map(without_value, unknown)):
+        if unknown and not nodes and all(map(_without_value, unknown)):
             self.error(
                 "wrong-type",
                 node,
@@ -204,7 +211,7 @@ class TypedReader:
             word = entry.key.text
             # A key that is there but misspelt is not missing, and is read as the one meant.
             meant = nearest(word, [key for key in known if key not in nodes])
-            above = left_empty(node, entry, nodes)
+            above = _left_empty(node, entry, nodes)
             hint = did_you_mean(word, known)
             if word in beside:
                 hint = f"'{word}' stands beside {what}, not in it"
@@ -270,7 +277,7 @@ class TypedReader:
             return None
         if _NAME.fullmatch(text) and len(text) <= MAX_NAME:
             return text
-        meant = name_meant(text)
+        meant = _name_meant(text)
         hint = f"write {meant}" if _NAME.fullmatch(meant) and len(meant) <= MAX_NAME else ""
         self.error(
             "bad-name",
@@ -342,17 +349,13 @@ class TypedReader:
         if (minimum is None or value >= minimum) and (maximum is None or value <= maximum):
             return True
         low, high = (
-            None
-            if limit is None
-            else quantities.format_quantity(limit, field_type, MESSAGE_DIGITS)
-            for limit in (minimum, maximum)
+            None if one is None else _shown(one, field_type) for one in (minimum, maximum)
         )
         expected = f"{low} to {high}" if low and high else low and f"{low} or more"
         self.error(
             "out-of-range",
             node,
-            f"{what} is {quantities.format_quantity(value, field_type, MESSAGE_DIGITS)}, "
-            f"expected {expected or f'{high} or less'}",
+            f"{what} is {_shown(value, field_type)}, expected {expected or f'{high} or less'}",
         )
         return False
 
@@ -402,6 +405,7 @@ class TypedReader:
         return ()
 
 
+@dataclass(eq=False)
 class MappingReader:
     """The keys of one mapping, each readable as the type that is expected of it.
 
@@ -411,18 +415,11 @@ class MappingReader:
         table: What its keys may hold; None where the caller says so each time.
     """
 
-    def __init__(
-        self,
-        reading: TypedReader,
-        mapping: Mapping,
-        nodes: dict[str, Node],
-        keys: dict[str, Scalar],
-    ) -> None:
-        self.mapping = mapping
-        self.nodes = nodes
-        self.keys = keys
-        self.table: KeyTable | None = None
-        self._reading = reading
+    _reading: TypedReader
+    mapping: Mapping
+    nodes: dict[str, Node]
+    keys: dict[str, Scalar]
+    table: KeyTable | None = None
 
     def get(self, key: str) -> Node | None:
         """Return what stands behind a key."""
@@ -438,10 +435,7 @@ class MappingReader:
         """Return whether 'min' is below 'max', as far as both are known; note it when not."""
         if minimum is None or maximum is None or minimum < maximum:
             return True
-        low, high = (
-            quantities.format_quantity(limit, field_type, MESSAGE_DIGITS)
-            for limit in (minimum, maximum)
-        )
+        low, high = _shown(minimum, field_type), _shown(maximum, field_type)
         self._reading.error(
             "out-of-range",
             self.nodes["max"],
@@ -480,11 +474,10 @@ class MappingReader:
         """Return true or false."""
         return self.read(key, self._reading.boolean)
 
-    def choice(self, key: str, words: Collection[str] = ()) -> str | None:
-        """Return one of some words, without any of those of the table."""
+    def choice(self, key: str) -> str | None:
+        """Return one of the words of the table."""
         declared = self._declared(key)
-        if not words and isinstance(declared, WordChoice):
-            words = declared.words
+        words = declared.words if isinstance(declared, WordChoice) else ()
         return self.read(key, lambda n, w: self._reading.choice(n, w, words))
 
     def items(self, key: str) -> tuple[Node, ...]:
@@ -545,6 +538,11 @@ class MappingReader:
         return None if node is None else read(node, f"'{key}'")
 
 
+def _shown(value: float, field_type: FieldType) -> str:
+    # With more digits than rounding it for people would keep.
+    return quantities.format_quantity(value, field_type, digits=6)
+
+
 def adding(keys: Iterable[str]) -> str:
     """Return a hint that names every missing key."""
     return "add " + " and ".join(f"'{key}: …'" for key in keys)
@@ -559,3 +557,34 @@ def found(node: Node) -> str:
             return "a mapping"
         case Scalar():
             return "nothing" if node.empty else quote(node.text)
+
+
+def _other_file(root: Node, known: Collection[str]) -> tuple[MappingEntry, str, str] | None:
+    """Return the key that shows that a file is of another kind, that kind, and a hint; or None."""
+    if not isinstance(root, Mapping) or any(e.key.text in known for e in root.entries):
+        return None
+    for entry in root.entries:
+        if entry.key.text in _FILES:
+            return entry, *_FILES[entry.key.text]
+    return None
+
+
+def _name_meant(text: str) -> str:
+    """Return a text as an identifier would be written: ``SetLight`` → ``set_light``."""
+    plain = unicodedata.normalize("NFKD", _HUMP.sub("_", text.strip()))
+    plain = "".join(c for c in plain if not unicodedata.combining(c))
+    return re.sub(r"[^a-z0-9]+", "_", plain.lower()).strip("_")
+
+
+def _without_value(entry: MappingEntry) -> bool:
+    start, end = entry.value.span
+    return isinstance(entry.value, Scalar) and entry.value.plain and start == end
+
+
+def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> str | None:
+    """Return the known key right above an entry when nothing is written behind it."""
+    place = node.entries.index(entry)
+    above = node.entries[place - 1] if place else None
+    if above is None or above.key.text not in known or not _without_value(above):
+        return None
+    return above.key.text

@@ -23,9 +23,9 @@ from yaml.events import (
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.yaml.line_hints import SyntaxHint
 from bt_agents_language.yaml.precheck import BAD_CHARACTER, looks_like_yaml
 from bt_agents_language.yaml.source import PatchedSource, Source, without_section
+from bt_agents_language.yaml.syntax_hints import SyntaxHint
 from bt_agents_language.yaml.yaml_syntax import report_syntax
 
 MAX_DEPTH = 64
@@ -210,19 +210,17 @@ def _events(text: str) -> Iterable[yaml.Event]:
     return iter(next_event, None)
 
 
+@dataclass(slots=True)
 class _Open:
     """A list or mapping whose end has not come yet."""
 
-    __slots__ = ("entries", "is_list", "items", "key", "start", "value_is_next")
-
-    def __init__(self, start: int, is_list: bool) -> None:
-        self.start = start
-        self.is_list = is_list
-        self.items: list[Node] = []
-        self.entries: dict[str, MappingEntry] = {}
-        self.key: Scalar | None = None
-        # A key that was refused still has a value, which must not be taken for the next key.
-        self.value_is_next = False
+    start: int
+    is_list: bool
+    items: list[Node] = field(default_factory=list)
+    entries: dict[str, MappingEntry] = field(default_factory=dict)
+    key: Scalar | None = None
+    # A key that was refused still has a value, which must not be taken for the next key.
+    value_is_next: bool = False
 
 
 class _Builder:

@@ -11,8 +11,6 @@ import yaml
 
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.yaml.bracket_hints import QUOTE_INSIDE, behind_value, in_brackets
-from bt_agents_language.yaml.line_hints import SyntaxHint, key_hint, line_hint
 from bt_agents_language.yaml.precheck import UNDECIDED
 from bt_agents_language.yaml.source import (
     Edit,
@@ -22,10 +20,17 @@ from bt_agents_language.yaml.source import (
     line_at,
     line_start,
 )
+from bt_agents_language.yaml.syntax_hints import (
+    QUOTE_INSIDE,
+    SyntaxHint,
+    behind_value,
+    in_brackets,
+    key_hint,
+    line_hint,
+)
 
 _NEXT_LINE = re.compile(r"[^\r\n]+")
 _INDENTED_TAB = re.compile(r" *\t")
-_FIT = "indent it like the key behind the '-' above, or start a new '-' item"
 _WRONG_QUOTES = re.compile("(?<=[:,\\-\\[{(] )[\u201c\u201d\u201e\u2018\u2019\u00ab]")
 _CONFLICT = ("<<<<<<<", "=======", ">>>>>>>")
 
@@ -135,7 +140,11 @@ def _misfit(source: Source, index: int, begun: int) -> SyntaxHint:
             message="this '-' item does not line up with the block above",
             hint="indent it like the others",
         )
-    return SyntaxHint(index=index, message="this line fits no block above it", hint=_FIT)
+    return SyntaxHint(
+        index=index,
+        message="this line fits no block above it",
+        hint="indent it like the key behind the '-' above, or start a new '-' item",
+    )
 
 
 def _no_item(source: Source, index: int, begun: int) -> SyntaxHint:
@@ -157,21 +166,21 @@ def _no_item(source: Source, index: int, begun: int) -> SyntaxHint:
 
 
 def _bad_start(source: Source, index: int, begun: int) -> SyntaxHint:
-    character = source.text[index : index + 1]
-    if character == "\t":
+    if source.text.startswith("\t", index):
         return SyntaxHint(index=index, message="a tab stands here", hint="use spaces")
-    return _unquoted(source, index, character)
+    return _unquoted(source, index)
 
 
 def _mark_at_start(source: Source, index: int, begun: int) -> SyntaxHint:
-    return _unquoted(source, begun, source.text[begun : begun + 1])
+    return _unquoted(source, begun)
 
 
 def _question(source: Source, index: int, begun: int) -> SyntaxHint:
-    return _unquoted(source, index, source.text[index : index + 1] + " ")
+    return _unquoted(source, index, behind=" ")
 
 
-def _unquoted(source: Source, index: int, found: str) -> SyntaxHint:
+def _unquoted(source: Source, index: int, behind: str = "") -> SyntaxHint:
+    found = source.text[index : index + 1] + behind
     start = line_start(source, index)
     return SyntaxHint(
         index=index,

@@ -197,14 +197,10 @@ class CachedExecutor(Executor):
             else:
                 self._task_ended = True
                 if task.entity is not None:
-                    self._end_callback(task.entity)
-
-    def _end_callback(self, entity: Any) -> None:
-        """Free the callback group of a suspended callback that has ended."""
-        group = entity.callback_group
-        if not group.can_execute(entity):
-            self._changed = True
-        group.ending_execution(entity)
+                    group = task.entity.callback_group
+                    if not group.can_execute(task.entity):
+                        self._changed = True
+                    group.ending_execution(task.entity)
 
     def _take_waitable(self, waitable: Any) -> _Call:
         """Return the callback of a waitable, after its data has been taken.
