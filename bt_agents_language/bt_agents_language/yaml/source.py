@@ -196,17 +196,6 @@ def line_at(source: Source, start: int) -> str:
     return match[0] if match is not None else ""
 
 
-def line_above(source: Source, start: int) -> int | None:
-    """Return the start of the last line above that is not empty; None when there is none."""
-    end = len(source.text[:start].rstrip())
-    return line_start(source, end) if end else None
-
-
-def end_above(source: Source, index: int) -> int:
-    """Return the end of what stands above the line of a character."""
-    return len(source.text[: line_start(source, index)].rstrip())
-
-
 def indentation(line: str) -> int:
     """Return how many characters stand before the first that can be seen."""
     return len(line) - len(line.lstrip())

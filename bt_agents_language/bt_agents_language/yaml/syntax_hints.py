@@ -8,14 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bt_agents_core.text import ellipsize, quote
-from bt_agents_language.yaml.source import (
-    Edit,
-    Source,
-    end_above,
-    indentation,
-    line_at,
-    line_start,
-)
+from bt_agents_language.yaml.source import Edit, Source, indentation, line_at, line_start
 
 _LEAD = r"^(?P<lead>\s*(?:-\s+)*)"
 _KEY = r"(?P<key>[^\W\d][\w-]*)"
@@ -168,14 +161,14 @@ def in_brackets(source: Source, index: int, begun: int) -> SyntaxHint:
     at = index - len(word)
     at_end = index >= len(text.rstrip())
     if at_end or (word and _no_deeper(source, at, begun)):
-        end = end_above(source, at) if word else len(text.rstrip())
+        inside = text[: line_start(source, at)] if word else text
         return SyntaxHint(
             index=begun,
             message=f"this '{bracket}' is not closed",
             hint=_COMMENT
             if " #" in line_at(source, line_start(source, begun))
             else f"close it with '{closing}' at the end of the value",
-            fix=_inserted(text, begun, end, closing) if not at_end else None,
+            fix=_inserted(text, begun, len(inside.rstrip()), closing) if not at_end else None,
         )
     if word:
         end = len(text[:at].rstrip())

@@ -12,14 +12,7 @@ import yaml
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.precheck import UNDECIDED
-from bt_agents_language.yaml.source import (
-    Edit,
-    Source,
-    indentation,
-    line_above,
-    line_at,
-    line_start,
-)
+from bt_agents_language.yaml.source import Edit, Source, indentation, line_at, line_start
 from bt_agents_language.yaml.syntax_hints import (
     QUOTE_INSIDE,
     SyntaxHint,
@@ -89,10 +82,10 @@ def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
             hint="quote a text with ': ' in it: \"…: …\"",
             fix=quoted,
         )
-    above = line_above(source, start)
-    if above is not None:
+    above = source.text[:start].rstrip()
+    if above:
         # What looks like a text over two lines is a key above whose colon does not count as one.
-        found = _sure(source, above, key_hint)
+        found = _sure(source, line_start(source, len(above)), key_hint)
         if found is not None:
             return found
     own = key_hint(before, start)
