@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.expressions import parse_formula
 from bt_agents_groot.formulas import (
     Binary,
@@ -17,7 +18,7 @@ from bt_agents_groot.formulas import (
     script_name,
 )
 from bt_agents_groot.ports import only_name
-from bt_agents_language.expression.quantities import QuantityError, duration
+from bt_agents_language.expression.quantities import QuantityError, quantity
 from bt_agents_language.nodes.node_type import FOREVER
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
@@ -59,7 +60,7 @@ def milliseconds(node: Node) -> str | None:
     if not isinstance(node, Scalar) or "${" in node.text:
         return None
     try:
-        amount = duration(node.text) * 1000
+        amount = quantity(node.text, FieldType.DURATION) * 1000
     except QuantityError:
         return None
     whole = round(amount)

@@ -42,9 +42,8 @@ from bt_agents_lab.recorder.definitions import definition
 from bt_agents_lab.recorder.file import RecordedMessage, RecordedTopic
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
-from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.parameters import StartParameter, declare, describe, make_from_parameters
 from bt_agents_ros.spinner import run
-from bt_agents_ros.startup import StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import prefixes
 

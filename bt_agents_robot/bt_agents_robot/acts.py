@@ -97,7 +97,6 @@ class Say(Act):
         )
 
     def begin(self, now: float) -> None:
-        """Start speaking."""
         super().begin(now)
         if self._voice is not None:
             self._process = self._voice.say(self._text, self._rate, self._pace)
@@ -110,11 +109,9 @@ class Say(Act):
         return not self._spoken
 
     def is_over(self, now: float) -> bool:
-        """Return whether the text is said."""
         return self.begun_at is not None and not self.is_speaking(now)
 
     def stop(self) -> None:
-        """Fall silent."""
         self._spoken = True
         if self._process is not None and self._voice is not None:
             self._voice.stop(self._process)
@@ -138,10 +135,6 @@ class Say(Act):
 
 class Ask(Say):
     """Act of asking a question and waiting for an answer, which may interrupt the question.
-
-    Attributes:
-        question: Text of the question.
-        answer: Answer of the person; empty without one.
 
     Raises:
         Refused: The question or the waiting time cannot be used.

@@ -88,12 +88,6 @@ def pause_after(spec: SceneSpec, seen: Iterable[str], coming: Visit | None, pace
 
     Readings of the last visitor must be stale before somebody comes of whom less is known;
     staleness is in real time, whatever the pace.
-
-    Args:
-        spec: The sources, with the time after which their readings are stale.
-        seen: Parameters that were read of the last visitor.
-        coming: The next visit; None when there is none.
-        pace: Speed of the simulation relative to real time.
     """
     known = coming.values if coming is not None else {}
     lingering = set(seen) - set(known)

@@ -45,8 +45,6 @@ _FEEDBACK_STEP = 0.1
 
 @dataclass(eq=False)
 class _Performed:
-    """An act with the goal that asked for it."""
-
     act: Act
     goal: Any
     done: Future
@@ -54,16 +52,12 @@ class _Performed:
 
 
 class RobotNode(BaseNode):
-    """The simulated robot; its parameters are ``pace`` and ``voice``.
-
-    Args:
-        voice: The voice; by default the one that the parameter asks for.
-        node_kwargs: For :class:`rclpy.node.Node`.
-    """
+    """The simulated robot; its parameters are ``pace`` and ``voice``, unless a voice is given."""
 
     def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
         super().__init__("robot", **node_kwargs)
-        self._pace = float(declare(self, "pace", 1.0, _pace_descriptor()))
+        pace = describe("speed of everything relative to real time", minimum=0.1, maximum=1000.0)
+        self._pace = float(declare(self, "pace", 1.0, pace))
         wanted = declare(
             self,
             "voice",
@@ -85,10 +79,10 @@ class RobotNode(BaseNode):
         tick_s = min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S)
         self._timer = steady_timer(self, tick_s, self._tick, running=False)
         self._servers = [
-            self._serve(SayAction, "say", self._say, _say_result),
-            self._serve(AskAction, "ask", self._ask, _ask_result),
-            self._serve(ShowAction, "show", self._show, _show_result),
-            self._serve(DriveAction, "drive", self._drive, _drive_result),
+            self._serve(SayAction, "say", self._say),
+            self._serve(AskAction, "ask", self._ask),
+            self._serve(ShowAction, "show", self._show),
+            self._serve(DriveAction, "drive", self._drive),
         ]
         self.create_service(SetLight, "set_light", self._on_light, qos_profile=qos.SERVICE)
         self.create_subscription(String, "sound", self._on_sound, qos.EVENTS)
@@ -97,17 +91,14 @@ class RobotNode(BaseNode):
     # Ending
 
     def request_stop(self) -> None:
-        """Abort everything under way and take no more goals."""
         self._stopping = True
         for performed in list(self._performed):
             self._end(performed, "the robot is being switched off")
 
     def stopped(self) -> bool:
-        """Return whether every goal has its result."""
         return self._open_goals == 0
 
     def destroy_node(self) -> None:
-        """Stop all acts and leave the graph."""
         for performed in self._performed:
             performed.act.stop()
         for server in self._servers:
@@ -116,18 +107,12 @@ class RobotNode(BaseNode):
 
     # Goals
 
-    def _serve(
-        self,
-        kind: Any,
-        name: str,
-        make_act: Callable[[Any], Act],
-        make_result: Callable[[Act | None, float, str], Any],
-    ) -> ActionServer:
+    def _serve(self, kind: Any, name: str, make_act: Callable[[Any], Act]) -> ActionServer:
         return ActionServer(
             self,
             kind,
             name,
-            partial(self._execute, make_act, make_result),
+            partial(self._execute, kind, make_act),
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
             goal_service_qos_profile=qos.SERVICE,
             result_service_qos_profile=qos.SERVICE,
@@ -135,19 +120,17 @@ class RobotNode(BaseNode):
             result_timeout=RESULT_TIMEOUT_S,
         )
 
-    async def _execute(
-        self,
-        make_act: Callable[[Any], Act],
-        make_result: Callable[[Act | None, float, str], Any],
-        goal: Any,
-    ) -> Any:
+    async def _execute(self, kind: Any, make_act: Callable[[Any], Act], goal: Any) -> Any:
         try:
-            self._check_capacity()
+            if self._stopping:
+                raise Refused("STOPPING", "the robot is being switched off")
+            if len(self._performed) >= MOST_ACTS:
+                raise Refused("BUSY", f"the robot does {MOST_ACTS} things already; cancel some")
             act = make_act(goal.request)
         except Refused as refused:
             self.get_logger().warning(f"goal refused: {refused}")
             goal.abort()
-            return make_result(None, 0.0, refused.reason)
+            return kind.Result(message=refused.reason)
         performed = _Performed(act=act, goal=goal, done=Future(executor=self.executor))
         self._performed.append(performed)
         self._open_goals += 1
@@ -163,13 +146,7 @@ class RobotNode(BaseNode):
             goal.succeed()
         else:
             goal.abort()
-        return make_result(act, time.monotonic(), message or "")
-
-    def _check_capacity(self) -> None:
-        if self._stopping:
-            raise Refused("STOPPING", "the robot is being switched off")
-        if len(self._performed) >= MOST_ACTS:
-            raise Refused("BUSY", f"the robot does {MOST_ACTS} things already; cancel some")
+        return _result(act, time.monotonic(), message or "")
 
     def _say(self, request: Any) -> Act:
         self._check_mouth()
@@ -177,13 +154,8 @@ class RobotNode(BaseNode):
 
     def _ask(self, request: Any) -> Act:
         self._check_mouth()
-        return Ask(
-            request.text,
-            request.choices,
-            request.wait_s,
-            pace=self._present_pace(),
-            voice=self._voice,
-        )
+        pace = self._present_pace()
+        return Ask(request.text, request.choices, request.wait_s, pace=pace, voice=self._voice)
 
     def _show(self, request: Any) -> Act:
         return Show(request.clip, request.text, request.duration_s, pace=self._present_pace())
@@ -274,14 +246,9 @@ class RobotNode(BaseNode):
             self.get_logger().warning(f"sound refused: {refused}")
 
     def _on_answer(self, message: Any) -> None:
-        """Give an answer to the first open question that accepts it."""
         for performed in self._performed:
             if isinstance(performed.act, Ask) and performed.act.receive(message.data):
                 return
-
-
-def _pace_descriptor() -> Any:
-    return describe("speed of everything relative to real time", minimum=0.1, maximum=1000.0)
 
 
 def _feedback(act: Act, now: float) -> Any:
@@ -291,22 +258,16 @@ def _feedback(act: Act, now: float) -> Any:
     return kinds[type(act)].Feedback(progress=act.progress(now))
 
 
-def _say_result(act: Act | None, now: float, message: str) -> Any:
-    return SayAction.Result(duration_s=act.elapsed(now) if act else 0.0, message=message)
-
-
-def _ask_result(act: Act | None, _now: float, message: str) -> Any:
-    answer = act.answer if isinstance(act, Ask) else ""
-    return AskAction.Result(answer=answer, message=message or ("" if answer else "no answer"))
-
-
-def _show_result(_act: Act | None, _now: float, message: str) -> Any:
+def _result(act: Act, now: float, message: str) -> Any:
+    match act:
+        case Drive():
+            return DriveAction.Result(distance_m=act.driven(now), message=message)
+        case Ask():
+            no_answer = "" if act.answer else "no answer"
+            return AskAction.Result(answer=act.answer, message=message or no_answer)
+        case Say():
+            return SayAction.Result(duration_s=act.elapsed(now), message=message)
     return ShowAction.Result(message=message)
-
-
-def _drive_result(act: Act | None, now: float, message: str) -> Any:
-    driven = act.driven(now) if isinstance(act, Drive) else 0.0
-    return DriveAction.Result(distance_m=driven, message=message)
 
 
 def main(args: Sequence[str] | None = None) -> int:

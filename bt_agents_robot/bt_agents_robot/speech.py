@@ -7,6 +7,7 @@ import math
 import shutil
 import subprocess
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Protocol
 
 from bt_agents_core.errors import Refused
@@ -58,13 +59,7 @@ def check_rate(rate: float) -> float:
 
 
 def speaking_time(text: str, rate: float, pace: float) -> float:
-    """Return the duration of a spoken text [s].
-
-    Args:
-        text: The text.
-        rate: Speed of speech relative to normal.
-        pace: Speed of the whole simulation relative to real time.
-    """
+    """Return the duration of a spoken text [s]; its rate and the pace are relative to normal."""
     return (len(text) / CHARACTERS_PER_S + PAUSE_S) / rate / pace
 
 
@@ -101,22 +96,15 @@ def start_process(command: Sequence[str], text: str) -> Process:
     )
     stdin = process.stdin
     if stdin is not None:
-        try:
+        # One that has ended already says so by its exit code.
+        with suppress(BrokenPipeError):
             stdin.write(text.encode("utf-8", "replace"))
             stdin.close()
-        except BrokenPipeError:
-            pass  # it has ended already; its exit code says so
     return process
 
 
 class Voice:
-    """Voice of a child process; silent where there is no program or it fails.
-
-    Args:
-        find: Finds a program by name, as :func:`shutil.which`.
-        start: Starts it, as :func:`start_process`.
-        warn: Called once with the reason why there is no sound.
-    """
+    """Voice of a child process; silent, after a warning, where there is no program or it fails."""
 
     def __init__(
         self,

@@ -22,14 +22,13 @@ from bt_agents_interfaces.srv import Analyze
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
-from bt_agents_language.model.specs import SceneChange, Script, Visit
+from bt_agents_language.model.specs import Script, Visit
 from bt_agents_robot.people import REACTION_S, field_value, is_read, nested, pause_after, readings
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
-from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.parameters import TREES, StartParameter, declare, describe, make_from_parameters
 from bt_agents_ros.spinner import run
-from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import fill, load_type, read_field
 from scene_layer.script import MarketView, ScriptPerformance, answer
@@ -58,10 +57,8 @@ class _Sensor:
 
     def publish(self, values: dict[SourceSpec, float | str]) -> None:
         """Publish one message with the readings of all sources, unless there are none."""
-        if any(is_read(values[source]) for source in self.sources):
-            self.publisher.publish(self._message(values))
-
-    def _message(self, values: dict[SourceSpec, float | str]) -> Any:
+        if not self.has_reading(values):
+            return
         message = self._type()
         fields: dict[str, Any] = {}
         for source in self.sources:
@@ -71,7 +68,10 @@ class _Sensor:
             if sure is not None:
                 fields[sure] = max(fields.get(sure, 0.0), float(is_read(reading)))
         fill(message, nested(fields.items()))
-        return message
+        self.publisher.publish(message)
+
+    def has_reading(self, values: dict[SourceSpec, float | str]) -> bool:
+        return any(is_read(values[source]) for source in self.sources)
 
     def _example(self, source: SourceSpec) -> Any:
         try:
@@ -92,11 +92,6 @@ class _Sensor:
 class VisitorsNode(BaseNode):
     """Player of a script of people who come, are sensed, react and leave.
 
-    Args:
-        spec: The scene parameters and the sources that read them.
-        script: The visits.
-        node_kwargs: For :class:`rclpy.node.Node`.
-
     Raises:
         Refused: A source has a type or field that cannot be written, or persons are told apart.
     """
@@ -111,24 +106,6 @@ class VisitorsNode(BaseNode):
         super().__init__("visitors", **node_kwargs)
         self._spec = spec
         self._script = script
-        self._declare()
-        self._performance = ScriptPerformance(
-            script, wait_for_agents=self._wait_for_agents, pace=self._pace
-        )
-        self._values: dict[str, float] = {}
-        self._person = False
-        self._seen: set[str] = set()
-        self._trigger_at = math.inf
-        self._next_at = 0.0
-        self._warn_at = math.inf
-        self._awaiting_scene = False
-        self._sensing_pending = False
-        self._reactions: list[tuple[float, Publisher, Any]] = []
-        self._publish_and_subscribe()
-        steady_timer(self, SENSOR_PERIOD_S, self._sense)
-        self._timer = steady_timer(self, _TICK_S, self._tick)
-
-    def _declare(self) -> None:
         pace = describe(
             "speed of the visits relative to real time",
             minimum=0.1,
@@ -143,7 +120,22 @@ class VisitorsNode(BaseNode):
             read_only=True,
         )
         self._pace = float(declare(self, "pace", 1.0, pace))
-        self._wait_for_agents = int(declare(self, "wait_for_agents", 1, agents))
+        wait_for_agents = int(declare(self, "wait_for_agents", 1, agents))
+        self._performance = ScriptPerformance(
+            script, wait_for_agents=wait_for_agents, pace=self._pace
+        )
+        self._values: dict[str, float] = {}
+        self._person = False
+        self._seen: set[str] = set()
+        self._trigger_at = math.inf
+        self._next_at = 0.0
+        self._warn_at = math.inf
+        self._awaiting_scene = False
+        self._sensing_pending = False
+        self._reactions: list[tuple[float, Publisher, Any]] = []
+        self._publish_and_subscribe()
+        steady_timer(self, SENSOR_PERIOD_S, self._sense)
+        self._timer = steady_timer(self, _TICK_S, self._tick)
 
     def _publish_and_subscribe(self) -> None:
         person = (self._spec.person,) if self._spec.person else ()
@@ -215,7 +207,9 @@ class VisitorsNode(BaseNode):
             self.get_logger().warning("nobody took the scene of the visit; it is begun again")
             self._leave(now)
         if self._performance.done:
-            self._finish()
+            self._timer.cancel()
+            self._done.publish(Bool(data=True))
+            self.get_logger().info("all visits are over")
             return
         if now >= self._next_at:
             visit = self._performance.next(now)
@@ -237,11 +231,17 @@ class VisitorsNode(BaseNode):
     def _trigger_when_sensed(self, now: float) -> None:
         """Request the scene once every sensor in use has a subscriber and was published."""
         if self._sensing_pending:
-            silent = [
-                p.topic_name for p in self._publishers_in_use() if p.get_subscription_count() == 0
-            ]
+            values = readings(self._spec, self._values, self._person)
+            used = [one.publisher for one in self._sensors if one.has_reading(values)]
+            in_use = (self._trigger, *used)
+            silent = [one.topic_name for one in in_use if one.get_subscription_count() == 0]
+            if silent and now >= self._warn_at:
+                self._warn_at = now + WARNING_PERIOD_S
+                self.get_logger().warning(
+                    f"nobody listens to {', '.join(silent)}; "
+                    "does the scene layer run, without a script of its own?"
+                )
             if silent:
-                self._warn_unread(silent, now)
                 return
             self._sensing_pending = False
             self._sense()
@@ -267,38 +267,18 @@ class VisitorsNode(BaseNode):
             ),
         )
 
-    def _publishers_in_use(self) -> list[Publisher]:
-        values = readings(self._spec, self._values, self._person)
-        used = [
-            sensor.publisher
-            for sensor in self._sensors
-            if any(is_read(values[source]) for source in sensor.sources)
-        ]
-        return [self._trigger, *used]
-
-    def _warn_unread(self, silent: list[str], now: float) -> None:
-        if now >= self._warn_at:
-            self._warn_at = now + WARNING_PERIOD_S
-            self.get_logger().warning(
-                f"nobody listens to {', '.join(silent)}; "
-                "does the scene layer run, without a script of its own?"
-            )
-
     def _react(self, now: float) -> None:
         for change in self._performance.due(now):
-            self._change(change)
+            self._values.update(change.values)
+            self._seen.update(change.values)
+            if change.person is not None:
+                self._person = change.person
+            self._sense()
         for reaction in list(self._reactions):
             at, publisher, message = reaction
             if now >= at:
                 self._reactions.remove(reaction)
                 publisher.publish(message)
-
-    def _change(self, change: SceneChange) -> None:
-        self._values.update(change.values)
-        self._seen.update(change.values)
-        if change.person is not None:
-            self._person = change.person
-        self._sense()
 
     def _leave(self, now: float) -> None:
         visits = self._script.visits
@@ -310,11 +290,6 @@ class VisitorsNode(BaseNode):
         self._trigger_at = math.inf
         self._current.publish(String(data=""))
         self._sense()
-
-    def _finish(self) -> None:
-        self._timer.cancel()
-        self._done.publish(Bool(data=True))
-        self.get_logger().info("all visits are over")
 
 
 def make_node() -> VisitorsNode:

@@ -15,12 +15,7 @@ from bt_agents_ros.workarounds.quick_logger import QuickLogger
 
 
 class BaseNode(Node):
-    """Node that rejects parameters that are not finite, and survives malformed parameter requests.
-
-    Args:
-        name: Name of the node.
-        node_kwargs: Keyword arguments of :class:`rclpy.node.Node`.
-    """
+    """Node that refuses parameters that are not finite, and survives malformed requests."""
 
     def __init__(self, name: str, **node_kwargs: Any) -> None:
         super().__init__(name, start_parameter_services=False, **node_kwargs)

@@ -27,12 +27,7 @@ class HostAnswer(Protocol):
 
 
 class BidEncoder:
-    """Encoder of a host's answers, which caches the last one.
-
-    Args:
-        host: Fully qualified name of the host.
-        instance: This start of it.
-    """
+    """Encoder of the answers of one start of a host, which caches the last one."""
 
     def __init__(self, host: str, instance: str) -> None:
         self._host = host
@@ -52,14 +47,9 @@ class BidEncoder:
 
 
 def round_of(data: bytes, like: bytes, epoch: str) -> int | None:
-    """Return the number of the round of a message; None when more than it is unlike another one.
+    """Return the round of a serialized message; None when more than it is unlike another one.
 
     None too when it is written by other rules than messages of this process.
-
-    Args:
-        data: Serialized.
-        like: Another one.
-        epoch: The market that the other one is for.
     """
     start = len(_before(epoch))
     end = start + _NUMBER_BYTES

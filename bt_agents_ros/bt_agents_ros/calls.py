@@ -51,12 +51,8 @@ class Calls:
     ) -> None:
         """Send a request; exactly one of the two callbacks follows, on the executor's thread.
 
-        Args:
-            client: Client of the service.
-            request: The request message.
-            deadline_s: Time for finding the server and getting the answer [s].
-            on_answer: Called with the response.
-            on_failure: Called with the reason as text.
+        The deadline [s] is for finding the server and getting the answer; ``on_failure`` takes the
+        reason.
         """
         call = _Call(client, request, time.monotonic() + deadline_s, on_answer, on_failure)
         self._open.append(call)
@@ -82,23 +78,20 @@ class Calls:
             call.on_failure(f"{call.client.srv_name} was cancelled")
 
     def _poll(self) -> None:
+        now = time.monotonic()
         try:
-            self._send_or_end()
+            for call in list(self._open):
+                if now < call.deadline:
+                    self._send(call)
+                    continue
+                self._open.remove(call)
+                if call.future is None:
+                    call.on_failure(f"{call.client.srv_name} is not there")
+                else:
+                    call.client.remove_pending_request(call.future)
+                    call.on_failure(f"{call.client.srv_name} did not answer in time")
         finally:
             self._set_timer()
-
-    def _send_or_end(self) -> None:
-        now = time.monotonic()
-        for call in list(self._open):
-            if now < call.deadline:
-                self._send(call)
-                continue
-            self._open.remove(call)
-            if call.future is None:
-                call.on_failure(f"{call.client.srv_name} is not there")
-            else:
-                call.client.remove_pending_request(call.future)
-                call.on_failure(f"{call.client.srv_name} did not answer in time")
 
     def _set_timer(self) -> None:
         due = min((call.deadline for call in self._open), default=math.inf)

@@ -18,12 +18,8 @@ def is_matched(
 ) -> bool:
     """Return whether a publisher and a subscription are matched with all that the graph shows.
 
-    Args:
-        node: Owner of both.
-        publisher: Of the topic to which the partner subscribes.
-        subscription: To the topic that the partner publishes.
-        partner: A topic that only the partner publishes; it may have several publishers, as the
-            graph goes on showing one that was killed.
+    The other end of both is the process that alone publishes the topic ``partner``, perhaps more
+    than once, as the graph goes on showing one that was killed.
     """
     subscriptions = node.get_subscriptions_info_by_topic(publisher.topic_name)
     publishers = node.get_publishers_info_by_topic(subscription.topic_name)

@@ -10,18 +10,16 @@ from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
-from bt_agents_ros.types import SECTIONS, fill, load_type, slot_at, types_of
+from bt_agents_ros.types import fill, load_type, slot_at, types_of
 
 
 class InstalledInterfaces:
     """The installed ROS types; see :class:`bt_agents_language.fields.interfaces.Interfaces`."""
 
     def has_package(self, package: str) -> bool:
-        """Return whether a ROS package is installed."""
         return bool(types_of(package))
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
-        """Return why a type cannot be used for an interface of this kind; None when it can."""
         try:
             load_type(type_name, kind)
         except Refused as refused:
@@ -31,7 +29,6 @@ class InstalledInterfaces:
     def field_problem(
         self, kind: BindingKind, type_name: str, section: str, path: str
     ) -> str | None:
-        """Return why a type has no such field; None when it has."""
         try:
             slot_at(_section(kind, type_name, section), path)
         except Refused as refused:
@@ -39,7 +36,6 @@ class InstalledInterfaces:
         return None
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
-        """Return the type of a field's value; ANY for lists, messages and what is not there."""
         try:
             slot = slot_at(_section(kind, type_name, section), path)
         except Refused:
@@ -56,7 +52,6 @@ class InstalledInterfaces:
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return why values do not fit the fields of a type; None when they do."""
         try:
             fill(_section(kind, type_name, section)(), values)
         except Refused as refused:
@@ -72,7 +67,7 @@ def _section(kind: BindingKind, type_name: str, section: str) -> Any:
     """
     found = load_type(type_name, kind)
     if section != "message":
-        found = getattr(found, SECTIONS.get(section, ""), None)
+        found = getattr(found, section.capitalize(), None)
     if not hasattr(found, "SLOT_TYPES"):
         raise Refused("UNKNOWN_FIELD", f"{type_name} has no {section}")
     return found

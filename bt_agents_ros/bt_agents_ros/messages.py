@@ -13,6 +13,12 @@ from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
 
+_SAME = ("scene_id", "label", "person", "urgent", "person_id", "place", "persons")
+"""Fields that a scene and its message have alike."""
+
+_NUMBERS = ("value", "age_s", "std", "confidence")
+"""Fields of a value that are numbers in its message, too."""
+
 _ORIGINS = {int(origin): origin for origin in Origin}
 
 LONGEST_NAME = 200
@@ -32,28 +38,19 @@ def to_time(value: float) -> Time:
 
 def scene_to_msg(scene: Scene) -> SceneMsg:
     """Return the message of a scene."""
-    # rclpy writes an int in a float field as garbage without a word.
     return SceneMsg(
         stamp=to_time(scene.stamp),
-        scene_id=scene.scene_id,
-        label=scene.label,
-        person=scene.person,
-        urgent=scene.urgent,
-        person_id=scene.person_id,
-        place=scene.place,
-        persons=scene.persons,
         values=[
             SceneValueMsg(
                 name=v.name,
-                value=float(v.value),
                 origin=int(v.origin),
-                age_s=float(v.age_s),
-                std=float(v.std),
-                confidence=float(v.confidence),
                 source=v.source,
+                # rclpy writes an int in a float field as garbage without a word.
+                **{field: float(getattr(v, field)) for field in _NUMBERS},
             )
             for v in scene.values
         ],
+        **{field: getattr(scene, field) for field in _SAME},
     )
 
 
@@ -81,25 +78,10 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
                 "UNKNOWN_ORIGIN",
                 f"scene: '{value.name}' has the origin {value.origin}, expected 0-4",
             )
-        values.append(
-            SceneValue(
-                name=value.name,
-                value=value.value,
-                origin=origin,
-                age_s=value.age_s,
-                std=value.std,
-                confidence=value.confidence,
-                source=value.source,
-            )
-        )
+        numbers = {field: getattr(value, field) for field in _NUMBERS}
+        values.append(SceneValue(name=value.name, origin=origin, source=value.source, **numbers))
     return Scene(
-        scene_id=message.scene_id,
-        label=message.label,
-        person=message.person,
-        urgent=message.urgent,
-        person_id=message.person_id,
-        place=message.place,
-        persons=message.persons,
         values=space.scene(values),
         stamp=seconds(message.stamp),
+        **{field: getattr(message, field) for field in _SAME},
     )

@@ -39,13 +39,7 @@ class Outbox:
     A request or its answer may get lost, so the server gets some requests more than once: each
     needs an id by which the server recognises it. Any answer ends a request, also a late one or a
     refusal, except that the server's disk is full: then the request is sent again until there is
-    room. The queue is lost with the process.
-
-    Args:
-        node: Node of the client; call from the thread of its executor only.
-        client: Client of the service.
-        answer_s: Time after which a request without an answer is sent again [s].
-        most: Requests that are stored.
+    room. The queue is lost with the process. Call it from the thread of the node's executor only.
     """
 
     def __init__(
@@ -71,12 +65,10 @@ class Outbox:
         return self._late
 
     def put(self, request: Any, on_done: Callable[[Any | None], None]) -> None:
-        """Enqueue a request.
+        """Enqueue a request with an id of its own, which is not changed any more.
 
-        Args:
-            request: The request message, with an id of its own; not changed any more.
-            on_done: Called once on the executor's thread, with the response, or with None when
-                the request was dropped because the queue was full.
+        ``on_done`` is called once on the executor's thread, with the response, or with None when
+        the request was dropped because the queue was full.
         """
         dropped = self._queue.enqueue(_Request(request, on_done))
         if dropped is not None:

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
+import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -13,6 +15,8 @@ from rclpy.parameter import Parameter
 from bt_agents_core.live_scene_view import LEASE_S
 
 Value = bool | int | float | str
+
+NodeT = TypeVar("NodeT", bound=Node)
 
 LIVE_LEASE = "live_lease"
 """Parameter of hosts and the feedback node: how long a live scene counts."""
@@ -89,3 +93,38 @@ def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
         maximum=60.0,
     )
     return float(declare_and_watch(node, LIVE_LEASE, LEASE_S, limits, changed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartParameter:
+    """Read-only text that says what a node is made of, so it is read before; else empty."""
+
+    name: str
+    description: str
+
+
+TREES = StartParameter(
+    name="trees", description="trees folder; empty means ./trees, else the installed one"
+)
+
+
+def make_from_parameters(
+    name: str, parameters: tuple[StartParameter, ...], make: Callable[[Mapping[str, str]], NodeT]
+) -> NodeT:
+    """Return a node that is constructed from the parameters of its process; ``make`` may raise.
+
+    A temporary node reads them; then they are declared on the node itself, too.
+    """
+    reader = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
+    try:
+        values = {p.name: str(_declare(reader, p)) for p in parameters}
+    finally:
+        reader.destroy_node()
+    node = make(values)
+    for parameter in parameters:
+        _declare(node, parameter)
+    return node
+
+
+def _declare(node: Node, parameter: StartParameter) -> object:
+    return declare(node, parameter.name, "", describe(parameter.description, read_only=True))

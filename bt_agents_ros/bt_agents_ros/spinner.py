@@ -84,10 +84,7 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
     """Create a node and spin it until SIGINT, SIGTERM or a shutdown of its context.
 
     A node with the methods of :class:`Stopping` gets up to a second to end what it has under way.
-
-    Args:
-        make_node: Called after ``rclpy.init``; if it raises, the process ends with one line.
-        args: Command line as ROS expects it; None takes that of the process.
+    ``make_node`` is called after ``rclpy.init``; if it raises, the process ends with one line.
 
     Returns:
         Exit code: 0 after a clean stop, 1 when the node could not be created.

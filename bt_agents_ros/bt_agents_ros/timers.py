@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steady timers for deadlines, leases and polls; simulated time does not touch them."""
+"""Steady timers for deadlines, leases and polls, untouched by simulated time; polled futures."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import Future as ThreadFuture
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer
 
+LIMIT_S = 5.0
+"""How long a future is waited for [s]; its work goes on after that."""
+
+_FUTURES_S = 0.01
 _DAY_S = 86400.0
 
 
@@ -19,23 +25,14 @@ def steady_timer(
 ) -> Timer:
     """Create a timer on the steady clock, which nobody can set or stop.
 
-    Args:
-        node: Owner of the timer.
-        period_s: Time between two calls [s].
-        callback: Called on the thread of the node's executor.
-        running: False creates it cancelled; ``reset`` starts it.
+    Without ``running`` it is created cancelled; ``reset`` starts it.
     """
     steady = Clock(clock_type=ClockType.STEADY_TIME)
     return node.create_timer(period_s, callback, clock=steady, autostart=running)
 
 
 class OneShot:
-    """Steady timer that fires once, at a time that may be moved.
-
-    Args:
-        node: Owner of the timer.
-        callback: Called on the thread of the node's executor.
-    """
+    """Steady timer that fires once, at a time that may be moved."""
 
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
         self._callback = callback
@@ -62,3 +59,34 @@ class OneShot:
         self._timer.cancel()
         self._at = math.inf
         self._callback()
+
+
+class FuturePoller:
+    """Polls the futures of other threads, which must not call into rclpy."""
+
+    def __init__(self, node: Node) -> None:
+        self._watched: list[tuple[ThreadFuture[Any], float, Callable[[str], None]]] = []
+        self._timer = steady_timer(node, _FUTURES_S, self._poll, running=False)
+
+    def watch(self, future: ThreadFuture[Any], done: Callable[[str], None]) -> None:
+        """Call back once, when a future is done or :data:`LIMIT_S` has passed.
+
+        ``done`` takes what went wrong, an empty text when nothing did.
+        """
+        self._watched.append((future, time.monotonic() + LIMIT_S, done))
+        if self._timer.is_canceled():
+            self._timer.reset()
+
+    def _poll(self) -> None:
+        now = time.monotonic()
+        ended = [one for one in self._watched if one[0].done() or now >= one[1]]
+        self._watched = [one for one in self._watched if one not in ended]
+        if not self._watched:
+            self._timer.cancel()
+        for future, _, done in ended:
+            if not future.done():
+                done(f"not done within {LIMIT_S:g} s, but it goes on")
+            elif future.cancelled():
+                done("given up")
+            else:
+                done(str(future.exception() or ""))

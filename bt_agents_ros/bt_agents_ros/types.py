@@ -9,7 +9,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +18,11 @@ from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_path import NoSuchField, NoSuchItem, is_index, is_list, value_at
-from bt_agents_core.field_types import INTERFACE_FOLDERS, BindingKind
-
-SECTIONS = {
-    "goal": "Goal",
-    "result": "Result",
-    "feedback": "Feedback",
-    "request": "Request",
-    "response": "Response",
-}
+from bt_agents_core.field_types import INTERFACE_FOLDERS, BindingKind, Plain
 
 _TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
+_INTERFACE = re.compile(r"(msg|srv|action)/[^/]*")
+_INDEX = Path("share/ament_index/resource_index/rosidl_interfaces")
 _SHORT_NAME = re.compile(r"([a-z][a-z0-9_]*)/([A-Z][A-Za-z0-9]*)")
 _LARGEST_FLOAT32 = 3.4028234663852886e38
 _SECONDS = {
@@ -39,11 +33,9 @@ _SECONDS = {
 
 
 def load_type(name: str, kind: BindingKind | None = None) -> Any:
-    """Return the class of a ROS type; nothing is imported unless an installed package lists it.
+    """Return the class of a ROS type such as ``std_msgs/msg/Bool``, of a kind unless any will do.
 
-    Args:
-        name: Full name, for example ``std_msgs/msg/Bool``.
-        kind: What the type is needed for; None takes any kind.
+    Nothing is imported unless an installed package lists it.
 
     Raises:
         Refused: ``UNKNOWN_TYPE``, ``WRONG_KIND`` or ``TYPE_NOT_LOADABLE``.
@@ -76,12 +68,9 @@ def load_type(name: str, kind: BindingKind | None = None) -> Any:
 def fill(message: Any, values: Mapping[str, Any]) -> None:
     """Set fields of a message from plain nested data; on an error nothing is set.
 
-    A whole number is taken for a float, NaN too; a boolean is no number and a number no text.
-    ``builtin_interfaces`` Time and Duration may be written as seconds.
-
-    Args:
-        message: Instance of a ROS message; fields that ``values`` does not name stay.
-        values: Mappings, sequences and scalars in the shape of the message.
+    Fields that are not named stay. A whole number is taken for a float, NaN too; a boolean is no
+    number and a number no text. ``builtin_interfaces`` Time and Duration may be written as
+    seconds.
 
     Raises:
         Refused: ``UNKNOWN_FIELD``, ``WRONG_TYPE``, ``WRONG_LENGTH``, ``OUT_OF_RANGE`` or
@@ -97,11 +86,7 @@ def to_plain(message: Any) -> dict[str, Any]:
 
 
 def read_field(message: Any, path: str) -> Any:
-    """Return one field of a message as plain data.
-
-    Args:
-        message: Instance of a ROS message.
-        path: Field names joined by dots; a number picks an item: ``faces.0.mood``.
+    """Return one field of a message, such as ``faces.0.mood``, as plain data.
 
     Raises:
         Refused: ``UNKNOWN_FIELD``, or ``NO_SUCH_ITEM`` where a list is too short.
@@ -131,23 +116,43 @@ def message_field(value: Any, part: str) -> Any:
     return getattr(value, part)
 
 
+class MessageView(Mapping[str, Plain]):
+    """Fields of a message by name, each converted when first read; the message must not change."""
+
+    def __init__(self, message: Any) -> None:
+        self._message = message
+        self._names = message.get_fields_and_field_types()
+        self._converted: dict[str, Plain] = {}
+
+    def __getitem__(self, name: str) -> Plain:
+        if name not in self._names:
+            raise KeyError(name)
+        if name not in self._converted:
+            self._converted[name] = read_field(self._message, name)
+        return self._converted[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
 def types_of(package: str) -> list[str]:
     """Return the types of an installed package as ``msg/Bool``; empty when it has none.
 
     The ament index names them in ``share/ament_index/resource_index/rosidl_interfaces/<package>``.
     """
     for prefix in prefixes():
-        entry = prefix / "share/ament_index/resource_index/rosidl_interfaces" / package
         try:
-            lines = entry.read_text(encoding="utf-8").split()
+            lines = (prefix / _INDEX / package).read_text(encoding="utf-8").split()
         except (OSError, UnicodeDecodeError):
             continue
-        return sorted({line.rpartition(".")[0] for line in lines if _is_interface(line)})
+        return sorted({line.rpartition(".")[0] for line in lines if _INTERFACE.fullmatch(line)})
     return []
-
-
-def _is_interface(line: str) -> bool:
-    return line.startswith(("msg/", "srv/", "action/")) and line.count("/") == 1
 
 
 def prefixes() -> list[Path]:
@@ -162,9 +167,8 @@ def prefixes() -> list[Path]:
 def _packages() -> list[str]:
     found: set[str] = set()
     for prefix in prefixes():
-        folder = prefix / "share/ament_index/resource_index/rosidl_interfaces"
-        if folder.is_dir():
-            found.update(entry.name for entry in folder.iterdir())
+        if (prefix / _INDEX).is_dir():
+            found.update(entry.name for entry in (prefix / _INDEX).iterdir())
     return sorted(found)
 
 
@@ -197,23 +201,18 @@ def _did_you_mean(name_given: str, known: Collection[str]) -> str:
 
 
 def _slots(message_type: Any) -> dict[str, Any]:
-    """Return the fields of a message type with their rosidl types."""
     return dict(
         zip(message_type.get_fields_and_field_types(), message_type.SLOT_TYPES, strict=True)
     )
 
 
 def slot_at(message_type: Any, path: str) -> Any:
-    """Return the rosidl type of a field, or the class of a nested message.
-
-    Args:
-        message_type: Class of a message.
-        path: Field names joined by dots; a number picks an item of a list.
+    """Return the rosidl type of the field of a path, or the class of a nested message.
 
     Raises:
         Refused: ``UNKNOWN_FIELD``.
     """
-    current: Any = message_type
+    current = message_type
     done: list[str] = []
     for part in path.split("."):
         if hasattr(current, "SLOT_TYPES"):

@@ -91,7 +91,8 @@ def test_the_packages_hold_more_than_python_modules():
     assert {Path(package.name) / "py.typed" for package in PYTHON_PACKAGES} <= held
     assert Path("bt_agents_tools/launcher/loopback.xml") in held
     language = Path("bt_agents_language")
-    assert {language / "reference/codes.yaml", language / "tools/templates/agent.yaml"} <= held
+    data = ("expression/hints.yaml", "reference/codes.yaml", "tools/templates/agent.yaml")
+    assert {language / path for path in data} <= held
 
 
 @every_python_package

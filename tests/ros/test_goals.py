@@ -23,7 +23,7 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_interfaces.action import Ask
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from bt_agents_ros import qos
-from bt_agents_ros.message_view import MessageView
+from bt_agents_ros.types import MessageView
 from scripted_server import Script, ScriptedServer, ScriptedService
 from tree_harness import SPACE, agent
 

@@ -29,8 +29,8 @@ from bt_agents_ros.bid_encoding import BidEncoder
 from bt_agents_ros.discovery import is_matched
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_from_msg, seconds
+from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.spinner import run
-from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 
 HEARTBEAT_S = 0.1

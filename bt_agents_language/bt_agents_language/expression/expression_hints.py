@@ -8,94 +8,39 @@ from collections.abc import Iterable
 
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import (
+    HINTS,
     ExpressionError,
     Token,
     TokenKind,
     unit_hint,
 )
 
-_OTHER_FUNCTIONS = {
-    "minimum": "min", "least": "min", "smallest": "min",
-    "maximum": "max", "greatest": "max", "largest": "max",
-    "fabs": "abs", "absolute": "abs",
-    "int": "round", "trunc": "round", "floor": "round", "ceil": "round",
-    "count": "len", "size": "len", "length": "len", "strlen": "len",
-}  # fmt: skip
-_NO_FUNCTIONS = {
-    "sum": "add with +",
-    "pow": "multiply with *",
-    "sqrt": "roots are not possible; compare the squares: a * a",
-    "any": "join conditions with 'or'",
-    "all": "join conditions with 'and'",
-    "not": "write not (…)",
-    "contains": "write 'word' in the_text",
-    "range": "write x between 2 and 4",
-    "str": 'texts and numbers fit into a text as they are: "${x}"',
-    "format": 'texts and numbers fit into a text as they are: "${x}"',
-    "float": "numbers need no conversion",
-    "bool": "compare, for example x > 0",
-    "random": "use the node 'random'",
-    "now": "use the decorators 'cooldown' and 'timeout', or the node 'wait'",
-    "time": "use the decorators 'cooldown' and 'timeout', or the node 'wait'",
-}
-_METHODS = {
-    "contains": "write 'word' in {0}",
-    "count": "write len({0})",
-    "find": "write 'word' in {0}",
-    "index": "write 'word' in {0}",
-    "includes": "write 'word' in {0}",
-    "length": "write len({0})",
-    "size": "write len({0})",
-    "round": "write round({0})",
-    "abs": "write abs({0})",
-    "startswith": "write 'word' in {0}",
-    "endswith": "write 'word' in {0}",
-    "lower": "write all spellings in a list: {0} in ['yes', 'Yes']",
-    "upper": "write all spellings in a list: {0} in ['yes', 'Yes']",
-    "strip": "compare with the whole text, or look for a part: 'word' in {0}",
-}
-_OTHER_OPERATORS = {
-    "is": "write ==", "equals": "write ==", "eq": "write ==", "equal": "write ==",
-    "isnt": "write !=", "ne": "write !=", "unlike": "write !=",
-    "gt": "write >", "above": "write >", "over": "write >", "more": "write >",
-    "ge": "write >=", "lt": "write <", "below": "write <", "under": "write <", "less": "write <",
-    "le": "write <=", "mod": "write %", "div": "write /", "times": "write *", "plus": "write +",
-    "minus": "write -", "xor": "write (a or b) and not (a and b)",
-    "contains": "turn it round: 'word' in the_text",
-    "includes": "turn it round: 'word' in the_list",
-    "if": "a choice between two values is not possible; use two nodes with 'when'",
-    "then": "a choice between two values is not possible; use two nodes with 'when'",
-    "else": "a choice between two values is not possible; use two nodes with 'when'",
-    "for": "loops are not possible; repeat a node with 'repeat'",
-    "within": "write between", "isin": "write in", "of": "write in",
-}  # fmt: skip
-_NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
+NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
+"""Words of other languages for nothing."""
 
 
 def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
     """Return the error for a name with an opening parenthesis behind it."""
     value, dot, method = token.text.rpartition(".")
     if dot:
-        hint = _METHODS.get(method.lower(), "possible are min, max, abs, round and len")
+        hint = HINTS["methods"].get(method.lower(), "possible are min, max, abs, round and len")
         return token.error(
             f"values have no functions of their own: '{ellipsize(token.text)}(…)'",
             hint.format(ellipsize(value)),
         )
     word = token.text
-    hint = _NO_FUNCTIONS.get(word.lower(), "")
+    hint = HINTS["no_functions"].get(word.lower(), "")
     if not hint:
         known = list(functions)
         folded = word.lower()
         near = difflib.get_close_matches(folded, known, n=1, cutoff=0.6) if len(word) < 40 else []
-        meant = _OTHER_FUNCTIONS.get(folded) or (near[0] if near else "")
+        meant = HINTS["functions"].get(folded) or (near[0] if near else "")
         hint = f"did you mean '{meant}'?" if meant else f"possible are {', '.join(known)}"
     return token.error(f"there is no function '{ellipsize(word)}'", hint)
 
 
-def no_value(token: Token) -> ExpressionError | None:
-    """Return the error for ``null`` and its like, None for any other name."""
-    if token.text not in _NO_VALUES:
-        return None
+def no_value(token: Token) -> ExpressionError:
+    """Return the error for one of :data:`NO_VALUES`."""
     return token.error(
         f"'{token.text}' is no value",
         "a condition with a name that has no value yet is not true, so this need not be asked",
@@ -103,12 +48,7 @@ def no_value(token: Token) -> ExpressionError | None:
 
 
 def unexpected(token: Token, before: Token | None) -> ExpressionError:
-    """Return the error for a word where an operator or the end is expected.
-
-    Args:
-        token: The word.
-        before: The one before it.
-    """
+    """Return the error for a word where an operator or the end is expected."""
     if token.text == ")":
         return token.error("this ')' closes nothing", "remove it")
     if token.text == "]":
@@ -127,9 +67,8 @@ def unexpected(token: Token, before: Token | None) -> ExpressionError:
 
 
 def _between(token: Token, before: Token | None) -> str:
-    """Return what may be missing between two words."""
-    if token.kind is TokenKind.NAME and token.text.lower() in _OTHER_OPERATORS:
-        return _OTHER_OPERATORS[token.text.lower()]
+    if token.kind is TokenKind.NAME and token.text.lower() in HINTS["operators"]:
+        return HINTS["operators"][token.text.lower()]
     if token.text == "not":
         return "write 'not' before the whole comparison: not x between 2 and 4"
     if token.text == ",":

@@ -5,8 +5,12 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from importlib.resources import files
+
+import yaml
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import ellipsize
@@ -16,61 +20,26 @@ MAX_TOKENS = 400
 """Words of an expression; evaluation nests at most half as deep."""
 
 OPERATOR_WORDS = ("and", "or", "not", "in", "between")
-"""Operators that are words."""
 
 NAME = r"[^\W\d]\w*(?:\.\w+)*"
-"""Pattern of a name."""
+
+HINTS: Mapping[str, Mapping[str, str]] = yaml.load(
+    files("bt_agents_language").joinpath("expression/hints.yaml").read_text(encoding="utf-8"),
+    Loader=yaml.CSafeLoader,
+)
+"""What other languages write → how to write it here, by the kind of word."""
 
 _WORDS = frozenset((*OPERATOR_WORDS, "true", "false"))
 
 _NUMBER_LIKE = re.compile(r"[\w.]+")
 _UNIT = re.compile(r"([0-9.]+)([^\W\d_]+)")
-_STRAIGHT_DOUBLE = 'use straight quotation marks: "…"'
-_STRAIGHT_SINGLE = "use straight quotation marks: '…'"
-_CHARACTER_HINTS = {
-    "=": "compare with ==",
-    "&": "write and",
-    "|": "write or",
-    "!": "write not",
-    "~": "write not",
-    "$": "in an expression names stand alone, without ${ }",
-    "{": "write a list in square brackets: [1, 2]",
-    "^": "powers are not possible, write a * a",
-    "“": _STRAIGHT_DOUBLE,
-    "”": _STRAIGHT_DOUBLE,
-    "„": _STRAIGHT_DOUBLE,
-    "«": _STRAIGHT_DOUBLE,
-    "»": _STRAIGHT_DOUBLE,
-    "\u2018": _STRAIGHT_SINGLE,
-    "’": _STRAIGHT_SINGLE,
-    "`": _STRAIGHT_SINGLE,
-    "≤": "write <=",
-    "≥": "write >=",
-    "≠": "write !=",
-    "−": "write the plain minus sign -",
-    "–": "write the plain minus sign -",
-    "×": "write *",
-    "·": "write *",
-    "÷": "write /",
-    "∈": "write in",
-    ";": "join conditions with 'and' or 'or'",
-    ".": "a point stands only inside of names and numbers",
-    "?": "a choice between two values is not possible; use two nodes with 'when'",
-}
-_OPERATOR_HINTS = {
-    "===": "write ==", "!==": "write !=", "=<": "write <=", "=>": "write >=", "<>": "write !=",
-    "**": "powers are not possible, write a * a", "//": "write round(a / b)",
-    "+=": "write x + 1; the node 'set' gives the result a name",
-    "-=": "write x - 1; the node 'set' gives the result a name",
-    "&&": "write and", "||": "write or",
-}  # fmt: skip
 _TOKEN = re.compile(
     rf"""
     \s*(?:
     (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
     | (?P<not_in>not\s+in\b)
     | (?P<name>{NAME})
-    | (?P<foreign>{"|".join(map(re.escape, _OPERATOR_HINTS))})
+    | (?P<foreign>{"|".join(map(re.escape, HINTS["signs"]))})
     | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\)|\[|\]|,)
     | (?P<text>"[^"]*"|'[^']*')
     )
@@ -82,11 +51,8 @@ _TOKEN = re.compile(
 class ExpressionError(BtAgentsError):
     """An expression that cannot be understood, or whose values do not fit.
 
-    Attributes:
-        message: What was found and what is expected.
-        column: Where, counted from 1 in the text that was parsed.
-        hint: How to fix it; may be empty.
-        width: How many characters are wrong.
+    The column counts from 1 in the text that was parsed, and ``width`` characters are wrong there;
+    the hint may be empty.
     """
 
     def __init__(self, message: str, column: int, hint: str = "", width: int = 1) -> None:
@@ -149,36 +115,33 @@ def tokenize(text: str) -> list[Token]:
 def _token(match: re.Match[str]) -> Token:
     kind = match.lastgroup
     assert kind is not None
-    word, column = match[kind], match.start(kind) + 1
+    token = Token(TokenKind.OPERATOR, match[kind], match.start(kind) + 1)
     if kind == "name":
-        return _name(word, column)
-    if kind == "operator":
-        return Token(TokenKind.OPERATOR, word, column)
+        return _name(token)
     if kind == "number":
         rest = _NUMBER_LIKE.match(match.string, match.end())
         if rest is not None:
-            raise _bad_number(word + rest[0], column)
-        return Token(TokenKind.NUMBER, word, column, _number(word, column))
+            raise _bad_number(token.text + rest[0], token.column)
+        return Token(TokenKind.NUMBER, token.text, token.column, _number(token))
     if kind == "not_in":
-        return Token(TokenKind.OPERATOR, "not in", column)
+        return Token(TokenKind.OPERATOR, "not in", token.column)
     if kind == "foreign":
-        hint = _OPERATOR_HINTS[word]
-        raise ExpressionError(f"there is no operator '{word}'", column, hint, len(word))
-    _refuse_protected_quote(word, match)
-    return Token(TokenKind.TEXT, word, column, word[1:-1])
+        raise token.error(f"there is no operator '{token.text}'", HINTS["signs"][token.text])
+    if kind == "text":
+        _refuse_protected_quote(token.text, match)
+        return Token(TokenKind.TEXT, token.text, token.column, token.text[1:-1])
+    return token
 
 
-def _name(word: str, column: int) -> Token:
-    lowered = word.lower()
+def _name(token: Token) -> Token:
+    word, lowered = token.text, token.text.lower()
     if lowered not in _WORDS:
-        return Token(TokenKind.NAME, word, column)
+        return Token(TokenKind.NAME, word, token.column)
     if lowered != word:
-        raise ExpressionError(
-            f"'{word}' is written with capital letters", column, f"write {lowered}", len(word)
-        )
+        raise token.error(f"'{word}' is written with capital letters", f"write {lowered}")
     if word in OPERATOR_WORDS:
-        return Token(TokenKind.OPERATOR, word, column)
-    return Token(TokenKind.BOOLEAN, word, column, word == "true")
+        return token
+    return Token(TokenKind.BOOLEAN, word, token.column, word == "true")
 
 
 def unit_hint(amount: str, unit: str) -> str:
@@ -204,21 +167,18 @@ def _bad_number(word: str, column: int) -> ExpressionError:
     )
 
 
-def _number(word: str, column: int) -> int | float:
+def _number(token: Token) -> int | float:
+    word = token.text
     if word[0] == "0" and word[1:2].isdecimal():
-        raise ExpressionError(
+        raise token.error(
             f"'{ellipsize(word)}' starts with a zero, which some programs read as another number",
-            column,
             f"write {ellipsize(word.lstrip('0') or '0')}",
-            len(word),
         )
     if word.isdigit() and len(word) <= 18:
         return int(word)
     value = float(word)
     if not math.isfinite(value):
-        raise ExpressionError(
-            f"'{ellipsize(word)}' is too large for a number", column, "", len(word)
-        )
+        raise token.error(f"'{ellipsize(word)}' is too large for a number")
     return value
 
 
@@ -240,7 +200,7 @@ def _unreadable(text: str, at: int) -> ExpressionError:
         return ExpressionError(
             "this quotation mark is not closed", at + 1, f"close the text with {character}"
         )
-    hint = _CHARACTER_HINTS.get(character, "")
+    hint = HINTS["characters"].get(character, "")
     if character == ":" and text[at - 1 : at].isdecimal():
         hint = "times are numbers of seconds here: 1:30 is 90"
     return ExpressionError(f"'{character}' means nothing in an expression", at + 1, hint)

@@ -63,10 +63,8 @@ class Part:
     """A part of an expression, compiled.
 
     Attributes:
-        run: Gives its value.
         kind: Kind of its value, None where only a run shows it.
-        column: Where it starts, from 1.
-        width: Characters of its first word.
+        column: Where its first word starts, from 1.
         items: Kind of the items of a list that is written out; None elsewhere.
         constant: Value of a number, text or boolean that is written out; None elsewhere.
         unit: Dimension of a quantity; None for plain numbers and everything else.
@@ -83,13 +81,8 @@ class Part:
     def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
         """Refuse the part if its value is certainly of another kind.
 
-        Args:
-            kind: The kind it must have.
-            needs: Who needs what, for the message: ``'<' needs numbers``.
-            hint: How to fix it.
-
         Raises:
-            ExpressionError: It has another kind.
+            ExpressionError: It is; ``needs`` says there who needs what: ``'<' needs numbers``.
         """
         if self.kind is not None and self.kind is not kind:
             raise self.error(f"{needs}, found {self.kind.one}", hint)
@@ -150,11 +143,6 @@ def described(value: object) -> str:
     return "a list" if isinstance(value, (list, tuple)) else "a mapping"
 
 
-_ADDING = ("+", "-", "%")
-_COMPARING = ("==", "!=", "<", "<=", ">", ">=")
-_SAME_UNIT = ("min", "max", "abs", "round")
-
-
 def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
     """Return the dimension of what an operator gives; None for a plain number, or no number.
 
@@ -163,10 +151,10 @@ def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
     Raises:
         ExpressionError: The operands have dimensions that do not go together.
     """
-    if word in _ADDING:
-        return _same(word, (left, right))
-    if word in _COMPARING:
-        _same(word, (left, right))
+    if word in ("+", "-", "%"):
+        return common_unit(word, (left, right))
+    if word in ("==", "!=", "<", "<=", ">", ">="):
+        common_unit(word, (left, right))
         return None
     units = [part.unit for part in (left, right) if part.unit is not None]
     if word == "*" and len(units) == 2:
@@ -179,21 +167,13 @@ def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
 
 def unit_of_call(name: str, arguments: Sequence[Part]) -> Dimension | None:
     """Return the dimension of what a function gives; as :func:`unit_of_pair`."""
-    if name not in _SAME_UNIT:
+    if name not in ("min", "max", "abs", "round"):
         return None
-    return _same(name, arguments[:1] if name == "round" else arguments)
+    return common_unit(name, arguments[:1] if name == "round" else arguments)
 
 
-def check_range_units(value: Part, low: Part, high: Part) -> None:
-    """Refuse a range of another dimension than the value that may lie in it.
-
-    Raises:
-        ExpressionError: The dimensions differ.
-    """
-    _same("between", (value, low, high))
-
-
-def _same(word: str, parts: Sequence[Part]) -> Dimension | None:
+def common_unit(word: str, parts: Sequence[Part]) -> Dimension | None:
+    """Return the dimension that the parts have together; as :func:`unit_of_pair`."""
     first: Dimension | None = None
     for part in parts:
         if part.unit is None:

@@ -19,7 +19,7 @@ from bt_agents_language.expression.expression_values import (
     Lookup,
     Part,
     ValueKind,
-    check_range_units,
+    common_unit,
     unit_of_call,
     unit_of_pair,
 )
@@ -28,7 +28,6 @@ from bt_agents_language.expression.operators import (
     BINARY,
     COMPARISON,
     PREFIXES,
-    Operator,
     check_between,
     compile_between,
 )
@@ -42,11 +41,7 @@ MAX_DEPTH = 32
 
 
 class MissingValue(BtAgentsError):
-    """A name has no value now; a lookup raises it and an evaluation passes it on.
-
-    Attributes:
-        name: The name.
-    """
+    """A name has no value now; a lookup raises it and an evaluation passes it on."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"'{name}' has no value")
@@ -54,11 +49,7 @@ class MissingValue(BtAgentsError):
 
 
 class StaleValue(MissingValue):
-    """A name of the live scene whose last value is too old to tell anything about now.
-
-    Attributes:
-        name: The name.
-    """
+    """A name of the live scene whose last value is too old to tell anything about now."""
 
     def __init__(self, name: str, silent_s: float) -> None:
         super().__init__(name)
@@ -80,7 +71,6 @@ class Expression:
     Attributes:
         text: As written, without spaces around it.
         mentions: Every name in it with its place in the text that was parsed.
-        names: The names in it.
         kind: Kind of its value where that is known without running it.
         unit: Dimension of its value; None for a plain number, or no number.
     """
@@ -94,9 +84,6 @@ class Expression:
 
     def evaluate(self, lookup: Lookup) -> object:
         """Return its value.
-
-        Args:
-            lookup: Returns the value of a name.
 
         Raises:
             EvaluationError: Values do not fit the operators, or a division by zero.
@@ -165,7 +152,6 @@ class _Parser:
         self._depth = 0
 
     def whole(self) -> Part:
-        """Parse all tokens."""
         if self._at_end():
             raise ExpressionError(
                 "there is no expression", 1, "write one, for example scene.age >= 4"
@@ -210,26 +196,26 @@ class _Parser:
             if operator is None or operator.strength <= weakest:
                 break
             self._take()
-            left = self._applied(operator, token, left, self._expression(operator.strength))
+            right = self._expression(operator.strength)
+            operator.check(left, right)
+            left = Part(
+                run=operator.compile(left, right, token.column),
+                kind=operator.gives,
+                column=left.column,
+                width=left.width,
+                unit=unit_of_pair(operator.word, left, right),
+            )
             if not operator.chains:
                 self._refuse_chain()
         self._depth -= 1
         return left
 
-    def _applied(self, operator: Operator, token: Token, left: Part, right: Part) -> Part:
-        operator.check(left, right, token.column)
-        return Part(
-            run=operator.compile(left, right, token.column),
-            kind=operator.gives,
-            column=left.column,
-            width=left.width,
-            unit=unit_of_pair(operator.word, left, right),
-        )
-
     def _between(self, value: Part, token: Token) -> Part:
         opening = self._token
-        if opening.text in ("(", "["):
-            self._refuse_pair(opening)
+        second = self._tokens[min(self._next + 2, len(self._tokens) - 1)]
+        # As in ``between [2, 4]`` and ``between (2, 4)``.
+        if opening.text == "[" or (opening.text == "(" and second.text == ","):
+            raise expression_hints.bad_between(opening)
         low = self._expression(COMPARISON)
         joint = self._token
         if joint.text != "and":
@@ -237,19 +223,13 @@ class _Parser:
         self._take()
         high = self._expression(COMPARISON)
         check_between(value, low, high)
-        check_range_units(value, low, high)
+        common_unit("between", (value, low, high))
         return Part(
             run=compile_between(value, low, high, token.column),
             kind=ValueKind.BOOLEAN,
             column=value.column,
             width=value.width,
         )
-
-    def _refuse_pair(self, opening: Token) -> None:
-        """Refuse ``between [2, 4]`` and ``between (2, 4)`` by what they mean."""
-        second = self._tokens[min(self._next + 2, len(self._tokens) - 1)]
-        if opening.text == "[" or second.text == ",":
-            raise expression_hints.bad_between(opening)
 
     def _refuse_chain(self) -> None:
         token = self._token
@@ -302,9 +282,8 @@ class _Parser:
 
     def _name(self, token: Token) -> Part:
         name = token.text
-        nothing = expression_hints.no_value(token)
-        if nothing is not None:
-            raise nothing
+        if name in expression_hints.NO_VALUES:
+            raise expression_hints.no_value(token)
         if self._known is not None and not self._known(name):
             raise token.error(f"there is no name '{name}' here")
         self.mentions.append(Mention(name=name, column=token.column))
@@ -374,7 +353,7 @@ class _Parser:
         )
 
     def _items(self, opening: Token, closing: str) -> list[Part]:
-        """Return the expressions up to a closing bracket, which is taken."""
+        """Take the expressions up to a closing bracket, and that."""
         items: list[Part] = []
         if self._token.text == closing:
             self._take()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Context, Decimal
@@ -30,27 +31,34 @@ _EXACT = Context(prec=60)
 
 @dataclass(frozen=True, kw_only=True)
 class Function:
-    """A function.
+    """A function of at least one argument.
 
     Attributes:
-        name: As written.
         usage: How it is written, for messages.
-        check: Refuses arguments whose number or kinds do not fit; takes also the column.
+        check_kinds: Refuses arguments whose kinds do not fit.
         compile: (arguments, column) → evaluator.
+        most: Arguments that it takes at most.
     """
 
     name: str
     usage: str
-    check: Callable[[Sequence[Part], int], None]
+    check_kinds: Callable[[Sequence[Part]], None]
     compile: Callable[[Sequence[Part], int], Evaluator]
+    most: float = 1
+
+    def check(self, arguments: Sequence[Part], column: int) -> None:
+        """Refuse arguments whose number or kinds do not fit."""
+        if not 1 <= len(arguments) <= self.most:
+            count = f"{len(arguments)} values" if arguments else "nothing"
+            message = f"'{self.name}' is given {count} in its parentheses"
+            raise ExpressionError(message, column, f"write {self.usage}", len(self.name))
+        self.check_kinds(arguments)
 
 
 def _extreme(name: str, pick: Callable[[Iterable[float]], float]) -> Function:
     usage = f"{name}(a, b) or {name}([a, b, …])"
 
-    def check(arguments: Sequence[Part], column: int) -> None:
-        if not arguments:
-            raise _wrong_count(name, usage, column, "nothing")
+    def check(arguments: Sequence[Part]) -> None:
         if len(arguments) > 1:
             for argument in arguments:
                 argument.must_be(ValueKind.NUMBER, f"'{name}' needs numbers")
@@ -79,7 +87,7 @@ def _extreme(name: str, pick: Callable[[Iterable[float]], float]) -> Function:
 
         return run
 
-    return Function(name=name, usage=usage, check=check, compile=compile_)
+    return Function(name=name, usage=usage, check_kinds=check, compile=compile_, most=math.inf)
 
 
 def _picked(
@@ -98,9 +106,7 @@ def _sound(value: float, name: str, column: int) -> float:
     return value
 
 
-def _check_abs(arguments: Sequence[Part], column: int) -> None:
-    if len(arguments) != 1:
-        raise _wrong_count("abs", "abs(x)", column, _counted(arguments))
+def _check_abs(arguments: Sequence[Part]) -> None:
     arguments[0].must_be(ValueKind.NUMBER, "'abs' needs a number")
 
 
@@ -109,9 +115,7 @@ def _compile_abs(arguments: Sequence[Part], column: int) -> Evaluator:
     return lambda lookup: bounded(abs(a_number(of(lookup), "abs", column)), "abs", column)
 
 
-def _check_round(arguments: Sequence[Part], column: int) -> None:
-    if len(arguments) not in (1, 2):
-        raise _wrong_count("round", _ROUND_USAGE, column, _counted(arguments))
+def _check_round(arguments: Sequence[Part]) -> None:
     for argument in arguments:
         argument.must_be(ValueKind.NUMBER, "'round' needs numbers")
     if len(arguments) == 2 and arguments[1].constant is not None:
@@ -144,9 +148,7 @@ def _finite(value: object, column: int) -> float:
 def rounded(value: float, digits: int) -> float:
     """Return a finite number rounded as at school: halves away from zero, 2.5 to 3.
 
-    Args:
-        value: The number; what counts is how it is written, so that 2.675 gives 2.68.
-        digits: Digits behind the point that are kept; 0 gives a whole number.
+    What counts is how it is written, so that 2.675 gives 2.68; 0 digits give a whole number.
     """
     if isinstance(value, int):
         return value
@@ -164,9 +166,7 @@ def _digits_problem(digits: object) -> str:
     return f"'round' keeps 0 to {MAX_DIGITS} digits, found {described(digits)}"
 
 
-def _check_len(arguments: Sequence[Part], column: int) -> None:
-    if len(arguments) != 1:
-        raise _wrong_count("len", "len(x)", column, _counted(arguments))
+def _check_len(arguments: Sequence[Part]) -> None:
     (only,) = arguments
     if only.kind in (ValueKind.NUMBER, ValueKind.BOOLEAN):
         raise only.error(f"'len' needs a text or a list, found {only.kind.one}")
@@ -186,26 +186,20 @@ def _compile_len(arguments: Sequence[Part], column: int) -> Evaluator:
     return run
 
 
-def _wrong_count(name: str, usage: str, column: int, count: str) -> ExpressionError:
-    return ExpressionError(
-        f"'{name}' is given {count} in its parentheses", column, f"write {usage}", len(name)
-    )
-
-
-def _counted(arguments: Sequence[Part]) -> str:
-    return f"{len(arguments)} values" if arguments else "nothing"
-
-
-_ROUND_USAGE = "round(x) or round(x, 2) for two digits behind the point"
-
 FUNCTIONS: dict[str, Function] = {
     function.name: function
     for function in (
         _extreme("min", min),
         _extreme("max", max),
-        Function(name="abs", usage="abs(x)", check=_check_abs, compile=_compile_abs),
-        Function(name="round", usage=_ROUND_USAGE, check=_check_round, compile=_compile_round),
-        Function(name="len", usage="len(x)", check=_check_len, compile=_compile_len),
+        Function(name="abs", usage="abs(x)", check_kinds=_check_abs, compile=_compile_abs),
+        Function(
+            name="round",
+            usage="round(x) or round(x, 2) for two digits behind the point",
+            check_kinds=_check_round,
+            compile=_compile_round,
+            most=2,
+        ),
+        Function(name="len", usage="len(x)", check_kinds=_check_len, compile=_compile_len),
     )
 }
 """Every function; all of them give a number."""

@@ -85,12 +85,7 @@ def resolve(
 
 
 def surely_true(condition: Expression, lookup: Lookup) -> bool:
-    """Return whether a condition is true; one that cannot be worked out is not.
-
-    Args:
-        condition: The condition.
-        lookup: Returns the value of a name.
-    """
+    """Return whether a condition is true; one that cannot be worked out is not."""
     try:
         return condition.evaluate(lookup) is True
     except (MissingValue, EvaluationError):

@@ -31,18 +31,17 @@ class Operator:
     """An operator between two operands.
 
     Attributes:
-        word: As written, for messages.
+        check: Refuses operands whose kinds do not fit.
+        compile: (left, right, column) → evaluator.
         strength: Binds its operands the more tightly the larger it is.
         gives: Kind of its result.
-        check: Refuses operands whose kinds do not fit, for an operator at a column.
-        compile: (left, right, column) → evaluator.
     """
 
     word: str
-    strength: int
-    gives: ValueKind
-    check: Callable[[Part, Part, int], None]
+    check: Callable[[Part, Part], None]
     compile: Callable[[Part, Part, int], Evaluator]
+    strength: int = COMPARISON
+    gives: ValueKind = ValueKind.BOOLEAN
 
     @property
     def chains(self) -> bool:
@@ -64,10 +63,10 @@ class Prefix:
         operand.must_be(self.gives, f"'{self.word}' needs {self.gives.one}")
 
 
-def _both(kind: ValueKind, word: str, hint: str = "") -> Callable[[Part, Part, int], None]:
+def _both(kind: ValueKind, word: str, hint: str = "") -> Callable[[Part, Part], None]:
     needs = f"'{word}' needs {kind.one} on each side"
 
-    def check(left: Part, right: Part, _: int) -> None:
+    def check(left: Part, right: Part) -> None:
         for part in (left, right):
             if part.kind is not kind:
                 fits = kind is ValueKind.BOOLEAN or part.kind is ValueKind.TEXT
@@ -94,13 +93,8 @@ def _arithmetic(word: str, strength: int, apply: Callable[[float, float], float]
         return run
 
     number = ValueKind.NUMBER
-    return Operator(
-        word=word,
-        strength=strength,
-        gives=number,
-        check=_both(number, word, _JOIN_HINT if word == "+" else ""),
-        compile=compile_,
-    )
+    check = _both(number, word, _JOIN_HINT if word == "+" else "")
+    return Operator(word=word, check=check, compile=compile_, strength=strength, gives=number)
 
 
 def _order(word: str, apply: Callable[[float, float], bool]) -> Operator:
@@ -127,17 +121,11 @@ def _order(word: str, apply: Callable[[float, float], bool]) -> Operator:
 
         return run
 
-    return Operator(
-        word=word,
-        strength=COMPARISON,
-        gives=ValueKind.BOOLEAN,
-        check=_both(ValueKind.NUMBER, word),
-        compile=compile_,
-    )
+    return Operator(word=word, check=_both(ValueKind.NUMBER, word), compile=compile_)
 
 
 def _equality(word: str, equal: bool) -> Operator:
-    def check(left: Part, right: Part, _: int) -> None:
+    def check(left: Part, right: Part) -> None:
         for part in (left, right):
             if part.kind is ValueKind.LIST:
                 wanted = f"write {'in' if equal else 'not in'} instead of {word}"
@@ -156,9 +144,7 @@ def _equality(word: str, equal: bool) -> Operator:
             def against(lookup: Lookup) -> bool:
                 a = a_of(lookup)
                 if ValueKind.of(a) is not wanted_kind:
-                    raise EvaluationError(
-                        f"'{word}' cannot compare {described(a)} with {described(wanted)}", column
-                    )
+                    raise _incomparable(word, a, wanted, column)
                 return (a == wanted) is equal
 
             return against
@@ -167,16 +153,17 @@ def _equality(word: str, equal: bool) -> Operator:
             a, b = a_of(lookup), b_of(lookup)
             kind = ValueKind.of(a)
             if kind is None or kind is ValueKind.LIST or kind is not ValueKind.of(b):
-                raise EvaluationError(
-                    f"'{word}' cannot compare {described(a)} with {described(b)}", column
-                )
+                raise _incomparable(word, a, b, column)
             return (a == b) is equal
 
         return run
 
-    return Operator(
-        word=word, strength=COMPARISON, gives=ValueKind.BOOLEAN, check=check, compile=compile_
-    )
+    return Operator(word=word, check=check, compile=compile_)
+
+
+def _incomparable(word: str, one: object, other: object, column: int) -> EvaluationError:
+    message = f"'{word}' cannot compare {described(one)} with {described(other)}"
+    return EvaluationError(message, column)
 
 
 def _quotes_hint(left: Part, right: Part) -> str:
@@ -196,7 +183,7 @@ def _quotes_hint(left: Part, right: Part) -> str:
 
 
 def _membership(word: str, inside: bool) -> Operator:
-    def check(left: Part, right: Part, _: int) -> None:
+    def check(left: Part, right: Part) -> None:
         if left.kind is ValueKind.LIST:
             raise left.error(f"'{word}' looks for one value, found a list")
         if right.kind is ValueKind.TEXT:
@@ -234,9 +221,7 @@ def _membership(word: str, inside: bool) -> Operator:
 
         return run
 
-    return Operator(
-        word=word, strength=COMPARISON, gives=ValueKind.BOOLEAN, check=check, compile=compile_
-    )
+    return Operator(word=word, check=check, compile=compile_)
 
 
 def _among(wanted: object, items: Iterable[object], word: str, column: int) -> bool:
@@ -246,9 +231,7 @@ def _among(wanted: object, items: Iterable[object], word: str, column: int) -> b
         raise EvaluationError(f"'{word}' looks for one value, found {described(wanted)}", column)
     for item in items:
         if ValueKind.of(item) is not kind:
-            raise EvaluationError(
-                f"'{word}' cannot compare {described(wanted)} with {described(item)}", column
-            )
+            raise _incomparable(word, wanted, item, column)
         if item == wanted:
             return True
     return False
@@ -265,14 +248,9 @@ def _logic(word: str, strength: int, decided_by: bool) -> Operator:
 
         return run
 
-    kind = ValueKind.BOOLEAN
-    return Operator(
-        word=word,
-        strength=strength,
-        gives=kind,
-        check=_both(kind, word, f"write a comparison on each side: x == 4 {word} x == 5"),
-        compile=compile_,
-    )
+    hint = f"write a comparison on each side: x == 4 {word} x == 5"
+    check = _both(ValueKind.BOOLEAN, word, hint)
+    return Operator(word=word, check=check, compile=compile_, strength=strength)
 
 
 def check_between(value: Part, low: Part, high: Part) -> None:

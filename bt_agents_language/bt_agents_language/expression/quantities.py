@@ -10,7 +10,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.units import (
-    ANGLE,
+    DIMENSIONS,
     LENGTH,
     TIME,
     Dimension,
@@ -36,16 +36,10 @@ _NO_LIMIT = ("none", "never", "forever", "infinite", "unlimited", "endless", "no
 _LARGEST_INTEGER = 2**63 - 1
 _MAX_LENGTH = 400
 _LONGEST_QUANTITY = 40
-_TYPES = {FieldType.DURATION: TIME, FieldType.LENGTH: LENGTH, FieldType.ANGLE: ANGLE}
 
 
 class QuantityError(BtAgentsError):
-    """A text that is not the number or quantity it should be.
-
-    Attributes:
-        message: What was found and what is expected.
-        hint: How to fix it; may be empty.
-    """
+    """A text that is not the number or quantity it should be; ``hint`` may be empty."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -62,7 +56,8 @@ def number(text: str) -> float:
     text = text.strip()
     if len(text) > _MAX_LENGTH or not _NUMBER_ONLY.fullmatch(text):
         raise _no_number(text, "a number", bare=True)
-    return _finite(text)
+    _check_zero(text)
+    return _finite(float(text), text)
 
 
 def integer(text: str) -> int:
@@ -86,53 +81,40 @@ def integer(text: str) -> int:
     return value
 
 
-def duration(text: str) -> float:
-    """Return a time [s], not negative; a number without unit is seconds.
+def quantity(text: str, field_type: FieldType) -> float:
+    """Return a time [s], length [m] or angle [rad]; a number without unit is in that.
 
     Raises:
-        QuantityError: It is none.
+        QuantityError: It is none, or a time that is negative or longer than a year.
     """
-    seconds = _quantity(text, TIME)
-    if seconds < 0:
-        raise QuantityError(f"a time cannot be negative, found '{ellipsize(text.strip())}'")
-    if seconds > MAX_DURATION_S:
-        raise QuantityError(
-            f"'{ellipsize(text.strip())}' is longer than a year", "write a shorter time"
-        )
-    return seconds
+    dimension = DIMENSIONS[field_type]
+    text = text.strip()
+    match = _QUANTITY.fullmatch(text) if len(text) <= _MAX_LENGTH else None
+    if not match:
+        raise _no_quantity(text, dimension)
+    amount, unit = match.groups()
+    unit = unit or dimension.si
+    if unit not in dimension.units:
+        raise _wrong_unit(text, amount, unit, dimension)
+    _check_zero(amount)
+    value = _finite(dimension.si_value(_finite(float(amount), amount), unit), text)
+    if dimension is TIME and value < 0:
+        raise QuantityError(f"a time cannot be negative, found '{ellipsize(text)}'")
+    if dimension is TIME and value > MAX_DURATION_S:
+        raise QuantityError(f"'{ellipsize(text)}' is longer than a year", "write a shorter time")
+    return value
 
 
-def length(text: str) -> float:
-    """Return a length [m]; a number without unit is metres.
+def quantity_type(text: str, *, strict: bool = True) -> FieldType | None:
+    """Return the type of a number with a unit behind it, None for any other text.
 
-    Raises:
-        QuantityError: It is none.
+    Without ``strict``, any word that is like a unit counts as one.
     """
-    return _quantity(text, LENGTH)
-
-
-def angle(text: str) -> float:
-    """Return an angle [rad]; a number without unit is radians.
-
-    Raises:
-        QuantityError: It is none.
-    """
-    return _quantity(text, ANGLE)
-
-
-def expected(field_type: FieldType) -> str:
-    """Return what a place for a quantity expects, in words: ``a time such as '8 s'``."""
-    return _wanted(_TYPES[field_type])
-
-
-def quantity_type(text: str) -> FieldType | None:
-    """Return the type of a number with a unit behind it, None for any other text."""
-    return _type_of(text, strict=True)
-
-
-def meant_type(text: str) -> FieldType | None:
-    """Return the type of a number with something like a unit behind it."""
-    return _type_of(text, strict=False)
+    match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
+    if match is None or not match[2]:
+        return None
+    dimension = dimension_of(match[2]) if strict else dimension_meant(match[2])
+    return None if dimension is None else dimension.type
 
 
 def is_clock(text: str) -> bool:
@@ -141,12 +123,9 @@ def is_clock(text: str) -> bool:
 
 
 def format_quantity(value: float, field_type: FieldType, digits: int = 3) -> str:
-    """Return a value of a type as people write it: ``1.5 min``, ``250 ms``, ``90 deg``.
+    """Return a value in SI as people write it: ``1.5 min``, ``250 ms``, ``90 deg``.
 
-    Args:
-        value: The value [SI].
-        field_type: Any type of a number; one that is no quantity gets no unit.
-        digits: Significant digits of a quantity that are kept.
+    A quantity keeps so many significant digits; a value of any other type gets no unit.
     """
     if not math.isfinite(value):
         return f"{value:g}"
@@ -160,7 +139,7 @@ def format_quantity(value: float, field_type: FieldType, digits: int = 3) -> str
             unit = "deg"
         case _:
             return f"{value:g}" if isinstance(value, float) else str(value)
-    times, over = _TYPES[field_type].units[unit]
+    times, over = DIMENSIONS[field_type].units[unit]
     return f"{_amount(value * over / times, digits)} {unit}"
 
 
@@ -188,40 +167,17 @@ def _amount(value: float, digits: int) -> str:
     return f"{value:.{digits}g}"
 
 
-def _type_of(text: str, *, strict: bool) -> FieldType | None:
-    match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
-    if match is None or not match[2]:
-        return None
-    dimension = dimension_of(match[2]) if strict else dimension_meant(match[2])
-    return next((one for one, other in _TYPES.items() if other is dimension), None)
-
-
-def _quantity(text: str, dimension: Dimension) -> float:
-    """Return a quantity of a dimension in SI."""
-    text = text.strip()
-    match = _QUANTITY.fullmatch(text) if len(text) <= _MAX_LENGTH else None
-    if not match:
-        wanted = _wanted(dimension)
-        hint = ""
-        if dimension is TIME and _CLOCK.fullmatch(text):
-            hint = "write minutes and seconds as one number, for example 90 s or 1.5 min"
-        elif len(text) <= _MAX_LENGTH and _SEVERAL.fullmatch(text):
-            hint = f"write one number with one unit, for example {dimension.example}"
-        elif dimension is TIME and text.lower() in _NO_LIMIT:
-            hint = "where no time is meant, leave the key out"
-        if hint:
-            raise QuantityError(f"expected {wanted}, found '{ellipsize(text)}'", hint)
-        raise _no_number(text, wanted)
-    amount, unit = match.groups()
-    unit = unit or dimension.si
-    if unit not in dimension.units:
-        raise _wrong_unit(text, amount, unit, dimension)
-    value = dimension.si_value(_finite(amount), unit)
-    if not math.isfinite(value):
-        raise QuantityError(
-            f"'{ellipsize(text)}' is too large for a number", "write a finite number"
-        )
-    return value
+def _no_quantity(text: str, dimension: Dimension) -> QuantityError:
+    hint = ""
+    if dimension is TIME and _CLOCK.fullmatch(text):
+        hint = "write minutes and seconds as one number, for example 90 s or 1.5 min"
+    elif len(text) <= _MAX_LENGTH and _SEVERAL.fullmatch(text):
+        hint = f"write one number with one unit, for example {dimension.example}"
+    elif dimension is TIME and text.lower() in _NO_LIMIT:
+        hint = "where no time is meant, leave the key out"
+    if hint:
+        return QuantityError(f"expected {dimension.wanted}, found '{ellipsize(text)}'", hint)
+    return _no_number(text, dimension.wanted)
 
 
 def _wrong_unit(text: str, amount: str, unit: str, dimension: Dimension) -> QuantityError:
@@ -241,17 +197,11 @@ def _wrong_unit(text: str, amount: str, unit: str, dimension: Dimension) -> Quan
     elif dimension is LENGTH and unit == "min":
         hint = f"write {amount} m for metres; min is minutes"
     return QuantityError(
-        f"expected {_wanted(dimension)}, found the {other.name} '{ellipsize(text)}'", hint
+        f"expected {dimension.wanted}, found the {other.name} '{ellipsize(text)}'", hint
     )
 
 
-def _wanted(dimension: Dimension) -> str:
-    return f"{dimension.a} such as '{dimension.example}'"
-
-
-def _finite(text: str) -> float:
-    _check_zero(text)
-    value = float(text)
+def _finite(value: float, text: str) -> float:
     if not math.isfinite(value):
         raise QuantityError(
             f"'{ellipsize(text)}' is too large for a number", "write a finite number"

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import join_words
 
 
@@ -15,7 +16,9 @@ class Dimension:
     """What a quantity measures.
 
     Attributes:
+        type: Of a field that takes one.
         name: In words: ``time``.
+        code: Of the problem of a text that is none.
         example: How one is written: ``8 s``.
         si: Unit of a bare number.
         units: Unit → how many of the SI unit it is, as a fraction, which keeps 700 ms at 0.7 s
@@ -23,7 +26,9 @@ class Dimension:
         others: Other spelling of a unit → the unit.
     """
 
+    type: FieldType
     name: str
+    code: str
     example: str
     si: str
     units: Mapping[str, tuple[float, float]]
@@ -33,6 +38,11 @@ class Dimension:
     def a(self) -> str:
         """One such quantity in words: ``a time``, ``an angle``."""
         return f"an {self.name}" if self.name[0] in "aeiou" else f"a {self.name}"
+
+    @property
+    def wanted(self) -> str:
+        """What a place for one expects, in words: ``a time such as '8 s'``."""
+        return f"{self.a} such as '{self.example}'"
 
     @property
     def listed(self) -> str:
@@ -55,7 +65,9 @@ class Dimension:
 
 
 TIME = Dimension(
+    type=FieldType.DURATION,
     name="time",
+    code="bad-duration",
     example="8 s",
     si="s",
     units={"ms": (1, 1000), "s": (1, 1), "min": (60, 1), "h": (3600, 1)},
@@ -68,7 +80,9 @@ TIME = Dimension(
 )  # fmt: skip
 
 LENGTH = Dimension(
+    type=FieldType.LENGTH,
     name="length",
+    code="bad-length",
     example="1.5 m",
     si="m",
     units={"mm": (1, 1000), "cm": (1, 100), "m": (1, 1), "km": (1000, 1)},
@@ -81,7 +95,9 @@ LENGTH = Dimension(
 )  # fmt: skip
 
 ANGLE = Dimension(
+    type=FieldType.ANGLE,
     name="angle",
+    code="bad-angle",
     example="90 deg",
     si="rad",
     units={"deg": (math.pi, 180), "rad": (1, 1)},
@@ -90,15 +106,16 @@ ANGLE = Dimension(
     },
 )  # fmt: skip
 
-DIMENSIONS = (TIME, LENGTH, ANGLE)
+DIMENSIONS = {one.type: one for one in (TIME, LENGTH, ANGLE)}
+"""Type of a quantity → what it measures."""
 
 
 def dimension_of(unit: str) -> Dimension | None:
     """Return what a unit measures, None for a word that is no unit."""
-    return next((one for one in DIMENSIONS if unit in one.units), None)
+    return next((one for one in DIMENSIONS.values() if unit in one.units), None)
 
 
 def dimension_meant(word: str) -> Dimension | None:
     """Return what a unit or another word for one measures, None for any other word."""
-    found = (one for one in DIMENSIONS if one.meant(word) is not None)
+    found = (one for one in DIMENSIONS.values() if one.meant(word) is not None)
     return dimension_of(word) or next(found, None)

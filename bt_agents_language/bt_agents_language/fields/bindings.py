@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from functools import partial
 
 from bt_agents_core.field_types import BindingKind, Plain
 from bt_agents_language.fields.interfaces import (
@@ -15,17 +15,11 @@ from bt_agents_language.fields.interfaces import (
     read_ros_type,
 )
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.fields.server_timeouts import (
-    HEARTBEAT,
-    TIMEOUTS,
-    read_heartbeat,
-    read_timeouts,
-    timeout_keys,
-)
 from bt_agents_language.fields.values import is_plain, plain, read_condition, read_map
-from bt_agents_language.model.specs import Binding, MapValue
+from bt_agents_language.model.specs import Binding, HeartbeatSpec, MapValue, Timeouts
 from bt_agents_language.yaml.field_tables import (
     CONDITION,
+    DURATION,
     FIELDS,
     ROS_NAME,
     ROS_TYPE,
@@ -33,8 +27,7 @@ from bt_agents_language.yaml.field_tables import (
     KeyTable,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
-from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
 
 SENT = {BindingKind.ACTION: "goal", BindingKind.SERVICE: "request", BindingKind.TOPIC: "message"}
 """Key of what is sent, and the section of the type that it fills."""
@@ -48,52 +41,60 @@ FEEDBACK = "feedback"
 _FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*(#[A-Za-z_]\w*)?")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReceivedMessages:
-    """What comes back from an interface.
+TIMEOUTS = KeyTable(
+    what="'timeouts'",
+    fields=(
+        FieldDecl("server", DURATION, "until the server is found"),
+        FieldDecl("accept", DURATION, "until the server says whether it takes the goal"),
+        FieldDecl("result", DURATION, "until the result or answer"),
+    ),
+)
 
-    Attributes:
-        result: The fields of the result or response.
-        feedback: The fields of what comes before that; None where nothing does.
-    """
+HEARTBEAT = KeyTable(
+    what="'heartbeat'",
+    fields=(
+        FieldDecl("topic", ROS_NAME, "what the server publishes while it is alive", required=True),
+        FieldDecl("type", ROS_TYPE, "ROS type of the topic", required=True),
+        FieldDecl("within", DURATION, "how long it may be silent"),
+    ),
+)
 
-    result: MessageFields
-    feedback: MessageFields | None
+
+def timeout_keys(kind: BindingKind) -> tuple[str, ...]:
+    """Return the keys of ``timeouts``; a service answers at once, so it accepts nothing."""
+    return tuple(one for one in TIMEOUTS.values if one != "accept" or kind is BindingKind.ACTION)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Outputs:
     """Where the outputs of an interface come from: output name → field path.
 
     Attributes:
         result: Those that come at the end.
         feedback: Those that come while an action goes on.
+        result_fields: Fields of what comes back.
     """
 
-    result: dict[str, str] = field(default_factory=dict)
-    feedback: dict[str, str] = field(default_factory=dict)
-
-    def read(
-        self, reading: TypedReader, name: str, node: Node, what: str, received: ReceivedMessages
+    def __init__(
+        self, kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
     ) -> None:
+        self.result: dict[str, str] = {}
+        self.feedback: dict[str, str] = {}
+        self._is_action = kind is BindingKind.ACTION
+        received = interfaces if kind in RECEIVED else None
+        self.result_fields = MessageFields(received, kind, type_name or "", RECEIVED.get(kind, ""))
+        self._feedback_fields = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
+
+    def read(self, reading: TypedReader, name: str, node: Node, what: str) -> None:
         """Store where an output comes from, unless it is wrong, which is then reported.
 
-        Args:
-            reading: The file.
-            name: The output.
-            node: What is written: ``answer``, ``result.answer`` or ``feedback.progress``.
-            what: The output, for messages.
-            received: What it may come from.
+        What is written is a path such as ``answer``, ``result.answer`` or ``feedback.progress``.
         """
-        is_feedback = isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}.")
-        if received.feedback is not None and is_feedback:
-            path = read_output(reading, node, what, received.feedback, FEEDBACK)
-            if path is not None:
-                self.feedback[name] = path
-            return
-        path = read_output(reading, node, what, received.result)
+        fields, message, found = self.result_fields, "result", self.result
+        if self._is_action and isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}."):
+            fields, message, found = self._feedback_fields, FEEDBACK, self.feedback
+        path = read_output(reading, node, what, fields, message)
         if path is not None:
-            self.result[name] = path
+            found[name] = path
 
 
 def _interface(kind: BindingKind) -> KeyTable:
@@ -154,36 +155,24 @@ def read_binding(
 ) -> Binding | None:
     """Return a binding; None when it is wrong, which is then reported.
 
-    Args:
-        reading: The file.
-        kind: Action, service or topic.
-        fields: Keys as in :func:`binding_keys`.
-        names: What the values that are sent may name.
-        result_names: What ``succeed_when`` may name besides ``result.*``.
-        interfaces: Installed types, None to leave them unchecked.
-        outputs: Where outputs come from, read before.
-        name_key: Key of the ROS name.
+    ``names`` are for the values that are sent, ``result_names`` for ``succeed_when``, besides
+    ``result.*``; without ``interfaces`` types are not checked.
     """
-    name_node, type_node = fields.get(name_key), fields.get("type")
-    name = read_ros_name(reading, name_node, f"'{name_key}'") if name_node is not None else None
-    type_name = (
-        read_ros_type(reading, type_node, kind, interfaces) if type_node is not None else None
-    )
+    name = fields.read(name_key, partial(read_ros_name, reading))
+    type_name = fields.read("type", lambda node, _: read_ros_type(reading, node, kind, interfaces))
     sent_node = fields.get(SENT[kind])
     sent = MapValue(items={})
     if sent_node is not None:
         sent = read_map(reading, sent_node, names, f"'{SENT[kind]}'")
         if interfaces is not None and type_name is not None:
-            _check_fields(reading, sent_node, kind, type_name, interfaces)
-            _check_values(reading, sent_node, sent, kind, type_name, interfaces)
+            _check_sent(reading, sent_node, sent, kind, type_name, interfaces)
     succeed_node = fields.get("succeed_when")
     succeed_when = None
     if succeed_node is not None:
-        result = result_fields(kind, type_name, interfaces)
-        names = result_names.and_message("result", result)
+        names = result_names.and_message("result", outputs.result_fields)
         succeed_when = read_condition(reading, succeed_node, names, "'succeed_when'")
-    timeouts = read_timeouts(reading, fields, kind)
-    heartbeat = read_heartbeat(reading, fields, interfaces)
+    timeouts = _timeouts(reading, fields, kind)
+    heartbeat = _heartbeat(reading, fields, interfaces)
     if name is None or type_name is None:
         return None
     return Binding(
@@ -196,25 +185,6 @@ def read_binding(
         succeed_when=succeed_when,
         timeouts=timeouts,
         heartbeat=heartbeat,
-    )
-
-
-def result_fields(
-    kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
-) -> MessageFields:
-    """Return the fields of what comes back."""
-    known = interfaces if kind in RECEIVED else None
-    return MessageFields(known, kind, type_name or "", RECEIVED.get(kind, ""))
-
-
-def received_messages(
-    kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
-) -> ReceivedMessages:
-    """Return all that an output may come from."""
-    feedback = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
-    return ReceivedMessages(
-        result=result_fields(kind, type_name, interfaces),
-        feedback=feedback if kind is BindingKind.ACTION else None,
     )
 
 
@@ -249,39 +219,7 @@ def read_output(
     return path
 
 
-def _check_fields(
-    reading: TypedReader, node: Node, kind: BindingKind, type_name: str, interfaces: Interfaces
-) -> None:
-    open_nodes: list[tuple[Node, str]] = [(node, "")]
-    while open_nodes:
-        current, prefix = open_nodes.pop()
-        if isinstance(current, Sequence):
-            open_nodes += [(item, f"{prefix}{i}.") for i, item in enumerate(current.items)]
-        elif isinstance(current, MappingNode):
-            open_nodes += _checked(reading, current.entries, prefix, kind, type_name, interfaces)
-
-
-def _checked(
-    reading: TypedReader,
-    entries: tuple[MappingEntry, ...],
-    prefix: str,
-    kind: BindingKind,
-    type_name: str,
-    interfaces: Interfaces,
-) -> list[tuple[Node, str]]:
-    """Report entries that are no fields and return what is behind the others."""
-    behind: list[tuple[Node, str]] = []
-    for entry in entries:
-        path = f"{prefix}{entry.key.text}"
-        problem = interfaces.field_problem(kind, type_name, SENT[kind], path)
-        if problem:
-            reading.error("unknown-ros-field", entry.key, f"{type_name}: {problem}")
-        else:
-            behind.append((entry.value, f"{path}."))
-    return behind
-
-
-def _check_values(
+def _check_sent(
     reading: TypedReader,
     node: Node,
     sent: MapValue,
@@ -289,22 +227,80 @@ def _check_values(
     type_name: str,
     interfaces: Interfaces,
 ) -> None:
-    """Report values that their ROS fields cannot take, as far as they are plain."""
-    open_fields: list[tuple[tuple[str, ...], Node, MapValue]] = [
-        ((entry.key.text,), entry.value, sent) for entry in entries_of(node)
-    ]
-    while open_fields:
-        path, written, around = open_fields.pop()
-        value = around.items.get(path[-1])
-        if isinstance(value, MapValue):
-            below = [((*path, e.key.text), e.value, value) for e in entries_of(written)]
-            open_fields += below
-        elif value is not None and is_plain(value):
+    """Report fields that the type does not have, and plain values that its fields cannot take."""
+    open_nodes: list[tuple[Node, tuple[str, ...], MapValue]] = [(node, (), sent)]
+    while open_nodes:
+        current, around, values = open_nodes.pop()
+        if isinstance(current, Sequence):
+            for i, item in enumerate(current.items):
+                open_nodes.append((item, (*around, str(i)), MapValue(items={})))
+        for entry in entries_of(current):
+            path = (*around, entry.key.text)
+            problem = interfaces.field_problem(kind, type_name, SENT[kind], ".".join(path))
+            if problem:
+                reading.error("unknown-ros-field", entry.key, f"{type_name}: {problem}")
+                continue
+            value = values.items.get(entry.key.text)
+            if isinstance(value, MapValue):
+                open_nodes.append((entry.value, path, value))
+                continue
+            open_nodes.append((entry.value, path, MapValue(items={})))
+            if value is None or not is_plain(value):
+                continue
             nested: Plain = plain(value)
             for part in reversed(path):
                 nested = {part: nested}
             assert isinstance(nested, Mapping)
-            unknown = interfaces.field_problem(kind, type_name, SENT[kind], ".".join(path))
             problem = interfaces.value_problem(kind, type_name, SENT[kind], nested)
-            if problem and not unknown:
-                reading.error("wrong-value", written, f"{type_name}: {problem}")
+            if problem:
+                reading.error("wrong-value", entry.value, f"{type_name}: {problem}")
+
+
+def _timeouts(reading: TypedReader, fields: MappingReader, kind: BindingKind) -> Timeouts:
+    """Return how long the server may take; what is not written or wrong is as usual."""
+    usual = Timeouts()
+    node = fields.get("timeouts")
+    table = TIMEOUTS.only(timeout_keys(kind))
+    written = reading.keys(node, table) if node is not None else None
+    if written is None:
+        return usual
+    server, accept, result = (_limit(reading, written, key) for key in TIMEOUTS.values)
+    return Timeouts(
+        server_s=server or usual.server_s, accept_s=accept or usual.accept_s, result_s=result
+    )
+
+
+def _heartbeat(
+    reading: TypedReader, fields: MappingReader, interfaces: Interfaces | None
+) -> HeartbeatSpec | None:
+    """Return by what the server's death is noticed; None for nothing, or what is wrong."""
+    node = fields.get("heartbeat")
+    if node is None:
+        return None
+    written = reading.keys(node, HEARTBEAT)
+    if written is None:
+        return None
+    topic = written.read("topic", partial(read_ros_name, reading))
+    type_name = written.read(
+        "type", lambda one, _: read_ros_type(reading, one, BindingKind.TOPIC, interfaces)
+    )
+    within_s = _limit(reading, written, "within")
+    if topic is None or type_name is None:
+        return None
+    if within_s is None:
+        return HeartbeatSpec(topic=topic, type=type_name)
+    return HeartbeatSpec(topic=topic, type=type_name, within_s=within_s)
+
+
+def _limit(reading: TypedReader, fields: MappingReader, key: str) -> float | None:
+    """Return a time that is more than none [s]."""
+    seconds = fields.duration(key)
+    if seconds == 0:
+        reading.error(
+            "out-of-range",
+            fields.nodes[key],
+            f"'{key}' is 0 s, expected a time that a server can keep",
+            "write a longer time, or leave it out",
+        )
+        return None
+    return seconds

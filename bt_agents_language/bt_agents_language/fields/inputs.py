@@ -42,14 +42,7 @@ _OTHER_WORDS = {
 def read_inputs(
     reading: TypedReader, node: Node, what: str, kind: str = "input"
 ) -> tuple[FieldSpec, ...]:
-    """Return declared inputs; what is wrong with one is reported, the input kept if possible.
-
-    Args:
-        reading: The file.
-        node: Names and types.
-        what: What has the inputs, for messages.
-        kind: ``input`` or ``output``.
-    """
+    """Return declared inputs, or outputs; one that is wrong is reported, and kept if possible."""
     inputs = (
         _read_input(reading, entry, kind)
         for entry in reading.entries(node, f"the {kind}s of {what}", "names and types")
@@ -66,20 +59,14 @@ def _read_input(reading: TypedReader, entry: MappingEntry, kind: str) -> FieldSp
     fields = reading.keys(entry.value, _INPUT, f"{kind} '{name}'")
     if fields is None:
         return FieldSpec(name=name, type=FieldType.ANY)
-    type_node = fields.get("type")
-    field_type = read_type(reading, type_node) if type_node is not None else None
+    field_type = fields.read("type", lambda one, _: read_type(reading, one)) or FieldType.ANY
+    what = f"the default of '{name}'"
     default = fields.get("default")
     return FieldSpec(
         name=name,
-        type=field_type or FieldType.ANY,
+        type=field_type,
         required=default is None,
-        default=(
-            read_constant(
-                reading, default, field_type or FieldType.ANY, f"the default of '{name}'"
-            )
-            if default is not None
-            else None
-        ),
+        default=None if default is None else read_constant(reading, default, field_type, what),
         description=fields.text("description"),
     )
 

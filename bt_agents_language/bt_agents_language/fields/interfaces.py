@@ -38,11 +38,8 @@ class Interfaces(Protocol):
     ) -> str | None:
         """Return why a type has no such field; None when it has.
 
-        Args:
-            kind: Action, service or topic.
-            type_name: Full name of the type.
-            section: ``goal``, ``result``, ``request``, ``response`` or ``message``.
-            path: Field names joined by dots; a number picks an item of a list.
+        A section is ``goal``, ``result``, ``feedback``, ``request``, ``response`` or ``message``;
+        a path joins field names by dots, and a number in it picks an item of a list.
         """
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
@@ -51,44 +48,29 @@ class Interfaces(Protocol):
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return why values do not fit the fields of a type; None when they do.
-
-        Args:
-            kind: Action, service or topic.
-            type_name: Full name of the type.
-            section: As in :meth:`field_problem`.
-            values: Plain nested data in the shape of the section.
-        """
+        """Return why nested values do not fit the fields of a section; None when they do."""
 
 
+@dataclass(frozen=True)
 class OfInstalledPackages:
-    """The types of the packages that are there; those of absent packages are not checked.
+    """The types of the packages that are there; those of absent packages are not checked."""
 
-    Args:
-        interfaces: Knows the ROS types of a machine.
-    """
-
-    def __init__(self, interfaces: Interfaces) -> None:
-        self._interfaces = interfaces
+    _interfaces: Interfaces
 
     def has_package(self, package: str) -> bool:
-        """Return whether a ROS package is installed."""
         return self._interfaces.has_package(package)
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
-        """Return why a type cannot be used; see :class:`Interfaces`."""
         known = self._knows(type_name)
         return self._interfaces.type_problem(kind, type_name) if known else None
 
     def field_problem(
         self, kind: BindingKind, type_name: str, section: str, path: str
     ) -> str | None:
-        """Return why a type has no such field; see :class:`Interfaces`."""
         known = self._knows(type_name)
         return self._interfaces.field_problem(kind, type_name, section, path) if known else None
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
-        """Return the type of a field's value; see :class:`Interfaces`."""
         if not self._knows(type_name):
             return FieldType.ANY
         return self._interfaces.field_type(kind, type_name, section, path)
@@ -96,7 +78,6 @@ class OfInstalledPackages:
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return why values do not fit the fields of a type; see :class:`Interfaces`."""
         known = self._knows(type_name)
         return self._interfaces.value_problem(kind, type_name, section, values) if known else None
 
@@ -139,10 +120,8 @@ class MessageFields:
     def type_of(self, path: str) -> FieldType:
         """Return the type of a field as far as it is known."""
         known = self._known()
-        if known is None:
-            return FieldType.ANY
         # What stands in a JSON text has no type.
-        if "#" in path:
+        if known is None or "#" in path:
             return FieldType.ANY
         return known.field_type(self.kind, self.type_name, self.section, self._whole(path))
 
@@ -172,11 +151,7 @@ def read_ros_name(
 ) -> str | None:
     """Return the name of a topic, service or action, checked by the rules of ROS.
 
-    Args:
-        reading: The file.
-        node: What is written.
-        what: The name, for messages.
-        brackets: Whether a word of it may be a name in angle brackets: ``persons/<person>/age``.
+    With ``brackets``, a word of it may be a name in angle brackets: ``persons/<person>/age``.
     """
     text = reading.text(node, what)
     if text is None:

@@ -95,15 +95,7 @@ def _reference(name: str, field_type: FieldType) -> Reference:
 def read_expression(
     reading: TypedReader, node: Scalar, text: str, offset: int, what: str, names: NameScope
 ) -> Expression | None:
-    """Return the expression that stands in a part of a scalar's text.
-
-    Args:
-        reading: The file.
-        node: The scalar.
-        text: The part of its text.
-        offset: Where the part begins.
-        what: The field, for messages.
-        names: What it may name.
+    """Return the expression that stands from ``offset`` on in a scalar's text.
 
     Returns:
         None when it is no expression or a name is not known, which is then reported.
@@ -131,6 +123,5 @@ def read_expression(
 def _report_name(
     reading: TypedReader, node: Scalar, name: str, offset: int, problem: tuple[str, str, str]
 ) -> None:
-    """Report where it stands that a name cannot be used here."""
     code, message, hint = problem
     reading.error_in(code, node, offset, len(name), message, hint)

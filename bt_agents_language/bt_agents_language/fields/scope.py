@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,7 +16,7 @@ from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
 from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
-from bt_agents_language.expression.units import ANGLE, LENGTH, TIME, Dimension
+from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.interfaces import MessageFields
 
 RESERVED = (
@@ -30,19 +31,9 @@ _KINDS = {
     FieldType.TEXT: ValueKind.TEXT,
     FieldType.NUMBER: ValueKind.NUMBER,
     FieldType.INTEGER: ValueKind.NUMBER,
-    FieldType.DURATION: ValueKind.NUMBER,
-    FieldType.LENGTH: ValueKind.NUMBER,
-    FieldType.ANGLE: ValueKind.NUMBER,
     FieldType.BOOLEAN: ValueKind.BOOLEAN,
+    **dict.fromkeys(DIMENSIONS, ValueKind.NUMBER),
 }
-
-
-UNITS: Mapping[FieldType, Dimension] = {
-    FieldType.DURATION: TIME,
-    FieldType.LENGTH: LENGTH,
-    FieldType.ANGLE: ANGLE,
-}
-"""Dimension of the types that are quantities."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,9 +85,8 @@ class NameScope:
 
     def and_message(self, name: str, fields: MessageFields) -> NameScope:
         """Return these names and the fields of a message; both remember together."""
-        messages = {**self._messages, name: fields}
-        names = NameScope(self._types, self._written, messages, self._hidden, self._lenient)
-        names.used, names.given = self.used, self.given
+        names = copy(self)
+        names._messages = {**self._messages, name: fields}
         return names
 
     def give(self, names: Iterable[str]) -> None:
@@ -134,12 +124,7 @@ class NameScope:
         return _parsed(text, types)
 
     def problem(self, name: str, *, maybe_text: bool = False) -> tuple[str, str, str] | None:
-        """Return code, message and hint when a name cannot be used.
-
-        Args:
-            name: The name.
-            maybe_text: Whether it can be meant as a text.
-        """
+        """Return code, message and hint when a name, perhaps meant as a text, cannot be used."""
         if name in self._types and not self._messages:
             self.used.add(name)
             return None
@@ -158,7 +143,6 @@ class NameScope:
         return ("unknown-name", f"there is no name '{name[:80]}' here", hint)
 
     def _hint(self, name: str, known: list[str], maybe_text: bool) -> str:
-        """Return how to fix a name that is not known."""
         if name == "mood.change":
             if "live.person" not in known:
                 return "moods change only while a tree runs; name scene.mood, the mood before it"
@@ -195,7 +179,7 @@ def _parsed(text: str, types: tuple[FieldType | None, ...]) -> Expression:
     return parse_expression(
         text,
         kind_of=lambda name: _KINDS.get(known.get(name) or FieldType.ANY),
-        unit_of=lambda name: UNITS.get(known.get(name) or FieldType.ANY),
+        unit_of=lambda name: DIMENSIONS.get(known.get(name) or FieldType.ANY),
     )
 
 

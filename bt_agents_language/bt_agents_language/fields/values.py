@@ -7,8 +7,9 @@ from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.references import Part, read_expression, read_parts
-from bt_agents_language.fields.scope import UNITS, NameScope
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import (
     Computed,
     ListValue,
@@ -24,12 +25,10 @@ from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 
 _NUMBERS = (FieldType.NUMBER, FieldType.INTEGER)
 _FITTING = {
-    FieldType.NUMBER: (*_NUMBERS, FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE),
+    FieldType.NUMBER: (*_NUMBERS, *DIMENSIONS),
     FieldType.INTEGER: (FieldType.INTEGER,),
-    FieldType.DURATION: (*_NUMBERS, FieldType.DURATION),
-    FieldType.LENGTH: (*_NUMBERS, FieldType.LENGTH),
-    FieldType.ANGLE: (*_NUMBERS, FieldType.ANGLE),
     FieldType.BOOLEAN: (FieldType.BOOLEAN,),
+    **{quantity: (*_NUMBERS, quantity) for quantity in DIMENSIONS},
 }
 """Type of a place → types of names that may stand there; texts and any take every name."""
 
@@ -38,10 +37,8 @@ _EXPECTED = {
     FieldType.NUMBER: "a number",
     FieldType.INTEGER: "a whole number",
     FieldType.BOOLEAN: "true or false",
-    FieldType.DURATION: "a time such as '8 s'",
-    FieldType.LENGTH: "a length such as '1.5 m'",
-    FieldType.ANGLE: "an angle such as '90 deg'",
     FieldType.ANY: "a value",
+    **{quantity: dimension.wanted for quantity, dimension in DIMENSIONS.items()},
 }
 
 
@@ -53,16 +50,7 @@ def read_value(
     what: str,
     minimum: float | None = None,
 ) -> Value | None:
-    """Return a value that fits a type; None when it does not, which is then reported.
-
-    Args:
-        reading: The file.
-        node: What is written.
-        field_type: What is expected.
-        names: What ``${…}`` may name.
-        what: The field, for messages.
-        minimum: Smallest number that is possible.
-    """
+    """Return a value that fits a type; None when it does not, which is then reported."""
     if field_type is FieldType.ANY:
         return _read_any(reading, node, names, what)
     if not isinstance(node, Scalar):
@@ -71,7 +59,9 @@ def read_value(
         return None
     if "${" not in node.text:
         if field_type is FieldType.TEXT:
-            return _plain_text(reading, node, what)
+            # An empty text can be meant, but then it is in quotes.
+            text = reading.text(node, what, empty=not node.plain)
+            return None if text is None else Literal(value=text)
         return _literal(reading, node, field_type, what, minimum)
     parts = read_parts(reading, node, names)
     if parts is None:
@@ -94,27 +84,12 @@ def read_value(
 def _literal(
     reading: TypedReader, node: Scalar, field_type: FieldType, what: str, minimum: float | None
 ) -> Literal | None:
-    value: bool | int | float | None
-    match field_type:
-        case FieldType.BOOLEAN:
-            value = reading.boolean(node, what)
-        case FieldType.INTEGER:
-            value = reading.integer(node, what, int(minimum) if minimum is not None else None)
-        case FieldType.DURATION:
-            value = reading.duration(node, what)
-        case FieldType.LENGTH:
-            value = reading.length(node, what)
-        case FieldType.ANGLE:
-            value = reading.angle(node, what)
-        case _:
-            value = reading.number(node, what, minimum)
+    value = (
+        reading.boolean(node, what)
+        if field_type is FieldType.BOOLEAN
+        else reading.amount(node, what, field_type, minimum)
+    )
     return None if value is None else Literal(value=value, type=field_type)
-
-
-def _plain_text(reading: TypedReader, node: Scalar, what: str) -> Literal | None:
-    # An empty text can be meant, but then it is in quotes.
-    text = reading.text(node, what, empty=not node.plain)
-    return None if text is None else Literal(value=text)
 
 
 def _text(parts: tuple[Part, ...]) -> Value:
@@ -141,7 +116,7 @@ def _fitting(
         wanted = ValueKind.BOOLEAN if field_type is FieldType.BOOLEAN else ValueKind.NUMBER
         fits = kind is None or kind is wanted
         if unit is not None and field_type is not FieldType.NUMBER:
-            fits = UNITS.get(field_type) is unit
+            fits = DIMENSIONS.get(field_type) is unit
         given = unit.a if unit is not None else kind.one if kind is not None else "anything"
         found = f"'{part.expression.text}' gives {given}"
     if fits:

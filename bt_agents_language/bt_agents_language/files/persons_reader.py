@@ -277,7 +277,7 @@ def _better_by(reading: TypedReader, fields: MappingReader, rule: str | None) ->
     if rule != AddresseeRule.NEAREST.value:
         return fields.number("better_by", 0.0)
     what = "'better_by'"
-    metres = reading.length(node, what)
+    metres = reading.amount(node, what, FieldType.LENGTH)
     sound = metres is not None and reading.in_range(
         node, what, metres, 0.0, None, FieldType.LENGTH
     )

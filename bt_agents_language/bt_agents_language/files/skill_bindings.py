@@ -8,14 +8,7 @@ from dataclasses import dataclass
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_language.fields.bindings import (
-    INTERFACES,
-    RECEIVED,
-    Outputs,
-    ReceivedMessages,
-    read_binding,
-    received_messages,
-)
+from bt_agents_language.fields.bindings import INTERFACES, RECEIVED, Outputs, read_binding
 from bt_agents_language.fields.interfaces import Interfaces, package_of
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import Binding, SkillSpec
@@ -114,6 +107,7 @@ def _outputs(
     inline: bool,
 ) -> Outputs:
     """Return where the outputs come from."""
+    outputs = Outputs(kind, type_name, interfaces)
     if fields.get("outputs") is not None and kind not in RECEIVED:
         reading.error(
             "unknown-key",
@@ -121,34 +115,25 @@ def _outputs(
             "a skill that is a topic has no outputs: nothing comes back from it",
             "remove 'outputs'",
         )
-        return Outputs()
-    received = received_messages(kind, type_name, interfaces)
-    if inline:
-        return _declared_outputs(reading, fields, received)
-    return _bound_outputs(reading, fields, received, skill, what)
+    elif inline:
+        _read_declared(reading, fields, outputs)
+    else:
+        _read_bound(reading, fields, outputs, skill, what)
+    return outputs
 
 
-def _declared_outputs(
-    reading: TypedReader, fields: MappingReader, received: ReceivedMessages
-) -> Outputs:
-    outputs = Outputs()
+def _read_declared(reading: TypedReader, fields: MappingReader, outputs: Outputs) -> None:
     for entry in fields.entries("outputs"):
         source: Node = entry.key
         if isinstance(entry.value, MappingNode):
             source = entry.value.get("from") or entry.key
-        outputs.read(reading, entry.key.text, source, "'from'", received)
-    return outputs
+        outputs.read(reading, entry.key.text, source, "'from'")
 
 
-def _bound_outputs(
-    reading: TypedReader,
-    fields: MappingReader,
-    received: ReceivedMessages,
-    skill: SkillSpec,
-    what: str,
-) -> Outputs:
+def _read_bound(
+    reading: TypedReader, fields: MappingReader, outputs: Outputs, skill: SkillSpec, what: str
+) -> None:
     declared = [one.name for one in skill.outputs]
-    outputs = Outputs()
     for entry in fields.entries("outputs"):
         if entry.key.text not in declared:
             reading.error(
@@ -159,7 +144,7 @@ def _bound_outputs(
             )
             continue
         name = entry.key.text
-        outputs.read(reading, name, entry.value, f"output '{name}'", received)
+        outputs.read(reading, name, entry.value, f"output '{name}'")
     written = {entry.key.text for entry in entries_of(fields.get("outputs"))}
     missing = [name for name in declared if name not in written]
     if missing and written <= {*declared}:
@@ -170,4 +155,3 @@ def _bound_outputs(
             f"{join_quoted(missing)}",
             "add 'outputs: {" + ", ".join(f"{name}: …" for name in missing) + "}'",
         )
-    return outputs

@@ -94,7 +94,8 @@ def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
         return FieldType.TEXT
     if boolean(text) is not None:
         return FieldType.BOOLEAN
-    meant = [one for one in map(quantities.meant_type, (text, *written)) if one is not None]
+    types = [quantities.quantity_type(one, strict=False) for one in (text, *written)]
+    meant = [one for one in types if one is not None]
     if meant[:1] == [FieldType.LENGTH] and {*meant[1:]} == {FieldType.DURATION}:
         # Metres beside limits in seconds are minutes, misspelt.
         return FieldType.DURATION
@@ -144,22 +145,7 @@ def _default(
         return reading.boolean(node, label)
     if field_type is FieldType.TEXT:
         return reading.text(node, label, empty=not node.plain)
-    return _amount(reading, node, field_type, label)
-
-
-def _amount(
-    reading: TypedReader, node: Node, field_type: FieldType, what: str
-) -> int | float | None:
-    match field_type:
-        case FieldType.DURATION:
-            return reading.duration(node, what)
-        case FieldType.LENGTH:
-            return reading.length(node, what)
-        case FieldType.ANGLE:
-            return reading.angle(node, what)
-        case FieldType.INTEGER:
-            return reading.integer(node, what)
-    return reading.number(node, what)
+    return reading.amount(node, label, field_type)
 
 
 def _range(
@@ -180,7 +166,7 @@ def _range(
     for key in _RANGE:
         node = fields.get(key)
         limits[key] = (
-            _amount(reading, node, field_type, f"'{key}' of {what}") if node is not None else None
+            reading.amount(node, f"'{key}' of {what}", field_type) if node is not None else None
         )
     # A quantity alone can do without a range; half a range helps nobody, though.
     if needed and (field_type not in _QUANTITIES or len(needed) == 1):

@@ -4,14 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_language.fields.bindings import (
-    RECEIVED,
-    SENT,
-    Outputs,
-    binding_keys,
-    read_binding,
-    received_messages,
-)
+from bt_agents_language.fields.bindings import RECEIVED, SENT, Outputs, binding_keys, read_binding
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeReader, RawNode
@@ -94,9 +87,8 @@ def _skill(
 def _outputs(reader: NodeReader, fields: MappingReader, kind: BindingKind) -> Outputs:
     node = fields.get("type")
     type_name = node.text if isinstance(node, Scalar) else ""
-    received = received_messages(kind, type_name, reader.interfaces)
-    outputs = Outputs()
+    outputs = Outputs(kind, type_name, reader.interfaces)
     for entry in fields.entries("outputs", "names and fields"):
         name = entry.key.text
-        outputs.read(reader.reading, name, entry.value, f"output '{name[:40]}'", received)
+        outputs.read(reader.reading, name, entry.value, f"output '{name[:40]}'")
     return outputs

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.fields.server_timeouts import timeout_keys
+from bt_agents_language.fields.bindings import timeout_keys
 from bt_agents_language.nodes.node_type import Content, MessageSource, NodeField, NodeType
 from bt_agents_language.nodes.ros_leaf import HEARTBEAT, ROS_TYPE, SUCCEED_WHEN, read_ros_leaf
 

@@ -62,13 +62,13 @@ def topic(key: str, space: SceneSpace) -> ReferenceTopic | None:
 def _units(_: SceneSpace) -> ReferenceTopic:
     rows = tuple(
         (one.name, f"{one.listed}, for example {one.example}; a bare number is in {one.si}")
-        for one in DIMENSIONS
+        for one in DIMENSIONS.values()
     )
     return ReferenceTopic(
         key="units",
         description="A time, length or angle is one number with one unit.",
         tables={"": rows},
-        note="In an expression they count in " + ", ".join(one.si for one in DIMENSIONS) + ".",
+        note=f"In an expression they count in {', '.join(one.si for one in DIMENSIONS.values())}.",
         example="""\
 tunables:
   patience: {default: 8 s, min: 500 ms, max: 1 min}

@@ -37,8 +37,6 @@ class Single:
     """One value of a form.
 
     Attributes:
-        minimum: Smallest possible number.
-        maximum: Largest possible number.
         placeholders: Whether ``<person>`` may stand in a ROS name.
         scene_names: Whether a condition sees the scene, the live scene and the mood, which its
             description then lists.
@@ -104,9 +102,7 @@ class Entries:
     """A mapping whose keys the author chooses.
 
     Attributes:
-        value: What stands behind each key.
         of: The entries, for messages: ``names and tunables``.
-        keys: What the keys are.
         filled: Whether one entry at least must be there.
         empty: Message about a mapping without entries where that is an error; else empty.
         add: Hint beside that message.

@@ -16,6 +16,12 @@ BAD_CHARACTER = re.compile(
 )
 """Invisible characters that no file may hold."""
 
+UNDECIDED = (
+    "two versions of the file were merged, and this place is not decided yet",
+    "keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
+)
+"""Message and hint about two versions of a file that git has put one after the other."""
+
 _PAGE = ("a web page", "save the file itself, not the page that shows it")
 _SIGNS = {
     "{\\rtf": ("rich text", "save it as plain text (in the editor: Make plain text)"),
@@ -29,43 +35,33 @@ _SIGNS = {
 }
 """Start of a file → what it is, and what to do."""
 
-_FORMAT_PREFIX = 400
-
 
 def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
     """Return whether a text can be YAML at all; report what speaks against it when not."""
+    bad = BAD_CHARACTER.search(source.text)
+    foreign = _foreign_format(source.text)
+    conflict = _merge_conflict(source.text)
     if len(source.text.encode("utf-8", "replace")) > MAX_BYTES:
         problems.add("too-large", source.position(0), *TOO_LARGE)
-        return False
-    bad = BAD_CHARACTER.search(source.text)
-    if bad is not None:
+    elif bad is not None:
         problems.add(
             "bad-character",
             source.position(bad.start()),
             f"an invisible character (U+{ord(bad[0]):04X}) stands here",
             "delete it; it may have come in by copying from another program",
         )
-        return False
-    foreign = _foreign_format(source.text)
-    if foreign is not None:
+    elif foreign is not None:
         what, hint = foreign
         problems.add("syntax", source.position(0), f"this is {what}, not YAML", hint)
-        return False
-    conflict = _merge_conflict(source.text)
-    if conflict is not None:
-        problems.add(
-            "syntax",
-            source.position(conflict),
-            "two versions of the file were merged, and this place is not decided yet",
-            "keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
-        )
-        return False
-    return True
+    elif conflict is not None:
+        problems.add("syntax", source.position(conflict), *UNDECIDED)
+    else:
+        return True
+    return False
 
 
 def _foreign_format(text: str) -> tuple[str, str] | None:
-    """Return what a file is that is no YAML, and a hint; None when it may be YAML."""
-    start = text[:_FORMAT_PREFIX].lstrip().lower()
+    start = text[:400].lstrip().lower()
     tree = start.find("<root btcpp_format")
     if start.startswith("<?xml") and tree > 0:
         start = start[tree:]

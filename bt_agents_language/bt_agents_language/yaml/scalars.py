@@ -46,14 +46,8 @@ def plain_value(scalar: Scalar) -> Plain:
         return quantities.number(text)
     if _OTHER_BASE.fullmatch(text):
         return int(text, 0)
-    match quantities.quantity_type(text):
-        case FieldType.DURATION:
-            return quantities.duration(text)
-        case FieldType.LENGTH:
-            return quantities.length(text)
-        case FieldType.ANGLE:
-            return quantities.angle(text)
-    return text
+    quantity_type = quantities.quantity_type(text)
+    return text if quantity_type is None else quantities.quantity(text, quantity_type)
 
 
 def scalar_type(node: Node) -> FieldType:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Source text of one file, opened safely, with the position of every character."""
+"""Source text of one file, opened safely, with the position of every character; its edits."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import os
 import re
 import stat
 from bisect import bisect_right
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from bt_agents_core.diagnostic import Diagnostic, Position
+from bt_agents_core.diagnostic import Position
 from bt_agents_language.diagnostics.collection import Diagnostics
 
 MAX_BYTES = 1024 * 1024
@@ -18,6 +19,7 @@ MAX_BYTES = 1024 * 1024
 
 _LINE = re.compile(r"[^\r\n]*")
 _LINE_BREAK = re.compile(r"\r\n|\n|\r")
+_TOP_LEVEL = re.compile(r"^[\w\"']", re.MULTILINE)
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -47,6 +49,49 @@ class Source:
         start = self._starts[number - 1]
         end = self._starts[number] if number < len(self._starts) else len(self.text)
         return self.text[start:end].rstrip("\r\n")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edit:
+    """A text that is to stand from one index of another text to before a second one."""
+
+    start: int
+    stop: int
+    text: str
+
+
+class PatchedSource(Source):
+    """A text with one edit made; places are still those of the file as it is."""
+
+    def __init__(self, source: Source, edit: Edit) -> None:
+        before, after = source.text[: edit.start], source.text[edit.stop :]
+        super().__init__(source.file, before + edit.text + after)
+        self._source = source
+        self._edit = edit
+
+    def position(self, index: int) -> Position:
+        edit = self._edit
+        if index >= edit.start + len(edit.text):
+            index += edit.stop - edit.start - len(edit.text)
+        elif index > edit.start:
+            index = edit.start
+        return self._source.position(index)
+
+    def line(self, number: int) -> str:
+        return self._source.line(number)
+
+
+def without_section(source: Source, index: int) -> PatchedSource | None:
+    """Return a text without the key of the file, and all below it, that a character belongs to.
+
+    Returns:
+        None when nothing would be left.
+    """
+    starts = [match.start() for match in _TOP_LEVEL.finditer(source.text)]
+    start = max((one for one in starts if one <= index), default=0)
+    stop = min((one for one in starts if one > index), default=len(source.text))
+    patched = PatchedSource(source, Edit(start=start, stop=stop, text=""))
+    return patched if start < stop and patched.text.strip() else None
 
 
 def read_source(path: Path) -> Source:
@@ -117,11 +162,7 @@ def _check_regular(file: str, mode: int) -> None:
 
 def _refusal(file: str, code: str, message: str, hint: str) -> Exception:
     problems = Diagnostics(None)
-    problems.append(
-        Diagnostic(
-            code=code, position=Position(file=file, line=1, column=1), message=message, hint=hint
-        )
-    )
+    problems.add(code, Position(file, 1, 1), message, hint)
     return problems.error()
 
 
@@ -153,17 +194,6 @@ def line_at(source: Source, start: int) -> str:
     """Return the line that starts at an index, without its end."""
     match = _LINE.match(source.text, start)
     return match[0] if match is not None else ""
-
-
-def line_above(source: Source, start: int) -> int | None:
-    """Return the start of the last line above that is not empty; None when there is none."""
-    end = len(source.text[:start].rstrip())
-    return line_start(source, end) if end else None
-
-
-def end_above(source: Source, index: int) -> int:
-    """Return the end of what stands above the line of a character."""
-    return len(source.text[: line_start(source, index)].rstrip())
 
 
 def indentation(line: str) -> int:

@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,6 +18,7 @@ from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import join_quoted, join_words, quote
 from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean, nearest
 from bt_agents_language.expression import quantities
+from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.yaml.field_tables import (
     Entries,
     Items,
@@ -26,7 +30,6 @@ from bt_agents_language.yaml.field_tables import (
 )
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.source import Source, aligned, read_source
-from bt_agents_language.yaml.suggestions import left_empty, name_meant, other_file, without_value
 from bt_agents_language.yaml.yaml_reader import (
     Mapping,
     MappingEntry,
@@ -42,18 +45,23 @@ FORMAT = 1
 MAX_NAME = 64
 """Characters of an agent's, skill's or tunable's name."""
 
-MESSAGE_DIGITS = 6
-"""Digits of a number in a message, more than rounding it for people would keep."""
-
-_SPOILING = ("tag", "bad-character")
-"""Problems of a value that leave open what it is."""
-
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
-_A_TIME = quantities.expected(FieldType.DURATION)
-_A_LENGTH = quantities.expected(FieldType.LENGTH)
-_AN_ANGLE = quantities.expected(FieldType.ANGLE)
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+_SKILLS = ("a skills file", "put it under skills/ or libraries/")
+_FILES = {
+    "agent": ("an agent file", "put it under agents/"),
+    "skills": _SKILLS,
+    "bindings": _SKILLS,
+    "parameters": ("a scene.yaml", "name another file"),
+    "visits": ("a script", "put it under scripts/"),
+    "cases": ("a test file", "let its name end with .test.yaml"),
+    "rules": ("a market.yaml", "put it beside scene.yaml"),
+    "rounds": ("an experiment", "name another file"),
+}
+"""Key that only one kind of file has → that kind, and where it belongs."""
 
 T = TypeVar("T")
+NumberT = TypeVar("NumberT", int, float)
 
 
 class Shape(Enum):
@@ -71,7 +79,9 @@ class TypedReader:
     def __init__(self, source: Source) -> None:
         self.problems = Diagnostics(source)
         self.source, self.root = read_document(source, self.problems)
-        self._spoilt = {d.position for d in self.problems.sorted() if d.code in _SPOILING}
+        # These leave open what a value is.
+        spoiling = ("tag", "bad-character")
+        self._spoilt = {d.position for d in self.problems.sorted() if d.code in spoiling}
         self._aligned_span = (-1, -1)
         self._aligned: list[int] = []
 
@@ -86,12 +96,10 @@ class TypedReader:
 
     def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
         """Add a problem about a whole node, or at one position."""
-        if not isinstance(where, Position) and where.position in self._spoilt:
-            # What the value would be without that, nobody knows.
-            return
         if isinstance(where, Position):
             self.problems.add(code, where, message, hint)
-        else:
+        elif where.position not in self._spoilt:
+            # What a spoilt value would be without that, nobody knows.
             end = self.source.position(where.span[1])
             self.problems.add(code, where.position, message, hint, end)
 
@@ -106,34 +114,30 @@ class TypedReader:
         )
 
     def _index(self, scalar: Scalar, offset: int) -> int:
-        """Return the place in the file of a character of a scalar's text."""
         if scalar.span != self._aligned_span:
             self._aligned_span = scalar.span
             self._aligned = aligned(scalar.text, self.source.text[slice(*scalar.span)])
         return scalar.span[0] + self._aligned[min(max(offset, 0), len(self._aligned) - 1)]
 
-    def document(
-        self, what: str, known: Collection[str], required: Collection[str] = ()
-    ) -> MappingReader:
-        """Return the keys of the whole file, ``format`` checked.
+    def file(self, kind: KeyTable) -> MappingReader:
+        """Return the keys of the whole file as its table says, ``format`` checked.
 
         Raises:
             ReadError: The file is no mapping, so that nothing can be read from it.
         """
         if self.root is None:
-            self.problems.raise_if_any()
-        assert self.root is not None
-        other = other_file(self.root, {*known, *required})
+            raise self.problems.error()
+        other = _other_file(self.root, kind.values)
         if other is not None:
-            entry, kind, hint = other
-            message = f"expected {what}, found {kind}: it has the key '{entry.key.text}'"
+            entry, what, hint = other
+            message = f"expected {kind.what}, found {what}: it has the key '{entry.key.text}'"
             self.error("wrong-type", entry.key, message, hint)
             raise self.problems.error()
-        fields = self.fields(
-            self.root, what, ("format", *known), ("format", *required), at_start=True
-        )
+        known, required = ("format", *kind.values), ("format", *kind.required)
+        fields = self.fields(self.root, kind.what, known, required)
         if fields is None:
             raise self.problems.error()
+        fields.table = kind
         version = fields.integer("format")
         if version is not None and version != FORMAT:
             self.error(
@@ -142,12 +146,6 @@ class TypedReader:
                 f"the file has format {version}, this program reads format {FORMAT}",
                 "write format: 1",
             )
-        return fields
-
-    def file(self, kind: KeyTable) -> MappingReader:
-        """Return the keys of the whole file as its table says; as :meth:`document`."""
-        fields = self.document(kind.what, kind.values, kind.required)
-        fields.table = kind
         return fields
 
     def keys(
@@ -159,14 +157,10 @@ class TypedReader:
         required: Collection[str] | None = None,
         more: Collection[str] = (),
     ) -> MappingReader | None:
-        """Return the keys of a mapping as its table says; as :meth:`fields`.
+        """Return the keys of a mapping as its table says, and perhaps more; as :meth:`fields`.
 
-        Args:
-            node: Anything.
-            table: The keys that there may be.
-            what: What the mapping is, for messages; empty for what the table calls it.
-            required: Keys that must be there; None for those of the table.
-            more: Further keys that there may be.
+        What the mapping is called and which keys it needs stand in the table unless they are
+        given.
         """
         needed = table.required if required is None else required
         known = (*table.values, *more) if more else table.values
@@ -181,18 +175,11 @@ class TypedReader:
         what: str,
         known: Collection[str],
         required: Collection[str] = (),
-        at_start: bool = False,
         beside: Collection[str] = (),
     ) -> MappingReader | None:
         """Return the keys of a mapping; unknown and missing ones become problems.
 
-        Args:
-            node: Anything.
-            what: What the mapping is, for messages: ``a tunable``.
-            known: All possible keys.
-            required: Keys that must be there.
-            at_start: Report a missing key at the start instead of the whole mapping.
-            beside: Keys that belong beside what has the mapping, not into it.
+        What is ``beside`` belongs beside what has the mapping, not into it.
         """
         if not isinstance(node, Mapping):
             expected = f"a mapping with the keys {join_quoted(required or known)}"
@@ -211,7 +198,7 @@ class TypedReader:
         missing = [key for key in required if key not in nodes]
         if not unknown and not missing:
             return MappingReader(self, node, nodes, keys)
-        if unknown and not nodes and all(map(without_value, unknown)):
+        if unknown and not nodes and all(map(_without_value, unknown)):
             self.error(
                 "wrong-type",
                 node,
@@ -224,7 +211,7 @@ class TypedReader:
             word = entry.key.text
             # A key that is there but misspelt is not missing, and is read as the one meant.
             meant = nearest(word, [key for key in known if key not in nodes])
-            above = left_empty(node, entry, nodes)
+            above = _left_empty(node, entry, nodes)
             hint = did_you_mean(word, known)
             if word in beside:
                 hint = f"'{word}' stands beside {what}, not in it"
@@ -241,21 +228,14 @@ class TypedReader:
         if missing:
             self.error(
                 "missing-key",
-                node.position if at_start or not node.entries else node.entries[0].key,
+                node.entries[0].key if node.entries and node is not self.root else node.position,
                 f"{what} needs the key{'s' * (len(missing) > 1)} {join_quoted(missing)}",
                 adding(missing),
             )
         return MappingReader(self, node, nodes, keys)
 
     def wrong_type(self, node: Node, what: str, expected: str, shape: Shape = Shape.OTHER) -> None:
-        """Report that something else than expected stands here.
-
-        Args:
-            node: What stands here.
-            what: The place, for messages.
-            expected: What should stand here, for messages.
-            shape: What that is as YAML; decides about the hint.
-        """
+        """Report that something else than expected stands here; its shape decides on the hint."""
         if isinstance(node, Scalar) and node.empty:
             self.error(
                 "missing-value", node, f"{what}: nothing is written here, expected {expected}"
@@ -297,7 +277,7 @@ class TypedReader:
             return None
         if _NAME.fullmatch(text) and len(text) <= MAX_NAME:
             return text
-        meant = name_meant(text)
+        meant = _name_meant(text)
         hint = f"write {meant}" if _NAME.fullmatch(meant) and len(meant) <= MAX_NAME else ""
         self.error(
             "bad-name",
@@ -312,43 +292,49 @@ class TypedReader:
         self, node: Node, what: str, minimum: float | None = None, maximum: float | None = None
     ) -> int | None:
         """Return a whole number in a range."""
-        value = self._quantity(node, what, "a whole number", quantities.integer, "bad-number")
-        return (
-            value if value is None or self.in_range(node, what, value, minimum, maximum) else None
+        return self._converted(
+            node, what, "a whole number", "bad-number", quantities.integer, minimum, maximum
         )
 
     def number(
         self, node: Node, what: str, minimum: float | None = None, maximum: float | None = None
     ) -> float | None:
         """Return a finite number in a range."""
-        value = self._quantity(node, what, "a number", quantities.number, "bad-number")
-        return (
-            value if value is None or self.in_range(node, what, value, minimum, maximum) else None
+        return self._converted(
+            node, what, "a number", "bad-number", quantities.number, minimum, maximum
         )
 
-    def duration(self, node: Node, what: str) -> float | None:
-        """Return a time [s]."""
-        return self._quantity(node, what, _A_TIME, quantities.duration, "bad-duration")
+    def amount(
+        self, node: Node, what: str, field_type: FieldType, minimum: float | None = None
+    ) -> int | float | None:
+        """Return a number of a type, or a time [s], length [m] or angle [rad] of any size."""
+        if field_type is FieldType.INTEGER:
+            return self.integer(node, what, None if minimum is None else int(minimum))
+        dimension = DIMENSIONS.get(field_type)
+        if dimension is None:
+            return self.number(node, what, minimum)
+        convert = partial(quantities.quantity, field_type=field_type)
+        return self._converted(node, what, dimension.wanted, dimension.code, convert)
 
-    def length(self, node: Node, what: str) -> float | None:
-        """Return a length [m]."""
-        return self._quantity(node, what, _A_LENGTH, quantities.length, "bad-length")
-
-    def angle(self, node: Node, what: str) -> float | None:
-        """Return an angle [rad]."""
-        return self._quantity(node, what, _AN_ANGLE, quantities.angle, "bad-angle")
-
-    def _quantity(
-        self, node: Node, what: str, expected: str, convert: Callable[[str], T], code: str
-    ) -> T | None:
+    def _converted(
+        self,
+        node: Node,
+        what: str,
+        expected: str,
+        code: str,
+        convert: Callable[[str], NumberT],
+        minimum: float | None = None,
+        maximum: float | None = None,
+    ) -> NumberT | None:
         if not isinstance(node, Scalar) or node.empty:
             self.wrong_type(node, what, expected)
             return None
         try:
-            return convert(node.text)
+            value = convert(node.text)
         except quantities.QuantityError as error:
             self.error(code, node, f"{what}: {error.message}", error.hint)
             return None
+        return value if self.in_range(node, what, value, minimum, maximum) else None
 
     def in_range(
         self,
@@ -363,17 +349,13 @@ class TypedReader:
         if (minimum is None or value >= minimum) and (maximum is None or value <= maximum):
             return True
         low, high = (
-            None
-            if limit is None
-            else quantities.format_quantity(limit, field_type, MESSAGE_DIGITS)
-            for limit in (minimum, maximum)
+            None if one is None else _shown(one, field_type) for one in (minimum, maximum)
         )
         expected = f"{low} to {high}" if low and high else low and f"{low} or more"
         self.error(
             "out-of-range",
             node,
-            f"{what} is {quantities.format_quantity(value, field_type, MESSAGE_DIGITS)}, "
-            f"expected {expected or f'{high} or less'}",
+            f"{what} is {_shown(value, field_type)}, expected {expected or f'{high} or less'}",
         )
         return False
 
@@ -423,28 +405,21 @@ class TypedReader:
         return ()
 
 
+@dataclass(eq=False)
 class MappingReader:
     """The keys of one mapping, each readable as the type that is expected of it.
 
     Attributes:
-        mapping: The mapping itself.
         nodes: Value of each key that is known.
         keys: Every key as it stands in the file.
         table: What its keys may hold; None where the caller says so each time.
     """
 
-    def __init__(
-        self,
-        reading: TypedReader,
-        mapping: Mapping,
-        nodes: dict[str, Node],
-        keys: dict[str, Scalar],
-    ) -> None:
-        self.mapping = mapping
-        self.nodes = nodes
-        self.keys = keys
-        self.table: KeyTable | None = None
-        self._reading = reading
+    _reading: TypedReader
+    mapping: Mapping
+    nodes: dict[str, Node]
+    keys: dict[str, Scalar]
+    table: KeyTable | None = None
 
     def get(self, key: str) -> Node | None:
         """Return what stands behind a key."""
@@ -460,10 +435,7 @@ class MappingReader:
         """Return whether 'min' is below 'max', as far as both are known; note it when not."""
         if minimum is None or maximum is None or minimum < maximum:
             return True
-        low, high = (
-            quantities.format_quantity(limit, field_type, MESSAGE_DIGITS)
-            for limit in (minimum, maximum)
-        )
+        low, high = _shown(minimum, field_type), _shown(maximum, field_type)
         self._reading.error(
             "out-of-range",
             self.nodes["max"],
@@ -474,47 +446,46 @@ class MappingReader:
 
     def text(self, key: str, default: str = "") -> str:
         """Return a text, ``default`` when it is not there or wrong."""
-        return self._read(key, self._reading.text) or default
+        return self.read(key, self._reading.text) or default
 
     def name(self, key: str) -> str | None:
         """Return an identifier."""
-        return self._read(key, self._reading.name)
+        return self.read(key, self._reading.name)
 
     def integer(
         self, key: str, minimum: float | None = None, maximum: float | None = None
     ) -> int | None:
         """Return a whole number; a limit that is not given is that of the table."""
         low, high = self._limits(key, minimum, maximum)
-        return self._read(key, lambda n, w: self._reading.integer(n, w, low, high))
+        return self.read(key, lambda n, w: self._reading.integer(n, w, low, high))
 
     def number(
         self, key: str, minimum: float | None = None, maximum: float | None = None
     ) -> float | None:
         """Return a number; a limit that is not given is that of the table."""
         low, high = self._limits(key, minimum, maximum)
-        return self._read(key, lambda n, w: self._reading.number(n, w, low, high))
+        return self.read(key, lambda n, w: self._reading.number(n, w, low, high))
 
     def duration(self, key: str) -> float | None:
         """Return a time [s]."""
-        return self._read(key, self._reading.duration)
+        return self.read(key, lambda n, w: self._reading.amount(n, w, FieldType.DURATION))
 
     def boolean(self, key: str) -> bool | None:
         """Return true or false."""
-        return self._read(key, self._reading.boolean)
+        return self.read(key, self._reading.boolean)
 
-    def choice(self, key: str, words: Collection[str] = ()) -> str | None:
-        """Return one of some words, without any of those of the table."""
+    def choice(self, key: str) -> str | None:
+        """Return one of the words of the table."""
         declared = self._declared(key)
-        if not words and isinstance(declared, WordChoice):
-            words = declared.words
-        return self._read(key, lambda n, w: self._reading.choice(n, w, words))
+        words = declared.words if isinstance(declared, WordChoice) else ()
+        return self.read(key, lambda n, w: self._reading.choice(n, w, words))
 
     def items(self, key: str) -> tuple[Node, ...]:
         """Return the items of a list, none when it is not there.
 
         An empty list is reported where the table refuses one.
         """
-        items = self._read(key, self._reading.items) or ()
+        items = self.read(key, self._reading.items) or ()
         declared = self._declared(key)
         if isinstance(declared, Items) and declared.empty:
             node = self.nodes.get(key)
@@ -525,16 +496,13 @@ class MappingReader:
     def entries(self, key: str, of: str = "") -> tuple[MappingEntry, ...]:
         """Return the entries of a mapping of something, none when it is not there.
 
-        A mapping without any is reported where the table refuses one.
-
-        Args:
-            key: Its key.
-            of: The entries, for messages; empty for what the table calls them.
+        A mapping without any is reported where the table refuses one. What the entries are called
+        stands in the table, too, unless it is given.
         """
         declared = self._declared(key)
         if not of and isinstance(declared, Entries):
             of = declared.of
-        entries = self._read(key, lambda n, w: self._reading.entries(n, w, of)) or ()
+        entries = self.read(key, lambda n, w: self._reading.entries(n, w, of)) or ()
         if isinstance(declared, Entries) and declared.empty:
             node = self.nodes.get(key)
             if isinstance(node, Mapping) and not entries:
@@ -564,9 +532,15 @@ class MappingReader:
             declared.maximum if maximum is None else maximum,
         )
 
-    def _read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
+    def read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
+        """Return what a function reads from a value and its name for messages."""
         node = self.nodes.get(key)
         return None if node is None else read(node, f"'{key}'")
+
+
+def _shown(value: float, field_type: FieldType) -> str:
+    # With more digits than rounding it for people would keep.
+    return quantities.format_quantity(value, field_type, digits=6)
 
 
 def adding(keys: Iterable[str]) -> str:
@@ -583,3 +557,34 @@ def found(node: Node) -> str:
             return "a mapping"
         case Scalar():
             return "nothing" if node.empty else quote(node.text)
+
+
+def _other_file(root: Node, known: Collection[str]) -> tuple[MappingEntry, str, str] | None:
+    """Return the key that shows that a file is of another kind, that kind, and a hint; or None."""
+    if not isinstance(root, Mapping) or any(e.key.text in known for e in root.entries):
+        return None
+    for entry in root.entries:
+        if entry.key.text in _FILES:
+            return entry, *_FILES[entry.key.text]
+    return None
+
+
+def _name_meant(text: str) -> str:
+    """Return a text as an identifier would be written: ``SetLight`` → ``set_light``."""
+    plain = unicodedata.normalize("NFKD", _HUMP.sub("_", text.strip()))
+    plain = "".join(c for c in plain if not unicodedata.combining(c))
+    return re.sub(r"[^a-z0-9]+", "_", plain.lower()).strip("_")
+
+
+def _without_value(entry: MappingEntry) -> bool:
+    start, end = entry.value.span
+    return isinstance(entry.value, Scalar) and entry.value.plain and start == end
+
+
+def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> str | None:
+    """Return the known key right above an entry when nothing is written behind it."""
+    place = node.entries.index(entry)
+    above = node.entries[place - 1] if place else None
+    if above is None or above.key.text not in known or not _without_value(above):
+        return None
+    return above.key.text

@@ -23,10 +23,9 @@ from yaml.events import (
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.yaml.line_hints import SyntaxHint
-from bt_agents_language.yaml.patched_source import PatchedSource, without_section
 from bt_agents_language.yaml.precheck import BAD_CHARACTER, looks_like_yaml
-from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.source import PatchedSource, Source, without_section
+from bt_agents_language.yaml.syntax_hints import SyntaxHint
 from bt_agents_language.yaml.yaml_syntax import report_syntax
 
 MAX_DEPTH = 64
@@ -46,7 +45,7 @@ MAX_SYNTAX_ERRORS = 20
 
 _STRANGE_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
 _LOST_SPACE = re.compile("-(?=[^\\W\\d_])|[\u2010-\u2015\u2212] ?")
-_STANDARD_TAG = "tag:yaml.org,2002:"
+_STANDARD_TAG = re.compile("^tag:yaml.org,2002:")
 _NOTHING = frozenset(("", "~", "null", "Null", "NULL"))
 _LETTERS = frozenset(string.ascii_letters)
 
@@ -77,9 +76,6 @@ class Scalar(_Located):
     """A text, number or word as written.
 
     Attributes:
-        source: The file.
-        start: Index of its first character in the text of the file.
-        end: Index of the character after its last one.
         text: Its content, quotes and line folding resolved.
         style: Empty for a plain scalar, else ``'``, ``"``, ``|`` or ``>``.
     """
@@ -155,8 +151,7 @@ def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
     """
     if not looks_like_yaml(source, problems):
         return None
-    root, hint = _read_once(source, problems)
-    return root if hint is None else None
+    return _read_once(source, problems)[0]
 
 
 def read_document(source: Source, problems: Diagnostics) -> tuple[Source, Node | None]:
@@ -215,23 +210,17 @@ def _events(text: str) -> Iterable[yaml.Event]:
     return iter(next_event, None)
 
 
-def _as_written(tag: str) -> str:
-    return tag.replace(_STANDARD_TAG, "!!", 1) if tag.startswith(_STANDARD_TAG) else tag
-
-
+@dataclass(slots=True)
 class _Open:
     """A list or mapping whose end has not come yet."""
 
-    __slots__ = ("entries", "is_list", "items", "key", "start", "value_is_next")
-
-    def __init__(self, start: int, is_list: bool) -> None:
-        self.start = start
-        self.is_list = is_list
-        self.items: list[Node] = []
-        self.entries: dict[str, MappingEntry] = {}
-        self.key: Scalar | None = None
-        # A key that was refused still has a value, which must not be taken for the next key.
-        self.value_is_next = False
+    start: int
+    is_list: bool
+    items: list[Node] = field(default_factory=list)
+    entries: dict[str, MappingEntry] = field(default_factory=dict)
+    key: Scalar | None = None
+    # A key that was refused still has a value, which must not be taken for the next key.
+    value_is_next: bool = False
 
 
 class _Builder:
@@ -245,11 +234,7 @@ class _Builder:
         self._documents = 0
 
     def take(self, events: Iterable[Any]) -> None:
-        """Build from all events, or until the file turns out to be hopeless.
-
-        Args:
-            events: Of the parser, each with its marks.
-        """
+        """Build from all events of the parser, or until the file turns out to be hopeless."""
         # One loop without calls for what is usual: it sees every word of the file.
         source = self._source
         waiting: list[_Open | None] = []
@@ -351,9 +336,9 @@ class _Builder:
         """Return a key, or None when it is refused and its value is to be left out."""
         if not isinstance(node, Scalar):
             template = self._source.text.startswith("{{", node.span[0] - 1)
-            self._problems.add(
+            self._refuse(
                 "bad-key",
-                node.position,
+                node,
                 "a word is expected before ':', found a list or mapping",
                 'a value is named by "${name}", not by {{ name }}'
                 if template
@@ -365,56 +350,58 @@ class _Builder:
         text = node.text
         if text[:1] in _LETTERS and text not in entries and text not in _NOTHING:
             return node
-        if node.empty or not node.text.strip():
-            self._problems.add(
+        strange = _STRANGE_SPACE.match(text) if node.plain else None
+        dash = _LOST_SPACE.match(text) if node.plain else None
+        first = entries.get(text)
+        if node.empty or not text.strip():
+            self._refuse(
                 "bad-key",
-                node.position,
+                node,
                 "a word is expected before ':', found nothing",
                 "write one, or quote a text that starts with ':'",
             )
-            return None
-        strange = _STRANGE_SPACE.match(node.text) if node.plain else None
-        if strange is not None:
+        elif strange is not None:
             name = unicodedata.name(strange[0], "strange space")
-            self._problems.add(
+            self._refuse(
                 "bad-character",
-                node.position,
+                node,
                 f"a {name.lower()} (U+{ord(strange[0]):04X}) indents this line",
                 "delete what is in front of the first word, and type spaces",
             )
             self.hopeless = True
-            return None
-        dash = _LOST_SPACE.match(node.text) if node.plain else None
-        if dash is not None:
-            self._problems.add(
+        elif dash is not None:
+            self._refuse(
                 "syntax",
-                node.position,
-                f"{quote(node.text)} is no '-' item",
-                f"write '- {node.text[dash.end() : dash.end() + 20]}: …', with a plain '-' and a "
+                node,
+                f"{quote(text)} is no '-' item",
+                f"write '- {text[dash.end() : dash.end() + 20]}: …', with a plain '-' and a "
                 "space behind it",
             )
             self.hopeless = True
-            return None
-        if node.plain and node.text == "<<":
-            self._problems.add(
+        elif node.plain and text == "<<":
+            self._refuse(
                 "merge-key",
-                node.position,
+                node,
                 "'<<' is a merge key, which is not part of this language",
                 "write the keys out, or use a subtree",
             )
-            return None
-        first = entries.get(node.text)
-        if first is not None:
-            self._problems.add(
+        elif first is not None:
+            self._refuse(
                 "duplicate-key",
-                node.position,
-                f"the key {quote(node.text)} stands here a second time "
+                node,
+                f"the key {quote(text)} stands here a second time "
                 f"(first in line {first.key.position.line})",
                 "remove one of them; a second node starts with a new '-' item",
                 self._source.position(node.span[1]),
             )
-            return None
-        return node
+        else:
+            return node
+        return None
+
+    def _refuse(
+        self, code: str, node: Node, message: str, hint: str, end: Position | None = None
+    ) -> None:
+        self._problems.add(code, node.position, message, hint, end)
 
     def _refuse_extras(self, event: ScalarEvent | CollectionStartEvent) -> None:
         if event.anchor is not None:
@@ -425,10 +412,11 @@ class _Builder:
                 "remove it, or quote a text that starts with '&'",
             )
         if event.tag is not None:
+            tag = _STANDARD_TAG.sub("!!", event.tag)
             self._problems.add(
                 "tag",
                 self._position(event),
-                f"{quote(_as_written(event.tag))} is a tag, which is not part of this language",
+                f"{quote(tag)} is a tag, which is not part of this language",
                 "remove it, or quote a text that starts with '!'",
             )
 

@@ -11,19 +11,19 @@ import yaml
 
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.yaml.bracket_hints import (
+from bt_agents_language.yaml.precheck import UNDECIDED
+from bt_agents_language.yaml.source import Edit, Source, indentation, line_at, line_start
+from bt_agents_language.yaml.syntax_hints import (
     QUOTE_INSIDE,
+    SyntaxHint,
     behind_value,
     in_brackets,
-    open_quote,
+    key_hint,
+    line_hint,
 )
-from bt_agents_language.yaml.line_hints import SyntaxHint, key_hint, line_hint
-from bt_agents_language.yaml.patched_source import Edit
-from bt_agents_language.yaml.source import Source, indentation, line_above, line_at, line_start
 
 _NEXT_LINE = re.compile(r"[^\r\n]+")
 _INDENTED_TAB = re.compile(r" *\t")
-_FIT = "indent it like the key behind the '-' above, or start a new '-' item"
 _WRONG_QUOTES = re.compile("(?<=[:,\\-\\[{(] )[\u201c\u201d\u201e\u2018\u2019\u00ab]")
 _CONFLICT = ("<<<<<<<", "=======", ">>>>>>>")
 
@@ -55,9 +55,9 @@ def _hint_for(source: Source, error: yaml.MarkedYAMLError) -> SyntaxHint:
             message="a tab indents this line",
             hint="use spaces (most editors can turn tabs into spaces)",
         )
-    problem = f"{error.context or ''}: {error.problem or ''}"
-    for part, explain in _EXPLANATIONS.items():
-        if part in problem:
+    text = f"{error.context or ''}: {error.problem or ''}"
+    for pattern, explain in _EXPLANATIONS.items():
+        if re.search(pattern, text):
             return explain(source, index, begun)
     message = error.problem or "this is not valid YAML"
     return SyntaxHint(index=index, message=message, hint="look at the line above")
@@ -82,10 +82,10 @@ def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
             hint="quote a text with ': ' in it: \"…: …\"",
             fix=quoted,
         )
-    above = line_above(source, start)
-    if above is not None:
+    above = source.text[:start].rstrip()
+    if above:
         # What looks like a text over two lines is a key above whose colon does not count as one.
-        found = _of_key(source, above)
+        found = _sure(source, line_start(source, len(above)), key_hint)
         if found is not None:
             return found
     own = key_hint(before, start)
@@ -109,23 +109,11 @@ def _quoted_value(source: Source, start: int, line: str) -> Edit | None:
     return Edit(start=at, stop=at + len(text), text=f"{mark}{text}{mark}")
 
 
-def _dash(source: Source, index: int, begun: int) -> SyntaxHint:
-    return SyntaxHint(
-        index=index,
-        message="a '-' item starts in the middle of a line",
-        hint="start it on a line of its own, or quote a text that starts with '- '",
-    )
-
-
 def _no_colon(source: Source, index: int, begun: int) -> SyntaxHint:
     if source.text.startswith(_CONFLICT, begun):
-        return SyntaxHint(
-            index=begun,
-            width=len(_CONFLICT[0]),
-            message="two versions of the file were merged, and this place is not decided yet",
-            hint="keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
-        )
-    found = _of_line(source, line_start(source, begun))
+        message, hint = UNDECIDED
+        return SyntaxHint(index=begun, width=len(_CONFLICT[0]), message=message, hint=hint)
+    found = _sure(source, line_start(source, begun), line_hint)
     return found or SyntaxHint(
         index=begun,
         message="this line is neither 'key: value' nor a '-' item",
@@ -145,7 +133,11 @@ def _misfit(source: Source, index: int, begun: int) -> SyntaxHint:
             message="this '-' item does not line up with the block above",
             hint="indent it like the others",
         )
-    return SyntaxHint(index=index, message="this line fits no block above it", hint=_FIT)
+    return SyntaxHint(
+        index=index,
+        message="this line fits no block above it",
+        hint="indent it like the key behind the '-' above, or start a new '-' item",
+    )
 
 
 def _no_item(source: Source, index: int, begun: int) -> SyntaxHint:
@@ -167,21 +159,21 @@ def _no_item(source: Source, index: int, begun: int) -> SyntaxHint:
 
 
 def _bad_start(source: Source, index: int, begun: int) -> SyntaxHint:
-    character = source.text[index : index + 1]
-    if character == "\t":
+    if source.text.startswith("\t", index):
         return SyntaxHint(index=index, message="a tab stands here", hint="use spaces")
-    return _unquoted(source, index, character)
+    return _unquoted(source, index)
 
 
 def _mark_at_start(source: Source, index: int, begun: int) -> SyntaxHint:
-    return _unquoted(source, begun, source.text[begun : begun + 1])
+    return _unquoted(source, begun)
 
 
 def _question(source: Source, index: int, begun: int) -> SyntaxHint:
-    return _unquoted(source, index, source.text[index : index + 1] + " ")
+    return _unquoted(source, index, behind=" ")
 
 
-def _unquoted(source: Source, index: int, found: str) -> SyntaxHint:
+def _unquoted(source: Source, index: int, behind: str = "") -> SyntaxHint:
+    found = source.text[index : index + 1] + behind
     start = line_start(source, index)
     return SyntaxHint(
         index=index,
@@ -225,75 +217,56 @@ def _no_content(source: Source, index: int, begun: int) -> SyntaxHint:
     )
 
 
-def _after_the_end(source: Source, index: int, begun: int) -> SyntaxHint:
-    return SyntaxHint(
-        index=index,
-        message="something stands behind the end of the file's one value",
-        hint="remove a line '...' above; put quotes around a whole text",
-    )
+def _always(message: str, hint: str, *, where_begun: bool = False) -> Explain:
+    def explain(source: Source, index: int, begun: int) -> SyntaxHint:
+        return SyntaxHint(index=begun if where_begun else index, message=message, hint=hint)
 
-
-def _directive(source: Source, index: int, begun: int) -> SyntaxHint:
-    return SyntaxHint(
-        index=begun,
-        message="a line cannot start with '%'",
-        hint="remove the line, or quote the text",
-    )
-
-
-def _text_block(source: Source, index: int, begun: int) -> SyntaxHint:
-    return SyntaxHint(
-        index=index,
-        message="a text block ('|' or '>') starts wrongly",
-        hint="write only '|' or '>' in that line",
-    )
+    return explain
 
 
 _EXPLANATIONS: dict[str, Explain] = {
     "mapping values are not allowed": _second_colon,
-    "block sequence entries are not allowed": _dash,
+    "block sequence entries are not allowed": _always(
+        "a '-' item starts in the middle of a line",
+        "start it on a line of its own, or quote a text that starts with '- '",
+    ),
     "mapping keys are not allowed": _question,
     "could not find expected ':'": _no_colon,
     "did not find expected ',' or": in_brackets,
     "did not find expected '-' indicator": _no_item,
     "did not find expected key": _misfit,
-    "unexpected end of stream": open_quote,
-    "unexpected document indicator": open_quote,
-    "cannot start any token": _bad_start,
-    "while scanning an alias": _mark_at_start,
-    "while scanning an anchor": _mark_at_start,
-    "while scanning a tag": _mark_at_start,
-    "while parsing a tag": _mark_at_start,
+    "unexpected (end of stream|document indicator)": _always(
+        "this quotation mark is not closed", "add one at the end of the text", where_begun=True
+    ),
+    "cannot start any token|undefined tag handle": _bad_start,
+    "while scanning an (alias|anchor)|while (scanning|parsing) a tag": _mark_at_start,
     "unknown escape character": _escape,
     "did not find expected node content": _no_content,
-    "did not find expected comment or line break": _text_block,
-    "indentation indicator": _text_block,
-    "did not find expected <document start>": _after_the_end,
-    "incompatible YAML document": _directive,
-    "undefined tag handle": _bad_start,
-    "directive": _directive,
+    "did not find expected comment or line break|indentation indicator": _always(
+        "a text block ('|' or '>') starts wrongly", "write only '|' or '>' in that line"
+    ),
+    "did not find expected <document start>": _always(
+        "something stands behind the end of the file's one value",
+        "remove a line '...' above; put quotes around a whole text",
+    ),
+    "incompatible YAML document|directive": _always(
+        "a line cannot start with '%'", "remove the line, or quote the text", where_begun=True
+    ),
 }
-"""Part of the parser's message → what it means."""
+"""Pattern of the parser's message → what it means."""
 
 
-def _of_key(source: Source, start: int) -> SyntaxHint | None:
+def _sure(
+    source: Source, start: int, find: Callable[[str, int], SyntaxHint | None]
+) -> SyntaxHint | None:
+    """Return a hint for a line, without its edit where a lonely word may be part of a text."""
     line = line_at(source, start)
-    return _sure(source, start, key_hint(line, start))
-
-
-def _of_line(source: Source, start: int) -> SyntaxHint | None:
-    line = line_at(source, start)
-    return _sure(source, start, line_hint(line, start))
-
-
-def _sure(source: Source, start: int, found: SyntaxHint | None) -> SyntaxHint | None:
-    """Return a hint without its edit where a lonely word may be part of a text."""
+    found = find(line, start)
     if found is None or found.fix is None:
         return found
     added = found.fix.text == ":" and found.fix.start == found.fix.stop
     if not added:
         return found
-    line = line_at(source, start)
     below = _NEXT_LINE.search(source.text, start + len(line))
     next_line = below[0] if below is not None else ""
     is_key = indentation(next_line) > indentation(line) or next_line.lstrip().startswith("- ")

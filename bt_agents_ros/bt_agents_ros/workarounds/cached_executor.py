@@ -40,9 +40,6 @@ class CachedExecutor(Executor):
 
     What is called, when, and what becomes of an error is as with ``SingleThreadedExecutor``; the
     wait set is made anew only when a node, an entity or a callback group has changed.
-
-    Args:
-        context: Context of its nodes; None takes the default one.
     """
 
     def __init__(self, *, context: Any = None) -> None:
@@ -66,13 +63,11 @@ class CachedExecutor(Executor):
         }
 
     def add_node(self, node: Any) -> bool:
-        """Spin a node from now on; return False when it is spun already."""
         added = super().add_node(node)
         self.wake()
         return bool(added)
 
     def remove_node(self, node: Any) -> None:
-        """Spin a node no more."""
         super().remove_node(node)
         self.wake()
         if get_ident() == self._thread:
@@ -93,16 +88,12 @@ class CachedExecutor(Executor):
         return task
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """Drop pending work and release all nodes."""
         self._batch.clear()
         self._release_wait_set()
         return bool(super().shutdown(timeout_sec))
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Do one piece of work; wait for it if there is none.
-
-        Args:
-            timeout_sec: Longest time to wait [s]; None for no limit.
 
         Raises:
             ExternalShutdownException: The context was shut down.
@@ -206,14 +197,10 @@ class CachedExecutor(Executor):
             else:
                 self._task_ended = True
                 if task.entity is not None:
-                    self._end_callback(task.entity)
-
-    def _end_callback(self, entity: Any) -> None:
-        """Free the callback group of a suspended callback that has ended."""
-        group = entity.callback_group
-        if not group.can_execute(entity):
-            self._changed = True
-        group.ending_execution(entity)
+                    group = task.entity.callback_group
+                    if not group.can_execute(task.entity):
+                        self._changed = True
+                    group.ending_execution(task.entity)
 
     def _take_waitable(self, waitable: Any) -> _Call:
         """Return the callback of a waitable, after its data has been taken.

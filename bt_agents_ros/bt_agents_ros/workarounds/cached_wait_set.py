@@ -26,28 +26,29 @@ There are two for each publisher and subscription, and they are rare.
 """
 
 
+_ENTITIES = {
+    "timer": "timers",
+    "subscription": "subscriptions",
+    "guard_condition": "guards",
+    "client": "clients",
+    "service": "services",
+}
+"""Kind of entity, as a wait set calls it → where a node lists its own."""
+
+
 class CachedWaitSet:
     """Wait set over the entities of some nodes, whose handles it holds until :meth:`release`.
 
-    Args:
-        nodes: The nodes; entities of a busy callback group are left out.
-        wakers: Handles of guard conditions that end a wait.
-        context: Context of the nodes.
+    Entities of a busy callback group are left out; ``wakers`` are guard conditions that end a
+    wait.
     """
 
     def __init__(self, nodes: list[Any], wakers: tuple[Any, ...], context: Any) -> None:
         self._events_due = 0.0
         with ExitStack() as held:
             self._tables = {
-                "timer": _hold(held, (entity for node in nodes for entity in node.timers)),
-                "subscription": _hold(
-                    held, (entity for node in nodes for entity in node.subscriptions)
-                ),
-                "guard_condition": _hold(
-                    held, (entity for node in nodes for entity in node.guards)
-                ),
-                "client": _hold(held, (entity for node in nodes for entity in node.clients)),
-                "service": _hold(held, (entity for node in nodes for entity in node.services)),
+                kind: _hold(held, (entity for node in nodes for entity in getattr(node, listed)))
+                for kind, listed in _ENTITIES.items()
             }
             waitables = _hold_waitables(
                 held, (waitable for node in nodes for waitable in node.waitables)
@@ -89,13 +90,7 @@ class CachedWaitSet:
         )
 
     def wait(self, timeout_s: float | None) -> list[tuple[str, Any]]:
-        """Wait until an entity is ready; return all that are, each with its kind.
-
-        It may return early with none.
-
-        Args:
-            timeout_s: Longest time to wait [s]; None for no limit.
-        """
+        """Wait for entities; return those that are ready with their kinds, or early with none."""
         now = time.monotonic()
         polls_events = now >= self._events_due
         if polls_events:

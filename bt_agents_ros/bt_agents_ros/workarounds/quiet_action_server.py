@@ -18,7 +18,6 @@ class QuietActionServer(ActionServer):
     """Action server of rclpy in which the id of a goal is an array that is formatted at once."""
 
     def take_data(self) -> dict[str, Any]:
-        """Take the data that is ready, with ids that are quick to format."""
         data: dict[str, Any] = super().take_data()
         for kind in ("goal", "result"):
             if kind in data:

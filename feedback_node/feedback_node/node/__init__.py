@@ -30,9 +30,13 @@ from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_from_msg
-from bt_agents_ros.parameters import declare_live_lease
+from bt_agents_ros.parameters import (
+    TREES,
+    StartParameter,
+    declare_live_lease,
+    make_from_parameters,
+)
 from bt_agents_ros.spinner import run
-from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import OneShot, steady_timer
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackController, RuleOutcome

@@ -28,8 +28,8 @@ from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg
 from bt_agents_ros.outbox import Outbox
+from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.spinner import run
-from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import OneShot, steady_timer
 from marketplace_node.effects import (
     Alarm,

@@ -17,7 +17,7 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_ros import qos
-from bt_agents_ros.future_poller import FuturePoller
+from bt_agents_ros.timers import FuturePoller
 from marketplace_node.effects import Effect, PreviewEnded
 from marketplace_node.market import Market
 from marketplace_node.node.messages import auction_to_msg, operator_command_from_msg, scene_or_last

@@ -23,8 +23,8 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.spinner import run
-from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from marketplace_node.external_ranking.http_client import HttpClient
 from marketplace_node.external_ranking.openai_protocol import (

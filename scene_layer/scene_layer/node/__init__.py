@@ -25,9 +25,14 @@ from bt_agents_language.model.specs import Script
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg, to_time
-from bt_agents_ros.parameters import declare_and_watch, describe
+from bt_agents_ros.parameters import (
+    TREES,
+    StartParameter,
+    declare_and_watch,
+    describe,
+    make_from_parameters,
+)
 from bt_agents_ros.spinner import run
-from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from scene_layer.memory import Memory
 from scene_layer.node.memory_store import MemoryStore

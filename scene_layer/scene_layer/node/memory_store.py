@@ -19,8 +19,7 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.srv import ManageProfiles
 from bt_agents_ros import qos
-from bt_agents_ros.future_poller import FuturePoller
-from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.timers import FuturePoller, steady_timer
 from scene_layer.memory import DamagedMemoryError, Memory, read_memory, save_memory, set_aside
 
 SAVE_S = 10.0

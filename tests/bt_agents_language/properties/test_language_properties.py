@@ -8,16 +8,18 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.expression.quantities import QuantityError, duration, integer, number
+from bt_agents_language.expression.quantities import QuantityError, integer, number, quantity
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.scene_reader import read_scene_text
@@ -238,6 +240,7 @@ def test_what_is_written_is_read_back_with_its_span(value):
 
 @given(st.text(max_size=30))
 def test_quantities_are_finite_or_refused(text):
+    duration = partial(quantity, field_type=FieldType.DURATION)
     for read, low in ((number, -1e308), (integer, -(2**63)), (duration, 0.0)):
         with suppress(QuantityError):
             assert low <= read(text) <= 1e308
@@ -248,7 +251,7 @@ def test_quantities_are_finite_or_refused(text):
 )
 def test_a_time_is_its_number_times_its_unit(amount, unit):
     name, seconds = unit
-    assert duration(f"{amount} {name}") == float(amount * seconds)
+    assert quantity(f"{amount} {name}", FieldType.DURATION) == float(amount * seconds)
 
 
 NUMBERS = {"a": 2.0, "b.c": -3.5, "n": 4}

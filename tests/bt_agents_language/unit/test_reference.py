@@ -154,7 +154,7 @@ def test_topics_name_every_unit_operator_function_and_scene_value():
         assert page is not None
         return " ".join(word for rows in page.tables.values() for row in rows for word in row)
 
-    for dimension in DIMENSIONS:
+    for dimension in DIMENSIONS.values():
         assert dimension.listed in words("units")
     for word in (*BINARY, *PREFIXES, *(one.usage for one in FUNCTIONS.values())):
         assert word in words("expressions")

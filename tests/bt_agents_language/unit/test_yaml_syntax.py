@@ -10,8 +10,7 @@ import pytest
 from bt_agents_core.errors import ReadError
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.yaml.patched_source import Edit, PatchedSource, without_section
-from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.source import Edit, PatchedSource, Source, without_section
 from bt_agents_language.yaml.yaml_reader import MAX_SYNTAX_ERRORS, Mapping, read_document
 from tree_harness import VOCABULARY
 

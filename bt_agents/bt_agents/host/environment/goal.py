@@ -24,8 +24,8 @@ from bt_agents.engine.environment import (
     server_missing,
 )
 from bt_agents_core.field_types import BindingKind, Plain
-from bt_agents_ros.message_view import MessageView
 from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.types import MessageView
 
 SECOND_POLL_S = 0.02
 """Time between the poll that finds a heartbeat lost and the one that decides so [s].

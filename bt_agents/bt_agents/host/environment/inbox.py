@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from bt_agents_core.field_types import Plain
 from bt_agents_ros import qos
-from bt_agents_ros.message_view import MessageView
+from bt_agents_ros.types import MessageView
 
 DEPTH = 100
 """Most messages of an inbox; then the oldest are dropped."""

@@ -11,6 +11,7 @@ from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.tools.formatting.scalar_style import quoted
+from bt_agents_language.yaml.field_tables import FIELDS, FieldDecl, KeyTable
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
 
@@ -21,6 +22,10 @@ MOST_PRESETS = 100
 
 MOST_VALUES = 10_000
 """Values of all presets together: a file of them can be read."""
+
+_PRESETS = KeyTable(
+    what="a file of presets", fields=(FieldDecl("presets", FIELDS, required=True),)
+)
 
 Preset = Mapping[str, str]
 """ROS parameter of the host → value as an author writes it."""
@@ -148,7 +153,7 @@ def read_presets(path: Path) -> Mapping[str, Preset]:
         ReadError: There is a problem; it lists all of them.
     """
     reading = TypedReader(read_source(path))
-    fields = reading.document("a file of presets", ("presets",), ("presets",))
+    fields = reading.file(_PRESETS)
     presets: dict[str, dict[str, str]] = {}
     for entry in fields.entries("presets", "names and values"):
         name = entry.key.text

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -25,11 +25,6 @@ LONGEST_TEXT = 1000
 
 _STEP_TOLERANCE = 1e-6
 _DIGITS = 6
-_QUANTITIES: Mapping[FieldType, Callable[[str], float]] = {
-    FieldType.DURATION: quantities.duration,
-    FieldType.LENGTH: quantities.length,
-    FieldType.ANGLE: quantities.angle,
-}
 _UNITS = {FieldType.DURATION: "s", FieldType.LENGTH: "m", FieldType.ANGLE: "rad"}
 _TYPES: Mapping[FieldType, type] = {
     FieldType.BOOLEAN: bool,
@@ -105,8 +100,8 @@ class TunableParameter:
         Raises:
             QuantityError: It means none.
         """
-        if self.type in _QUANTITIES:
-            return _QUANTITIES[self.type](text)
+        if self.type in _UNITS:
+            return quantities.quantity(text, self.type)
         if self.type is FieldType.INTEGER:
             return quantities.integer(text)
         if self.type is FieldType.BOOLEAN:
@@ -188,13 +183,12 @@ def format_value(value: Setting, field_type: FieldType) -> str:
         return str(value).lower()
     if isinstance(value, str):
         return value
-    read = _QUANTITIES.get(field_type)
-    if read is None:
+    if field_type not in _UNITS:
         short = format_quantity(value, field_type)
         return short if float(short) == value else repr(value)
     for digits in (6, 9, 12, 15, 16, 17):
         text = format_quantity(value, field_type, digits)
-        if not math.isfinite(value) or read(text) == value:
+        if not math.isfinite(value) or quantities.quantity(text, field_type) == value:
             return text
     return f"{value!r} {_UNITS[field_type]}"
 

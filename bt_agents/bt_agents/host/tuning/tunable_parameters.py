@@ -30,9 +30,8 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.parameters import describe
-from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.timers import FuturePoller, steady_timer
 
 ROS_PARAMETER = "ros parameter"
 """Author of a change without a name."""

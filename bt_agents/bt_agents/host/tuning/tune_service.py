@@ -22,8 +22,8 @@ from bt_agents_core.text import quote
 from bt_agents_interfaces.msg import Preset, Tunables, Tuning, Tunings
 from bt_agents_interfaces.srv import Tune
 from bt_agents_ros import qos
-from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.messages import to_time
+from bt_agents_ros.timers import FuturePoller
 
 SOMEBODY = "somebody"
 """Author of a request without a name."""

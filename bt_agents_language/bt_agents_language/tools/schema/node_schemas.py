@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.fields.server_timeouts import HEARTBEAT, TIMEOUTS
+from bt_agents_language.fields.bindings import HEARTBEAT, TIMEOUTS
 from bt_agents_language.model.specs import FieldSpec, SkillSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType

@@ -17,7 +17,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_language.expression.quantities import QuantityError, duration
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.expression.quantities import QuantityError, quantity
 from bt_agents_tools.cli.commands.tune import user
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 from bt_agents_tools.cli.formatting import KINDS, counted
@@ -320,7 +321,7 @@ def _age(text: str) -> float:
     if days:
         return float(days[1]) * _DAY_S * (7 if days[2].startswith("w") else 1)
     try:
-        return duration(text)
+        return quantity(text, FieldType.DURATION)
     except QuantityError as error:
         raise Refused("BAD_AGE", f"{option}: {error}; for example 90d or 12 h") from None
 
