@@ -28,28 +28,6 @@ _STALL_S = 30.0
 _POLL_S = 0.2
 
 
-class _Recorder:
-    """Recorder of the rounds, which joins each decision with its feedback."""
-
-    def __init__(self) -> None:
-        self.records: list[FeedbackRecord] = []
-        self._scenes: dict[int, Vector] = {}
-
-    def auction(self, message: Any) -> None:
-        self._scenes[message.round] = tuple(value.value for value in message.scene.values)
-
-    def feedback(self, message: Any) -> None:
-        self.records.append(
-            FeedbackRecord(
-                round=message.round,
-                scene=self._scenes.get(message.round, ()),
-                winner=message.agent,
-                before=tuple(message.before),
-                after=tuple(message.after),
-            )
-        )
-
-
 def through_ros(
     folder: Trees, spec: ExperimentSpec, settings: Settings, interrupt: Interrupt
 ) -> list[FeedbackRecord]:
@@ -95,11 +73,9 @@ def _record(
     interrupt: Interrupt,
 ) -> list[FeedbackRecord]:
     from bt_agents_tools.client.observer import Observer
-    from bt_agents_tools.client.system import watch_decisions
 
     observer = Observer()
-    recorder = _Recorder()
-    watch_decisions(observer, recorder.auction, recorder.feedback)
+    auctions, feedbacks = observer.received("auctions"), observer.received("feedback")
     try:
         observer.spin_until(
             lambda: bool(interrupt or supervisor.failure()) or observer.ready(agents), _STALL_S
@@ -114,11 +90,11 @@ def _record(
         with Progress(transient=True) as progress:
             task = progress.add_task(spec.title, total=spec.rounds)
             last_change = time.monotonic()
-            while len(recorder.records) < spec.rounds and not interrupt:
-                before = len(recorder.records)
-                observer.spin_until(lambda: len(recorder.records) >= spec.rounds, _POLL_S)
-                progress.update(task, completed=len(recorder.records))
-                if len(recorder.records) > before:
+            while len(feedbacks) < spec.rounds and not interrupt:
+                before = len(feedbacks)
+                observer.spin_until(lambda: len(feedbacks) >= spec.rounds, _POLL_S)
+                progress.update(task, completed=len(feedbacks))
+                if len(feedbacks) > before:
                     last_change = time.monotonic()
                 if supervisor.failure():
                     raise BtAgentsError(supervisor.failure())
@@ -127,9 +103,19 @@ def _record(
                         f"no round for {_STALL_S:g} s after {before} of {spec.rounds}; the logs "
                         f"are in {supervisor.log('agents').parent}"
                     )
-        return recorder.records
     finally:
         observer.close()
+    scenes_by_round = {one.round: tuple(v.value for v in one.scene.values) for one in auctions}
+    return [
+        FeedbackRecord(
+            round=one.round,
+            scene=scenes_by_round.get(one.round, ()),
+            winner=one.agent,
+            before=tuple(one.before),
+            after=tuple(one.after),
+        )
+        for one in feedbacks
+    ]
 
 
 def _parameters(settings: Settings) -> dict[str, str | float]:

@@ -19,8 +19,8 @@ COMMANDS: Mapping[str, str] = {
     "demo": "demo",
     "up": "up",
     "trigger": "trigger",
-    "sense": "sense",
-    "cancel": "cancel",
+    "sense": "trigger",
+    "cancel": "operate",
     "scene": "scene",
     "status": "status",
     "why": "why",
@@ -46,8 +46,8 @@ COMMANDS: Mapping[str, str] = {
     "preset": "preset",
     "keep": "keep",
     "reload": "reload",
-    "versions": "versions",
-    "roll-back": "roll_back",
+    "versions": "reload",
+    "roll-back": "reload",
 }
 """Command → its module in ``bt_agents_tools.cli.commands``.
 

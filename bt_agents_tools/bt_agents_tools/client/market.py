@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests to the marketplace by a command line, each bounded in time."""
+"""Strategies of a running market, and scenes for its operators."""
 
 from __future__ import annotations
 
@@ -8,16 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from bt_agents_interfaces.msg import Scene, SceneValue
-from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_tools.client.observer import Observer
-
-_NODE = "marketplace"
-_STATUS_LIMIT_S = 10.0  # discovery may take long on a busy machine
-_PREVIEW_LIMIT_S = 70.0  # more than the longest deadline of a round, with a program outside
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,33 +40,6 @@ class Strategies:
     options: Mapping[str, tuple[StrategyOption, ...]]
     current: str
     shadow: str
-
-
-def operate(
-    observer: Observer, action: str, *, agent: str = "", reason: str = "", scene: Any = None
-) -> Any:
-    """Send an operator's command; return the market's response, None without an answer.
-
-    The action is the name of a constant of ``OperateMarket.srv``. Without a scene an award is for
-    the last one.
-    """
-    request = OperateMarket.Request(
-        action=getattr(OperateMarket.Request, action), agent=agent, reason=reason
-    )
-    if scene is not None:
-        request.scene = scene
-    return observer.call(OperateMarket, f"{_NODE}/operate", request)
-
-
-def preview(observer: Observer, strategy: str, scene: Any = None) -> Any:
-    """Ask who would win; return the market's response, None without an answer.
-
-    Without a strategy it is the one in force, without a scene the last one.
-    """
-    request = PreviewAuction.Request(strategy=strategy)
-    if scene is not None:
-        request.scene = scene
-    return observer.call(PreviewAuction, f"{_NODE}/preview", request, limit_s=_PREVIEW_LIMIT_S)
 
 
 def scene_of(
@@ -119,17 +86,11 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
 
 def strategies(observer: Observer) -> Strategies | None:
     """Return the strategies of the market with the values in force; None without an answer."""
-    if not observer.spin_until(lambda: observer.market is not None, _STATUS_LIMIT_S):
-        return None
     found = {info.name: info for info in observer.market.strategies}
     dotted = [f"{name}.{option}" for name, info in found.items() for option in info.options]
     names = ["strategy", "shadow_strategy", *dotted]
-    described = observer.call(
-        DescribeParameters, f"{_NODE}/describe_parameters", DescribeParameters.Request(names=names)
-    )
-    got = observer.call(
-        GetParameters, f"{_NODE}/get_parameters", GetParameters.Request(names=names)
-    )
+    described = observer.ask("marketplace/describe_parameters", names=names)
+    got = observer.ask("marketplace/get_parameters", names=names)
     if described is None or got is None:
         return None
     if not len(described.descriptors) == len(got.values) == len(names):
@@ -163,11 +124,10 @@ def _option(name: str, value: float, descriptor: Any) -> StrategyOption:
 
 def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> str | None:
     """Set parameters of the market together; return why not, empty if set, None if unanswered."""
-    parameters = [Parameter(name, value=value) for name, value in changes.items()]
-    request = SetParametersAtomically.Request(
-        parameters=[parameter.to_parameter_msg() for parameter in parameters]
-    )
-    answer = observer.call(SetParametersAtomically, f"{_NODE}/set_parameters_atomically", request)
+    parameters = [
+        Parameter(name, value=value).to_parameter_msg() for name, value in changes.items()
+    ]
+    answer = observer.ask("marketplace/set_parameters_atomically", parameters=parameters)
     if answer is None:
         return None
     return "" if answer.result.successful else str(answer.result.reason or "it gives no reason")

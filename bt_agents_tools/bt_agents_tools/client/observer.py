@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import rclpy
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -23,14 +24,29 @@ from bt_agents_interfaces.msg import (
     HostCard,
     MarketHeartbeat,
     MarketStatus,
+    MoodTrace,
+    Persons,
     Profiles,
     Run,
     Scene,
     SceneEnd,
+    Trees,
     TreeStatus,
+    Tunables,
     Tunings,
 )
-from bt_agents_interfaces.srv import Analyze, GiveFeedback, ListVersions
+from bt_agents_interfaces.srv import (
+    Analyze,
+    CancelRun,
+    GiveFeedback,
+    ListVersions,
+    ManageProfiles,
+    OperateMarket,
+    PreviewAuction,
+    ReloadAgents,
+    RollBack,
+    Tune,
+)
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.spinner import Spinner
@@ -84,6 +100,42 @@ _SETTLE_S = 0.1
 """Time that an event waits for one of another topic that was sent before it [s]."""
 
 _VERSIONS_LIMIT_S = 1.0
+
+_SERVICES = {
+    "analyze": Analyze,
+    "cancel": CancelRun,
+    "describe_parameters": DescribeParameters,
+    "get_parameters": GetParameters,
+    "give": GiveFeedback,
+    "manage": ManageProfiles,
+    "operate": OperateMarket,
+    "preview": PreviewAuction,
+    "reload": ReloadAgents,
+    "roll_back": RollBack,
+    "set_parameters_atomically": SetParametersAtomically,
+    "tune": Tune,
+    "versions": ListVersions,
+}
+"""Last part of the name of a service → its type."""
+
+_LIMIT_S = 5.0
+_LIMITS_S = {
+    "manage": 30.0,  # erasing a person rewrites the whole ledger
+    "preview": 70.0,  # more than the longest deadline of a round, with a program outside
+}
+"""Longest times for an answer, where it is not :data:`_LIMIT_S` [s]."""
+
+_TOPICS = {
+    "auctions": (Auction, qos.FACTS),
+    "feedback": (Feedback, qos.FACTS),
+    "mood_traces": (MoodTrace, qos.FACTS),
+    "persons": (Persons, qos.FACT),
+    "scene_ends": (SceneEnd, qos.FACTS),
+    "trees": (Trees, qos.FACT),
+    "tunables": (Tunables, qos.FACT),
+    "tunings": (Tunings, qos.FACT),
+}
+"""Last part of the name of a topic → its type, and what late joiners get."""
 
 
 class _EventOrder:
@@ -284,24 +336,37 @@ class Observer:
         """Spin until ``done()`` is true or the time is up; return ``done()``."""
         return self._spinner.spin_until(done, limit_s)
 
-    def call(
-        self, kind: Any, name: str, request: Any, limit_s: float = 5.0, *, find_s: float = _FIND_S
+    def ask(
+        self, service: str, *, find_s: float = _FIND_S, limit_s: float = 0.0, **fields: Any
     ) -> Any:
         """Call a service; return its response, or None when it is not there or does not answer.
 
         Args:
-            kind: Type of the service.
-            name: Its name.
-            request: The request.
-            limit_s: Longest time for the answer [s].
+            service: Its name, which ends with a key of ``_SERVICES``.
             find_s: Longest time for discovery of the service [s].
+            limit_s: Longest time for the answer [s]; 0 takes that of the service.
+            fields: Fields of the request; ``action`` and ``person`` by the names of constants.
         """
-        client = self.node.create_client(kind, name, qos_profile=qos.SERVICE)
+        name = service.rpartition("/")[2]
+        kind = _SERVICES[name]
+        for field in fields.keys() & {"action", "person"}:
+            fields[field] = getattr(kind.Request, fields[field])
+        client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
         if not self.spin_until(client.service_is_ready, find_s):
             return None
-        future = client.call_async(request)
-        self.spin_until(future.done, limit_s)
+        future = client.call_async(kind.Request(**fields))
+        self.spin_until(future.done, limit_s or _LIMITS_S.get(name, _LIMIT_S))
         return future.result() if future.done() else None
+
+    def received(self, topic: str) -> list[Any]:
+        """Return a list that fills with the messages of a topic, the latched ones first.
+
+        The name of the topic ends with a key of ``_TOPICS``.
+        """
+        messages: list[Any] = []
+        kind, profile = _TOPICS[topic.rpartition("/")[2]]
+        self.node.create_subscription(kind, topic, messages.append, profile)
+        return messages
 
     def close(self) -> None:
         """Destroy the node and shut ROS down in this process."""

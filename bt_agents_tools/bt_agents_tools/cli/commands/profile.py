@@ -30,7 +30,6 @@ _FOLDED = ("agent", "for", "what", "from", "change", "why")
 _DAYS = re.compile(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)")
 _BARE = re.compile(r"[\d.]+")
 _DAY_S = 86_400.0
-_FIND_SCENE_LAYER_S = 1.0
 _MAX_PROBLEMS = 20
 
 _layer = click.option(
@@ -202,21 +201,11 @@ def forget(layer: str, agent: str, yes: bool, author: str) -> None:
         whose = agent or "all agents"
         click.confirm(f"forget what {whose} learned for {layer}, for ever?", abort=True)
     with connect() as observer:
-        from bt_agents_tools.client import system
-
-        from_ledger = system.manage_profiles(
-            observer, "FORGET", agent=agent, layer=layer, author=author
-        )
+        asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
+        from_ledger = observer.ask("feedback/manage", agent=agent, **asked)
         from_scene_layer = None
         if not agent:
-            from_scene_layer = system.manage_profiles(
-                observer,
-                "FORGET",
-                node="scene_layer",
-                find_s=_FIND_SCENE_LAYER_S,
-                layer=layer,
-                author=author,
-            )
+            from_scene_layer = observer.ask("scene_layer/manage", find_s=1.0, **asked)
     if from_scene_layer is not None:
         click.echo(f"scene layer: {from_scene_layer.message}")
         if from_scene_layer.accepted and from_ledger is not None and not from_ledger.accepted:
@@ -294,9 +283,7 @@ def _show(agent: str) -> None:
 
 
 def _manage(observer: Observer, action: str, **fields: Any) -> Any:
-    from bt_agents_tools.client import system
-
-    answer = system.manage_profiles(observer, action, find_s=FIND_LIMIT_S, **fields)
+    answer = observer.ask("feedback/manage", find_s=FIND_LIMIT_S, action=action, **fields)
     return accepted(answer, "the feedback node")
 
 

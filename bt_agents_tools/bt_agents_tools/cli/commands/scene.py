@@ -84,12 +84,9 @@ def _labels(directory: str) -> Labels:
 
 def _poll(observer: Observer) -> Iterator[tuple[Any, Any]]:
     """Yield the present scene and the persons; None where persons are not tracked."""
-    from bt_agents_tools.client import system
-
-    received = system.persons(observer)
+    received = observer.received("scene/persons")
     while True:
-        answer = system.analyze(observer, [], [], announce=False)
-        message = accepted(answer, "the scene layer").scene
+        message = accepted(observer.ask("scene_layer/analyze"), "the scene layer").scene
         observer.spin_until(lambda: bool(received), _COLLECT_S)
         yield message, received[-1] if received else None
         del received[:-1]

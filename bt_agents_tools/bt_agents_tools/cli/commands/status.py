@@ -29,9 +29,7 @@ _ENDS_SHOWN = 3
 def status() -> None:
     """Show what runs, all agents, and every problem."""
     with connect() as observer:
-        from bt_agents_tools.client import system
-
-        auctions, ends = system.decisions(observer), system.scene_ends(observer)
+        auctions, ends = observer.received("auctions"), observer.received("scene_ends")
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         market, names = observer.market, names_of_scenes(auctions)

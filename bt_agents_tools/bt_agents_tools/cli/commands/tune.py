@@ -41,9 +41,7 @@ def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
     Raises:
         BtAgentsError: It does not answer, or refuses.
     """
-    from bt_agents_tools.client import tuning
-
-    answer = tuning.tune(observer, host, action, **fields)
+    answer = observer.ask(f"{host}/tune", action=action, **fields)
     click.echo(accepted(answer, f"the host {host}").message)
 
 
@@ -154,10 +152,8 @@ def _take_back(observer: Observer, agent: str, action: str, *, author: str, reas
     if action == "undo":
         profile = _undoable_profile(observer, host, agent)
         if profile is not None:
-            from bt_agents_tools.client import system
-
-            answer = system.manage_profiles(
-                observer, "UNDO", agent=profile.agent, author=author, reason=reason
+            answer = observer.ask(
+                "feedback/manage", action="UNDO", agent=profile.agent, author=author, reason=reason
             )
             click.echo(f"undo of a profile: {accepted(answer, 'the feedback node').message}")
             return

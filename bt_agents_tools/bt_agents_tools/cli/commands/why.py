@@ -24,9 +24,7 @@ from bt_agents_tools.cli.decisions import (
 def why(round_number: int | None, as_json: bool) -> None:
     """Say why an agent won, last or in a ROUND."""
     with connect() as observer:
-        from bt_agents_tools.client import system
-
-        ends = system.scene_ends(observer)
+        ends = observer.received("scene_ends")
         auctions = last_decisions(observer)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         found = [a for a in auctions if round_number is None or a.round == round_number]
