@@ -222,6 +222,7 @@ def sweep(
 
 def _print_sweep(console: Console, title: str, played: Played) -> None:
     from bt_agents_lab.experiments.measures import summary
+    from bt_agents_lab.experiments.sweep import rule_label
     from bt_agents_lab.experiments.sweep_figures import cells
 
     table = Table(title=title, box=None, pad_edge=False, header_style="dim")
@@ -233,7 +234,7 @@ def _print_sweep(console: Console, title: str, played: Played) -> None:
         measured = summary(found)
         row = cells(cell, measured)
         shown = [row[name] for name in ("wrong", "right", "worst", "starved", "regret", "settles")]
-        table.add_row(cell.selection.label, cell.learning.label, *shown)
+        table.add_row(cell.selection.label, rule_label(cell.learning), *shown)
     console.print(table)
 
 
