@@ -94,13 +94,7 @@ _HOST = (
 
 
 class JournalNode(BaseNode):
-    """Recorder of the messages of a system, into one file for each start and day.
-
-    Args:
-        folder: For the files.
-        today: Returns the local date.
-        node_kwargs: For :class:`rclpy.node.Node`.
-    """
+    """Recorder of the messages of a system, into one file for each start and day."""
 
     def __init__(
         self, folder: Path, *, today: Callable[[], date] = date.today, **node_kwargs: Any
@@ -134,7 +128,6 @@ class JournalNode(BaseNode):
         self.get_logger().info(f"the journal is {self.journal.path}")
 
     def destroy_node(self) -> None:
-        """Write what waits in memory and leave the graph."""
         if hasattr(self, "journal"):
             self.journal.close()
         super().destroy_node()

@@ -228,13 +228,13 @@ def _print_sweep(console: Console, title: str, played: Played) -> None:
     table = Table(title=title, box=None, pad_edge=False, header_style="dim")
     for column in ("strategy", "update"):
         table.add_column(column, no_wrap=True)
-    for column in ("wrong", "right", "worst", "starved", "regret", "settles"):
+    shown = ("wrong", "right", "worst", "starved", "regret", "settles")
+    for column in shown:
         table.add_column(column, justify="right")
     for cell, found in played:
-        measured = summary(found)
-        row = cells(cell, measured)
-        shown = [row[name] for name in ("wrong", "right", "worst", "starved", "regret", "settles")]
-        table.add_row(cell.selection.label, rule_label(cell.learning), *shown)
+        row = cells(cell, summary(found))
+        label = cell.selection.label
+        table.add_row(label, rule_label(cell.learning), *(row[name] for name in shown))
     console.print(table)
 
 

@@ -33,11 +33,7 @@ def through_ros(
 ) -> list[FeedbackRecord]:
     """Play a whole experiment and return its rounds; fewer when it was interrupted.
 
-    Args:
-        folder: The agents.
-        spec: The experiment.
-        settings: Strategy, its options and tie rule for the market.
-        interrupt: True once the user wants to stop.
+    Of the settings the strategy, its options and the tie rule count.
 
     Raises:
         BtAgentsError: A part did not start, died or stood still.
@@ -51,11 +47,12 @@ def through_ros(
         script.write_text(_script(spec, space))
         prepared = Path(scratch) / "experiment.yaml"
         prepared.write_text(_prepared(spec, space))
-        market = components.market(path)
+        market = components.market(path, strategy=settings.strategy)
+        ranking: dict[str, str | float] = {"tie_break": settings.tie_break, **settings.options}
         supervisor = Supervisor(components.new_log_folder())
         try:
             supervisor.start(
-                replace(market, parameters={**market.parameters, **_parameters(settings)}),
+                replace(market, parameters={**market.parameters, **ranking}),
                 components.host(path),
                 components.feedback(path, ledger=":memory:", simulated=prepared),
             )
@@ -116,14 +113,6 @@ def _record(
         )
         for one in feedbacks
     ]
-
-
-def _parameters(settings: Settings) -> dict[str, str | float]:
-    return {
-        "strategy": settings.strategy,
-        "tie_break": settings.tie_break,
-        **{name: float(value) for name, value in settings.options.items()},
-    }
 
 
 def _script(spec: ExperimentSpec, space: SceneSpace) -> str:

@@ -68,12 +68,8 @@ def streams_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]
 def with_seed(spec: ExperimentSpec, seed: int) -> ExperimentSpec:
     """Return an experiment with another seed, and its feedback from the start."""
     errors = spec.feedback.errors
-    return replace(
-        spec,
-        seed=seed,
-        feedback=replace(
-            spec.feedback, errors=None if errors is None else replace(errors, seed=seed)
-        ),
+    return with_errors(
+        replace(spec, seed=seed), None if errors is None else replace(errors, seed=seed)
     )
 
 
@@ -85,13 +81,9 @@ def with_errors(spec: ExperimentSpec, errors: FeedbackErrors | None) -> Experime
 def replicas(
     world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int], arm: Arm | None = None
 ) -> Replicas:
-    """Play an experiment once for each seed.
+    """Play an experiment once for each seed, in its world or a variant of it.
 
-    Args:
-        world: Of :func:`world_of`, or a variant.
-        spec: The experiment.
-        seeds: Any.
-        arm: Selection and learning; None as in the paper.
+    Without an arm agents are selected and learn as in the paper.
     """
     streams = streams_of(world, spec, seeds)
     # Feedback is wrong where the draw is 0, right where it is 1.
