@@ -41,13 +41,7 @@ _TOLERANCE_S = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class AssertionFailure:
-    """Expectation that was not fulfilled.
-
-    Attributes:
-        position: Its place in the test file.
-        message: The expected and the found, for people.
-        rows: The same side by side, for lists.
-    """
+    """Expectation that was not fulfilled, for lists with the expected and the found in rows."""
 
     position: Position
     message: str
@@ -119,12 +113,11 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None
             )
             return _failure(wanted, f"feedback: expected {expected}, found {found}")
         case CancelledBy():
-            if wanted.cause == rehearsed.cancelled_by:
+            cause = rehearsed.cancelled_by
+            if wanted.cause == cause:
                 return None
-            found_cause = rehearsed.cancelled_by or "nothing"
-            return _failure(
-                wanted, f"cancelled_by: expected '{wanted.cause}', found {found_cause}"
-            )
+            message = f"cancelled_by: expected '{wanted.cause}', found {cause or 'nothing'}"
+            return _failure(wanted, message)
 
 
 def _failure(wanted: Expectation, message: str, rows: Sequence[Row] = ()) -> AssertionFailure:

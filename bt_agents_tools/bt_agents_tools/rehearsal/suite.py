@@ -24,12 +24,7 @@ from bt_agents_tools.rehearsal.transcript import ending, table, transcript
 
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
-    """Result of one case.
-
-    Attributes:
-        failures: Expectations that were not fulfilled.
-        elapsed_s: Real duration [s].
-    """
+    """Result of one case, with its real duration [s]."""
 
     case: AgentTestCase
     rehearsed: Rehearsed
