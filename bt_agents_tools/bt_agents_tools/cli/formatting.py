@@ -16,7 +16,6 @@ STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
 OUTCOMES = ("SUCCEEDED", "FAILED", "CANCELLED", "LOST")
 KINDS = ("DIRECT", "POSITIVE", "NEGATIVE", "SET")
 
-_QUOTED = re.compile(r"'([^']*)'")
 _NARROWEST = 20
 
 
@@ -54,7 +53,7 @@ class SceneLabels:
 
     def with_names(self, text: str) -> str:
         """Return a text for people with names in place of quoted ids."""
-        return _QUOTED.sub(lambda match: f"'{self.name_of(match[1])}'", text)
+        return re.sub(r"'([^']*)'", lambda match: f"'{self.name_of(match[1])}'", text)
 
 
 def _original_id(scene_id: str) -> str:

@@ -39,7 +39,7 @@ class InteractiveAnswers:
         self._explained = False
 
     def asks(self, use: Use) -> bool:
-        """Return whether to prompt for a skill: not for texts that are only said or shown."""
+        # Nobody answers texts that are only said or shown.
         skill = use.node.skill
         outputs = default_answers.returned(use.node)
         if skill is None or (skill.main == "text" and not outputs):
@@ -47,7 +47,6 @@ class InteractiveAnswers:
         return bool(outputs) or default_answers.duration_s(use.node, use.inputs, fails=False) > 0.0
 
     def answer(self, use: Use) -> ScriptedAnswer | ScriptedEvent | None:
-        """Prompt for the end of a skill, or an event before it; None for the default."""
         if not self._explained:
             self._explained = True
             self._print_hint(
@@ -85,11 +84,10 @@ class InteractiveAnswers:
 
     def _read_event(self, typed: str) -> ScriptedEvent | None:
         try:
-            typed_yaml = typed_event(self._agent, typed)
+            read = self._read(typed_event(self._agent, typed))
         except BtAgentsError as error:
             self._console.print(Text(str(error), style="red"), soft_wrap=True)
             return None
-        read = self._read(typed_yaml)
         return None if read is None else read.during[0]
 
     def _mood_example(self) -> str:

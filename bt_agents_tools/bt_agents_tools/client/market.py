@@ -27,14 +27,7 @@ class StrategyOption:
 
 @dataclass(frozen=True, kw_only=True)
 class Strategies:
-    """Strategies of a running market.
-
-    Attributes:
-        descriptions: Purpose of each, by name.
-        options: Options of each, by name; empty for one without.
-        current: Name of the one in force.
-        shadow: Name of the one that only scores; empty for none.
-    """
+    """Strategies of a running market by name: one in force, and perhaps one that only scores."""
 
     descriptions: Mapping[str, str]
     options: Mapping[str, tuple[StrategyOption, ...]]
@@ -48,20 +41,13 @@ def scene_of(
     given: Mapping[str, float],
     *,
     scene_id: str,
-    last: Any = None,
-    person: bool | None = None,
-    label: str = "",
+    last: Any,
+    person: bool | None,
+    label: str,
 ) -> Any:
-    """Return a scene message with some values given.
+    """Return a scene message with some values given, the others as in the last scene or missing.
 
-    Args:
-        observer: In the graph of the system.
-        names: All parameters, in order.
-        given: Values by name.
-        scene_id: Its id.
-        last: A scene from which the other values are taken; None leaves them missing.
-        person: Presence of a person; None is as in ``last``, else yes.
-        label: Name for people.
+    Without ``person`` a person is there as in the last scene, or when there is none.
     """
     known = {value.name: value for value in last.values} if last is not None else {}
     scene = Scene(

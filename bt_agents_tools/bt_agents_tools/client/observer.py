@@ -93,13 +93,8 @@ class Listener(Protocol):
         """Handle a change of a host's agents, or a problem of their files, as text for people."""
 
 
-_FIND_S = 10.0
-"""Longest time for discovery on a busy machine [s]."""
-
 _SETTLE_S = 0.1
 """Time that an event waits for one of another topic that was sent before it [s]."""
-
-_VERSIONS_LIMIT_S = 1.0
 
 _SERVICES = {
     "analyze": Analyze,
@@ -163,12 +158,7 @@ class _EventOrder:
 
 
 class _CardListener:
-    """Reports differences between the cards of hosts, with what has changed in new versions.
-
-    Args:
-        node: Node of the observer.
-        report: Takes a text, and whether it is an error.
-    """
+    """Reports differences between the cards of hosts, with what has changed in new versions."""
 
     def __init__(self, node: Node, report: Callable[[str, bool], None]) -> None:
         self._node = node
@@ -199,7 +189,7 @@ class _CardListener:
         self._calls.call(
             self._clients[host],
             ListVersions.Request(agent=difference.agent),
-            deadline_s=_VERSIONS_LIMIT_S,
+            deadline_s=1.0,
             on_answer=on_answer,
             on_failure=lambda _reason: self._report(difference.text, difference.is_error),
         )
@@ -207,9 +197,6 @@ class _CardListener:
 
 class Observer:
     """Node that subscribes to a running system; it handles messages while it is spun.
-
-    Args:
-        listener: Notified of events; None for none.
 
     Attributes:
         namespace: Namespace of the system, from the environment's ``ROS_NAMESPACE``.
@@ -233,9 +220,12 @@ class Observer:
         self.visits_done = False
         self._spinner = Spinner(self.node)
         self._card_listener: _CardListener | None = None
-        self._subscribe(MarketStatus, "market", self._on_market, qos.FACT)
-        self._subscribe(HostCard, "cards", self._on_card, qos.FACTS)
-        self._subscribe(Profiles, "profiles", self._on_profiles, qos.FACT)
+        for kind, topic, handle, profile in (
+            (MarketStatus, "market", self._on_market, qos.FACT),
+            (HostCard, "cards", self._on_card, qos.FACTS),
+            (Profiles, "profiles", self._on_profiles, qos.FACT),
+        ):
+            self.node.create_subscription(kind, topic, handle, profile)
         self._services = [
             self.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE),
             self.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE),
@@ -261,7 +251,7 @@ class Observer:
             (Feedback, "feedback", listener.feedback, qos.EVENTS),
             (Tunings, "agents/tunings", listener.tunings, qos.FACT),
         ):
-            self._subscribe(kind, topic, order.callback_for(deliver), profile)
+            self.node.create_subscription(kind, topic, order.callback_for(deliver), profile)
 
     def watch_heartbeats(self, on_heartbeat: Callable[[str], None]) -> None:
         """Call back with the component's name for each heartbeat of one."""
@@ -278,11 +268,6 @@ class Observer:
                 qos.SENSOR,
                 raw=True,
             )
-
-    def _subscribe(
-        self, kind: Any, topic: str, callback: Callable[..., None], profile: Any
-    ) -> None:
-        self.node.create_subscription(kind, topic, callback, profile)
 
     def _on_market(self, message: Any) -> None:
         self.market = message
@@ -306,23 +291,16 @@ class Observer:
         message = self.profiles
         learned = zip(message.agents, message.layers, message.revisions, strict=True)
         known = {
-            name
-            for name, layer, revision in learned
-            if not layer and bidding.get(name, -1) >= revision
+            name for name, layer, held in learned if not layer and bidding.get(name, -1) >= held
         }
-        return len(known & set(bidding)) >= agents
+        return len(known) >= agents
 
     def namespaces_of_markets(self) -> list[str]:
         """Return the namespaces of the marketplaces that are discovered on this domain so far."""
         kind = "bt_agents_interfaces/msg/MarketStatus"
         topics = [name for name, kinds in self.node.get_topic_names_and_types() if kind in kinds]
-        return sorted(
-            {
-                end.node_namespace
-                for topic in topics
-                for end in self.node.get_publishers_info_by_topic(topic)
-            }
-        )
+        ends = (end for topic in topics for end in self.node.get_publishers_info_by_topic(topic))
+        return sorted({end.node_namespace for end in ends})
 
     def services_ready(self) -> bool:
         """Return True when the services of scene layer and feedback node are discovered."""
@@ -337,7 +315,7 @@ class Observer:
         return self._spinner.spin_until(done, limit_s)
 
     def ask(
-        self, service: str, *, find_s: float = _FIND_S, limit_s: float = 0.0, **fields: Any
+        self, service: str, *, find_s: float = 10.0, limit_s: float = 0.0, **fields: Any
     ) -> Any:
         """Call a service; return its response, or None when it is not there or does not answer.
 

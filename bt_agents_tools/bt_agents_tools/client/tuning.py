@@ -12,7 +12,7 @@ from typing import Any
 
 from rclpy.parameter import parameter_value_to_python
 
-from bt_agents.host.tuning.tunable import Setting, TunableParameter, profile_values
+from bt_agents.host.tuning.tunable import TunableParameter, profile_values
 from bt_agents.host.tuning.tunable_messages import info_from_msg
 from bt_agents.host.tuning.tune_service import SOMEBODY
 from bt_agents_core.errors import BtAgentsError, Refused
@@ -20,20 +20,13 @@ from bt_agents_core.feedback import TUNING, FeedbackKind
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_tools.client.observer import Observer
+from bt_agents_tools.client.write_back import ParameterState
 
 _MAX_NAMES = 500
 """Most parameters of one request."""
 
 _LATCHED_LIMIT_S = 3.0
 """Longest time for a latched message [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ParameterState:
-    """Tunable parameter of a running host, or value of a profile, with its current value."""
-
-    parameter: TunableParameter
-    value: Setting
 
 
 def tunings(observer: Observer, host: str) -> Any:
@@ -56,7 +49,10 @@ def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> lis
     message = _latched(observer, f"{host}/tunables")
     described = [info_from_msg(o) for o in message.tunables if not agents or o.agent in agents]
     described.sort(key=lambda parameter: parameter.name)
-    states = [state for some in _chunks(described) for state in _with_values(observer, host, some)]
+    chunks = (
+        described[start : start + _MAX_NAMES] for start in range(0, len(described), _MAX_NAMES)
+    )
+    states = [state for some in chunks for state in _with_values(observer, host, some)]
     return [*states, *_profiles(observer.cards.get(host), agents)]
 
 
@@ -113,9 +109,7 @@ def set_profile(
 class TunedProfile:
     """Change of a profile that an undo would take back: the last one, and it was tuned.
 
-    Attributes:
-        agent: The agent whose profile it is.
-        stamp: Time of the change [s since 1970].
+    The stamp is the time of the change [s since 1970].
     """
 
     agent: str
@@ -167,9 +161,3 @@ def _latched(observer: Observer, topic: str) -> Any:
 
 def _no_answer(name: str) -> BtAgentsError:
     return BtAgentsError(f"{name}: no answer; look at 'bt-agents status'")
-
-
-def _chunks(parameters: Sequence[TunableParameter]) -> Iterator[Sequence[TunableParameter]]:
-    return (
-        parameters[start : start + _MAX_NAMES] for start in range(0, len(parameters), _MAX_NAMES)
-    )

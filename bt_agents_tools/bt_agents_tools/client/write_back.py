@@ -25,18 +25,14 @@ from bt_agents_language.tools.formatting.span_edit import replace_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 
-_WITH_UNIT = re.compile(r"[-+.\deE]*\d\.?(\s*)([^\W\d_]+|°)")
-_PROFILE_DIGITS = 6
 _TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
-class TunedValue:
-    """Value of a running robot that differs from its file.
+class ParameterState:
+    """Tunable parameter of a running host, or value of a profile, with its current value.
 
-    Attributes:
-        parameter: Its description, with the default that the robot has read from the file.
-        value: Value in force on the robot.
+    The default of the parameter is what the robot has read from the file.
     """
 
     parameter: TunableParameter
@@ -45,17 +41,13 @@ class TunedValue:
 
 def write_defaults(
     source: Source,
-    tuned: Sequence[TunedValue],
+    tuned: Sequence[ParameterState],
     space: SceneSpace,
     read: Callable[[str], AgentSpec],
 ) -> str:
-    """Return the text of an agent file with tuned values as its defaults.
+    """Return the text of an agent file with tuned values, all of its agent, as its defaults.
 
-    Args:
-        source: The file.
-        tuned: Values to write, all of this agent.
-        space: The scene parameters.
-        read: Reads the text of an agent file; may raise ``ReadError``.
+    ``read`` reads the text of an agent file.
 
     Raises:
         ReadError: The file is broken.
@@ -78,7 +70,7 @@ def _parameters(spec: AgentSpec, space: SceneSpace) -> dict[str, TunableParamete
     return {parameter.name: parameter for parameter in (*parameters_of(spec), *profile)}
 
 
-def _check_unchanged(source: Source, tuned: TunedValue, here: TunableParameter | None) -> None:
+def _check_unchanged(source: Source, tuned: ParameterState, here: TunableParameter | None) -> None:
     robot = tuned.parameter
     if here is None:
         raise Refused(
@@ -95,7 +87,7 @@ def _check_unchanged(source: Source, tuned: TunedValue, here: TunableParameter |
 
 def _with_value(
     source: Source,
-    tuned: TunedValue,
+    tuned: ParameterState,
     parameter: TunableParameter,
     space: SceneSpace,
     read: Callable[[str], AgentSpec],
@@ -173,7 +165,7 @@ def _spellings(old: str, value: Setting, parameter: TunableParameter) -> list[st
     if isinstance(value, bool | str | int):
         return [parameter.format(value)]
     if parameter.kind is TunableKind.PROFILE:
-        return [f"{value:.{_PROFILE_DIGITS}g}"]
+        return [f"{value:.6g}"]
     if parameter.unit:
         return [*_in_unit_of(old, value, parameter), parameter.format(value)]
     return (
@@ -185,7 +177,7 @@ def _spellings(old: str, value: Setting, parameter: TunableParameter) -> list[st
 
 def _in_unit_of(old: str, value: float, parameter: TunableParameter) -> Iterator[str]:
     """Return a quantity in the unit of another one, if that takes only a few digits."""
-    match = _WITH_UNIT.fullmatch(old)
+    match = re.fullmatch(r"[-+.\deE]*\d\.?(\s*)([^\W\d_]+|°)", old)
     space, unit = match.groups() if match else ("", "")
     try:
         one = parameter.parse(f"1{unit}")
