@@ -48,9 +48,6 @@ from bt_agents_ros.startup import StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import prefixes
 
-FLUSH_S = 1.0
-"""Longest time that a message waits in memory [s]."""
-
 MOST_HOSTS = 100
 """Hosts that are recorded, at most."""
 
@@ -124,7 +121,7 @@ class JournalNode(BaseNode):
             self._subscribe(source, source.name)
         self._topic_of_cards = self._topic(HostCard, "cards")
         self.create_subscription(HostCard, "cards", self._handle_card, qos.FACTS, raw=True)
-        steady_timer(self, FLUSH_S, lambda: self.journal.flush(time.time_ns()))
+        steady_timer(self, 1.0, lambda: self.journal.flush(time.time_ns()))
         self.get_logger().info(f"the journal is {self.journal.path}")
 
     def destroy_node(self) -> None:
@@ -176,11 +173,7 @@ class JournalNode(BaseNode):
 
 
 def definition_text(type_name: str) -> str | None:
-    """Return the text of an installed message type as its author wrote it; None without one.
-
-    Args:
-        type_name: Full name, for example ``std_msgs/msg/Bool``.
-    """
+    """Return the text of an installed type, such as ``std_msgs/msg/Bool``; None without one."""
     if not _MESSAGE.fullmatch(type_name):
         return None
     for prefix in prefixes():

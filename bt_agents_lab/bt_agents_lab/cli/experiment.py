@@ -21,9 +21,8 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import experiments_folder, find_experiments, find_sweep
-from bt_agents_lab.experiments.replicas import with_seed
-from bt_agents_language.files.experiment_reader import read_experiment
-from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_lab.experiments.replicas import opened, with_seed
+from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import (
     ExperimentSpec,
     FeedbackRecord,
@@ -248,18 +247,6 @@ def _write(path: Path, text: str) -> None:
         ) from None
 
 
-def opened(path: Path) -> tuple[Trees, ExperimentSpec]:
-    """Read the agents and the experiment of a folder.
-
-    Raises:
-        BtAgentsError: Something in it cannot be read; it lists the problems.
-    """
-    folder = read_trees(path)
-    if folder.broken:
-        raise BtAgentsError(folder.broken[0].error.report)
-    return folder, read_experiment(path / "experiment.yaml", folder.scene.space)
-
-
 def _options(strategy: str, given: Sequence[str]) -> dict[str, float]:
     found = {}
     for text in given:
@@ -286,11 +273,7 @@ def _compare(core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]) -> 
 
 
 def _table_of(folder: Path, folders: Sequence[Path], file: Path | None) -> Path | None:
-    """Return the file for the rounds of one of some experiments, once it can be written.
-
-    Raises:
-        BtAgentsError: It cannot.
-    """
+    """Return the file for the rounds of one of some experiments, once it can be written."""
     if file is None:
         return None
     apart = file.with_name(f"{file.stem}-{folder.name}{file.suffix}")

@@ -76,12 +76,7 @@ def first(experiment: Paper) -> list[ClaimVerdict]:
 
 
 def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[ClaimVerdict]:
-    """Judge the claims about Experiment 2.
-
-    Args:
-        arms: Its three scenarios by name, as in :data:`RATES`.
-        seeds: One run each.
-    """
+    """Judge the claims about Experiment 2, of three scenarios named as in :data:`RATES`."""
     any_arm = arms["moderate"]
     few = any_arm.spec.feedback.errors
     third = arms["aggressive"].spec.feedback.errors

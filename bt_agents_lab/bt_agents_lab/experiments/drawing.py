@@ -44,14 +44,9 @@ _PNG_DPI = 130
 def sheet(
     folder: Path, name: str, size: tuple[float, float], rows: int = 1, columns: int = 1
 ) -> Iterator[tuple[Figure, Sequence[Axes]]]:
-    """Yield an empty figure and its axes, row by row; save it as SVG and PNG afterwards.
+    """Yield an empty figure of a size [inch] and its axes, row by row.
 
-    Args:
-        folder: Where the files go; made when it is not there.
-        name: Of the files, without suffix.
-        size: Width and height [inch].
-        rows: Axes below each other.
-        columns: Axes beside each other.
+    Afterwards it is saved as SVG and PNG, in a folder that is made when it is not there.
 
     Raises:
         BtAgentsError: matplotlib is not installed, or the files cannot be written.

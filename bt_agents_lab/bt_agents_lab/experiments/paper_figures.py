@@ -76,18 +76,11 @@ def third(folder: Path, many: Replicas, rounds: int) -> None:
         _selections(middle, many, shown, rounds)
         correct = right(world, many.streams, many.course)[:, :rounds]
         whole = many.course.all_ran
+        all_run, one_not = percent(float(whole.mean())), percent(float((~whole).mean()))
         for runs, colour, label in (
             (correct, COLOURS[0], "all runs"),
-            (
-                correct[whole],
-                COLOURS[2],
-                f"runs in which all agents run ({percent(float(whole.mean()))})",
-            ),
-            (
-                correct[~whole],
-                COLOURS[1],
-                f"runs in which one never runs ({percent(float((~whole).mean()))})",
-            ),
+            (correct[whole], COLOURS[2], f"runs in which all agents run ({all_run})"),
+            (correct[~whole], COLOURS[1], f"runs in which one never runs ({one_not})"),
         ):
             if len(runs):
                 share_band(bottom, smooth(runs.astype(np.float64), SMOOTHED), colour, label)
@@ -149,24 +142,9 @@ def _selections(axes: Axes, many: Replicas, shown: int, rounds: int) -> None:
     for index, name in enumerate(many.world.agents):
         won = np.flatnonzero(many.course.awarded[shown, :rounds] == index)
         wrong = many.world.suited[scenes[won]] != index
-        axes.plot(
-            won + 1,
-            scenes[won],
-            linestyle="none",
-            marker="|",
-            markersize=9,
-            color=COLOURS[index],
-            label=name,
-        )
-        axes.plot(
-            won[wrong] + 1,
-            scenes[won[wrong]],
-            linestyle="none",
-            marker="o",
-            markersize=8,
-            markerfacecolor="none",
-            color="black",
-        )
+        axes.plot(won + 1, scenes[won], "|", markersize=9, color=COLOURS[index], label=name)
+        at = won[wrong]
+        axes.plot(at + 1, scenes[at], "o", markersize=8, markerfacecolor="none", color="black")
     names = [f"[{', '.join(f'{value:g}' for value in scene)}]" for scene in many.world.scenes]
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(-0.5, len(names) - 0.5)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_lab.experiments.random_streams import RandomStreams, draw
 from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld, vectors
 from bt_agents_lab.experiments.simulation import Course, simulate
-from bt_agents_language.files.folder_reader import Trees
+from bt_agents_language.files.experiment_reader import read_experiment
+from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors
 
 
@@ -23,6 +25,18 @@ class Replicas:
     world: SimulatedWorld
     streams: RandomStreams
     course: Course
+
+
+def opened(path: Path) -> tuple[Trees, ExperimentSpec]:
+    """Read the agents and the experiment of a folder.
+
+    Raises:
+        BtAgentsError: Something in it cannot be read; it lists the problems.
+    """
+    folder = read_trees(path)
+    if folder.broken:
+        raise BtAgentsError(folder.broken[0].error.report)
+    return folder, read_experiment(path / "experiment.yaml", folder.scene.space)
 
 
 def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:

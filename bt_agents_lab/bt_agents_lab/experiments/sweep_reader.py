@@ -11,7 +11,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneSpace
 from bt_agents_lab.experiments.random_streams import WrongFeedback
-from bt_agents_lab.experiments.replicas import world_of
+from bt_agents_lab.experiments.replicas import opened, world_of
 from bt_agents_lab.experiments.simulated_world import (
     NOT_SIMULATED,
     Person,
@@ -20,8 +20,6 @@ from bt_agents_lab.experiments.simulated_world import (
 )
 from bt_agents_lab.experiments.sweep import SweepSpec
 from bt_agents_language.fields.scene_values import read_vector
-from bt_agents_language.files.experiment_reader import read_experiment
-from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.yaml.field_tables import (
     DURATION,
     NUMBER,
@@ -185,10 +183,7 @@ def _world(folder: Path) -> SimulatedWorld:
             f"'{folder}' is no experiment: it has no experiment.yaml; 'experiment:' of a sweep is "
             "a folder, seen from the file's own"
         )
-    trees = read_trees(folder)
-    if trees.broken:
-        raise BtAgentsError(trees.broken[0].error.report)
-    return world_of(trees, read_experiment(folder / "experiment.yaml", trees.scene.space))
+    return world_of(*opened(folder))
 
 
 def _selection(reading: TypedReader, node: Node) -> Selection | None:

@@ -95,11 +95,6 @@ class LazyGroup(click.Group):
 
 
 def _load(entry: EntryPoint) -> object:
-    """Import the function of a command.
-
-    Raises:
-        BtAgentsError: It needs a package that is not installed.
-    """
     try:
         return entry.load()
     except ModuleNotFoundError as error:

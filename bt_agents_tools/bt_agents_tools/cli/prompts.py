@@ -31,11 +31,11 @@ _INDENT = 13
 class InteractiveAnswers:
     """Source of answers that prompts the author."""
 
-    def __init__(self, console: Console, agent: AgentSpec, vocabulary: SymbolTable) -> None:
+    def __init__(self, console: Console, agent: AgentSpec, symbols: SymbolTable) -> None:
         self._console = console
         self._agent = agent
-        self._vocabulary = vocabulary
-        self._space = vocabulary.space
+        self._symbols = symbols
+        self._space = symbols.space
         self._explained = False
 
     def asks(self, use: Use) -> bool:
@@ -97,7 +97,7 @@ class InteractiveAnswers:
     def _read(self, typed: TypedYaml) -> Scenario | None:
         """Parse typed YAML; None when it has errors, which are printed."""
         try:
-            return read_scenario_text(typed.text, "typed", self._agent, self._vocabulary)
+            return read_scenario_text(typed.text, "typed", self._agent, self._symbols)
         except ReadError as error:
             self._console.print(Text(typed.explained(error), style="red"), soft_wrap=True)
             return None

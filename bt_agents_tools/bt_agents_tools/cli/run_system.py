@@ -132,11 +132,7 @@ def _wait_until_ready(
     interrupt: Interrupt,
     recorded: bool,
 ) -> None:
-    """Wait until all agents are registered, and recorded if the journal runs.
-
-    Raises:
-        BtAgentsError: A process cannot start, or it takes too long.
-    """
+    """Wait until all agents are registered, and recorded if the journal runs."""
 
     def ready() -> bool:
         ready = observer.ready(agents) and observer.services_ready()
@@ -159,11 +155,7 @@ def _print_events(
     visitors: Component | None,
     start: float,
 ) -> None:
-    """Print events until the visitors are done or the user ends it.
-
-    Raises:
-        BtAgentsError: The visitors have failed, or take too long.
-    """
+    """Print events until the visitors are done or the user ends it."""
     limit = math.inf
     if visitors is not None:
         limit = start + _DEMO_LIMIT_S

@@ -18,7 +18,6 @@ from bt_agents_tools.client.observer import Observer
 class StrategyOption:
     """Option of a strategy with its value in force and its range."""
 
-    name: str
     value: float
     minimum: float
     maximum: float
@@ -30,7 +29,7 @@ class Strategies:
     """Strategies of a running market by name: one in force, and perhaps one that only scores."""
 
     descriptions: Mapping[str, str]
-    options: Mapping[str, tuple[StrategyOption, ...]]
+    options: Mapping[str, Mapping[str, StrategyOption]]
     current: str
     shadow: str
 
@@ -81,30 +80,22 @@ def strategies(observer: Observer) -> Strategies | None:
         return None
     if not len(described.descriptors) == len(got.values) == len(names):
         return None
-    values = dict(zip(names, map(parameter_value_to_python, got.values), strict=True))
-    descriptors = dict(zip(names, described.descriptors, strict=True))
+    current, shadow, *values = map(parameter_value_to_python, got.values)
+    options: dict[str, dict[str, StrategyOption]] = {name: {} for name in found}
+    for name, value, descriptor in zip(dotted, values, described.descriptors[2:], strict=True):
+        strategy, _, option = name.rpartition(".")
+        span = descriptor.floating_point_range[0]
+        options[strategy][option] = StrategyOption(
+            value=float(value),
+            minimum=span.from_value,
+            maximum=span.to_value,
+            description=descriptor.description,
+        )
     return Strategies(
         descriptions={name: info.description for name, info in found.items()},
-        options={
-            name: tuple(
-                _option(option, values[f"{name}.{option}"], descriptors[f"{name}.{option}"])
-                for option in info.options
-            )
-            for name, info in found.items()
-        },
-        current=str(values["strategy"]),
-        shadow=str(values["shadow_strategy"]),
-    )
-
-
-def _option(name: str, value: float, descriptor: Any) -> StrategyOption:
-    span = descriptor.floating_point_range[0]
-    return StrategyOption(
-        name=name,
-        value=float(value),
-        minimum=span.from_value,
-        maximum=span.to_value,
-        description=descriptor.description,
+        options=options,
+        current=str(current),
+        shadow=str(shadow),
     )
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -75,20 +76,9 @@ class Component:
         command += ["-r", f"__ns:=/{namespace}"] if namespace else []
         command += ["--params-file", str(self.file)] if self.file else []
         for name, value in self.parameters.items():
-            command += ["-p", f"{name}:={_yaml(value)}"]
+            # JSON is YAML, too.
+            command += ["-p", f"{name}:={json.dumps(value, ensure_ascii=False)}"]
         return command
-
-
-def _yaml(value: str | float | bool | int) -> str:
-    match value:
-        case bool():
-            return "true" if value else "false"
-        case str():
-            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-        case float():
-            return repr(value)
-        case _:
-            return str(value)
 
 
 def set_local_discovery(environment: MutableMapping[str, str]) -> None:

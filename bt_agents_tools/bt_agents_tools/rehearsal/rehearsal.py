@@ -80,10 +80,8 @@ def rehearse(
     script, and ``prompt`` asks for an event when the tree waits for one that is not scripted. With
     ``force`` the tree runs even when the agent does not bid for the scene.
     """
-    rehearsal = _Rehearsal(
-        agent, space, scenario, on_event, answer_source, prompt, limits or Limits()
-    )
-    return rehearsal.run(force)
+    limits = limits or Limits()
+    return _Rehearsal(agent, space, scenario, on_event, answer_source, prompt, limits).run(force)
 
 
 class _Rehearsal:

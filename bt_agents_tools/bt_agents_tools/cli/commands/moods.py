@@ -15,8 +15,7 @@ from rich.text import Text
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
-
-_COLLECT_S = 0.3
+from bt_agents_tools.cli.decisions import SOON_S
 
 
 @click.command()
@@ -40,7 +39,7 @@ def moods(agent: str, round_number: int) -> None:
             ]
 
         observer.spin_until(lambda: bool(found()), FIND_LIMIT_S)
-        observer.spin_until(lambda: False, _COLLECT_S)
+        observer.spin_until(lambda: False, SOON_S)
         if not found():
             raise BtAgentsError(_not_found(agent, round_number, traces))
         trace = found()[-1]
@@ -66,12 +65,7 @@ def _names(received: list[list[Any]], agent: str) -> dict[str, str]:
 
 
 def mood_table(trace: Any, names: dict[str, str]) -> Table:
-    """Return the table of a ``MoodTrace``.
-
-    Args:
-        trace: The message.
-        names: Path of a node → its name; one without a name has its path only.
-    """
+    """Return the table of a ``MoodTrace``, with the names of nodes by path as far as known."""
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("node", overflow="fold")
     for heading in ("time", "mood", "change"):

@@ -116,17 +116,15 @@ def _operate(action: str, **fields: Any) -> None:
 def _scene(
     observer: Observer, values: Assignments, scene_id: str, person: bool | None, label: str
 ) -> Any:
-    """Return the last scene with some values changed.
-
-    Raises:
-        BtAgentsError: There is no such parameter, or no node publishes which there are.
-    """
+    """Return the last scene with some values changed, of parameters that there are."""
     from bt_agents_tools.client import market
 
     auctions = last_decisions(observer)
     observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
     last = auctions[-1].scene if auctions else None
-    names = _parameters(observer, last)
+    names = list(observer.profiles.parameters) if observer.profiles is not None else []
+    if last is not None:
+        names = [value.name for value in last.values]
     unknown = next((name for name, _ in values if name not in names), None)
     if unknown is not None:
         hint = did_you_mean(unknown, names) or "no node says which there are"
@@ -134,9 +132,3 @@ def _scene(
     return market.scene_of(
         observer, names, dict(values), scene_id=scene_id, last=last, person=person, label=label
     )
-
-
-def _parameters(observer: Observer, last: Any) -> list[str]:
-    if last is not None:
-        return [value.name for value in last.values]
-    return list(observer.profiles.parameters) if observer.profiles is not None else []

@@ -26,8 +26,6 @@ from bt_agents_tools.rehearsal.suite import (
 )
 from bt_agents_tools.rehearsal.transcript import ending, transcript
 
-_INDENT = "    "
-
 
 @click.command("test")
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path), metavar="[PATH]...")
@@ -71,9 +69,8 @@ def _show(console: Console, result: FileResult, verbose: bool) -> None:
         return
     _print(console, f"[bold]{escape(str(result.file))}[/]")
     if result.error is not None:
-        _print(
-            console, f"  [red]✘ the file has errors[/]\n{escape(_indented(result.error.report))}"
-        )
+        report = escape(_indented(result.error.report))
+        _print(console, f"  [red]✘ the file has errors[/]\n{report}")
     for case in result.cases:
         _show_case(console, case, verbose)
 
@@ -116,7 +113,7 @@ def _summary(console: Console, results: Sequence[FileResult], word: str, seconds
 
 
 def _indented(text: str) -> str:
-    return "\n".join(f"{_INDENT}{line}".rstrip() for line in text.splitlines())
+    return "\n".join(f"    {line}".rstrip() for line in text.splitlines())
 
 
 def _print(console: Console, text: str) -> None:

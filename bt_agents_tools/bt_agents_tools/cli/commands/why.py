@@ -30,14 +30,9 @@ def why(round_number: int | None, as_json: bool) -> None:
         found = [a for a in auctions if round_number is None or a.round == round_number]
         if not found:
             known = ", ".join(str(a.round) for a in auctions)
-            raise BtAgentsError(
-                f"no decision {'yet' if round_number is None else f'of round {round_number}'}"
-                + (
-                    f"; there are rounds {known}"
-                    if known
-                    else "; 'bt-agents trigger' asks for one"
-                )
-            )
+            which = "yet" if round_number is None else f"of round {round_number}"
+            hint = f"there are rounds {known}" if known else "'bt-agents trigger' asks for one"
+            raise BtAgentsError(f"no decision {which}; {hint}")
         if as_json:
             click.echo(decision_as_json(found[-1]))
             return
