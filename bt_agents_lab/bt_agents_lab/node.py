@@ -48,6 +48,9 @@ from bt_agents_ros.startup import StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import prefixes
 
+FLUSH_S = 1.0
+"""Longest time that a message waits in memory [s]."""
+
 MOST_HOSTS = 100
 """Hosts that are recorded, at most."""
 
@@ -121,7 +124,7 @@ class JournalNode(BaseNode):
             self._subscribe(source, source.name)
         self._topic_of_cards = self._topic(HostCard, "cards")
         self.create_subscription(HostCard, "cards", self._handle_card, qos.FACTS, raw=True)
-        steady_timer(self, 1.0, lambda: self.journal.flush(time.time_ns()))
+        steady_timer(self, FLUSH_S, lambda: self.journal.flush(time.time_ns()))
         self.get_logger().info(f"the journal is {self.journal.path}")
 
     def destroy_node(self) -> None:

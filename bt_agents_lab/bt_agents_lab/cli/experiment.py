@@ -155,8 +155,7 @@ def plot(name: str, output: Path, seeds: int) -> None:
             paper_figures.third(output, many, three.spec.rounds)
             judged += claims.third(many)
         stem = "verdicts" if name == "all" else f"verdicts-{name}"
-        title = "What the paper claims, and what holds"
-        _write(output / f"{stem}.md", verdicts.as_markdown(title, judged))
+        _write(output / f"{stem}.md", verdicts.as_markdown(judged))
         _write(output / f"{stem}.json", verdicts.as_json(judged))
     for verdict in judged:
         console.print(f"{verdict.claim.name}: {verdict.text}", highlight=False)
@@ -295,13 +294,8 @@ def _write_csv(path: Path, records: Sequence[FeedbackRecord], space: SceneSpace)
     try:
         with path.open("w", newline="") as file:
             writer = csv.writer(file)
-            names = space.names
-            writer.writerow(
-                ["round", "winner"]
-                + [f"scene_{n}" for n in names]
-                + [f"before_{n}" for n in names]
-                + [f"after_{n}" for n in names]
-            )
+            columns = [f"{of}_{n}" for of in ("scene", "before", "after") for n in space.names]
+            writer.writerow(["round", "winner", *columns])
             for record in records:
                 row = [*record.scene, *record.before, *record.after]
                 writer.writerow([record.round, record.winner, *(repr(value) for value in row)])

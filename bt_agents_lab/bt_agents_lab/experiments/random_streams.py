@@ -103,36 +103,30 @@ def draw(
     A shorter run is the beginning of a longer one.
     """
     runs, agents, attempts = len(seeds), len(world.agents), world.attempts
-    width = len(world.space)
     seconds = world.person.seconds if world.person else 0
-    scene = np.empty((runs, rounds), dtype=np.int64)
-    error_draw = np.empty((runs, rounds, attempts))
-    wrong_values = np.empty((runs, rounds, width))
-    wrong_fit = np.empty((runs, rounds, attempts))
-    mood_noise = np.empty((runs, rounds, attempts, seconds), dtype=np.float32)
-    ties = np.empty((runs, rounds, attempts, agents), dtype=np.float32)
+    drawn = RandomStreams(
+        seeds=seeds,
+        scene=np.empty((runs, rounds), dtype=np.int64),
+        error_draw=np.empty((runs, rounds, attempts)),
+        wrong=np.empty((runs, rounds, len(world.space))),
+        wrong_fit=np.empty((runs, rounds, attempts)),
+        mood_noise=np.empty((runs, rounds, attempts, seconds), dtype=np.float32),
+        ties=np.empty((runs, rounds, attempts, agents), dtype=np.float32),
+    )
     for row, seed in enumerate(seeds):
         # A stream for each kind, so that a shorter run is the beginning of a longer one.
         scenes, errors, anything, another, fits, orders, moods = map(
             np.random.default_rng, np.random.SeedSequence(seed).spawn(7)
         )
-        scene[row] = scenes.integers(len(world.scenes), size=rounds)
-        error_draw[row] = errors.random((rounds, attempts))
+        drawn.scene[row] = scenes.integers(len(world.scenes), size=rounds)
+        drawn.error_draw[row] = errors.random((rounds, attempts))
         if wrong == "any":
-            wrong_values[row] = anything.uniform(world.low, world.high, (rounds, width))
+            drawn.wrong[row] = anything.uniform(world.low, world.high, drawn.wrong.shape[1:])
         elif wrong == "another":
-            wrong_values[row] = world.best[another.integers(agents, size=rounds)]
+            drawn.wrong[row] = world.best[another.integers(agents, size=rounds)]
         else:
-            wrong_values[row] = wrong
-        wrong_fit[row] = fits.uniform(-1.0, 1.0, (rounds, attempts))
-        ties[row] = orders.random((rounds, attempts, agents), dtype=np.float32)
-        mood_noise[row] = moods.standard_normal((rounds, attempts, seconds), dtype=np.float32)
-    return RandomStreams(
-        seeds=seeds,
-        scene=scene,
-        error_draw=error_draw,
-        wrong=wrong_values,
-        wrong_fit=wrong_fit,
-        mood_noise=mood_noise,
-        ties=ties,
-    )
+            drawn.wrong[row] = wrong
+        drawn.wrong_fit[row] = fits.uniform(-1.0, 1.0, (rounds, attempts))
+        drawn.ties[row] = orders.random((rounds, attempts, agents), dtype=np.float32)
+        drawn.mood_noise[row] = moods.standard_normal((rounds, attempts, seconds), np.float32)
+    return drawn

@@ -51,8 +51,8 @@ _CURVE_SHARE = 0.2
 """Learning curves are drawn for the share of wrong feedback next to this one."""
 
 
-def write(folder: Path, spec: SweepSpec, played: Played) -> list[Path]:
-    """Write results.csv, results.json, table.md and all figures; return the files.
+def write(folder: Path, spec: SweepSpec, played: Played) -> None:
+    """Write results.csv, results.json, table.md and all figures.
 
     Raises:
         BtAgentsError: A file cannot be written, or matplotlib is not installed.
@@ -66,9 +66,6 @@ def write(folder: Path, spec: SweepSpec, played: Played) -> list[Path]:
         raise BtAgentsError(f"{folder}: {error.strerror}; name a folder to write into") from None
     curves(folder, spec, played)
     robustness(folder, spec, played)
-    names = ("results.csv", "results.json", "table.md")
-    figures = [f"{name}.{kind}" for name in ("curves", "robustness") for kind in ("svg", "png")]
-    return [folder / name for name in (*names, *figures)]
 
 
 def table(spec: SweepSpec, played: Played) -> str:
@@ -141,15 +138,10 @@ def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
                 found = [summary(_of(played, selection, learning, one)) for one in spec.shares]
                 wrong = [100.0 * one for one in spec.shares]
                 upper.plot(wrong, [100.0 * one.accuracy for one in found], marker=".", **line)
-                lower.plot(wrong, [100.0 * one.starved.share for one in found], marker=".", **line)
-                lower.fill_between(
-                    wrong,
-                    [100.0 * one.starved.low for one in found],
-                    [100.0 * one.starved.high for one in found],
-                    color=line["color"],
-                    alpha=0.12,
-                    linewidth=0,
-                )
+                starved = [(one.starved.share, one.starved.low, one.starved.high) for one in found]
+                share, low, high = 100.0 * np.array(starved).T
+                lower.plot(wrong, share, marker=".", **line)
+                lower.fill_between(wrong, low, high, color=line["color"], alpha=0.12, linewidth=0)
             upper.set_title(rule_label(learning))
             upper.set_ylim(least - 2.0, 101.0)
             lower.set_ylim(-2, 102)

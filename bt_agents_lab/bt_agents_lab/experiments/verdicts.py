@@ -97,9 +97,9 @@ def percent(share: float) -> str:
     return f"{rounded:.6g} %"
 
 
-def as_markdown(title: str, verdicts: Iterable[ClaimVerdict]) -> str:
+def as_markdown(verdicts: Iterable[ClaimVerdict]) -> str:
     """Return verdicts as a document."""
-    lines = [f"# {title}", ""]
+    lines = ["# What the paper claims, and what holds", ""]
     for verdict in verdicts:
         claim = verdict.claim
         lines += [
