@@ -11,7 +11,7 @@ import numpy as np
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_lab.experiments.random_streams import RandomStreams, draw
-from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld, vectors
+from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld
 from bt_agents_lab.experiments.simulation import Course, simulate
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import Trees, read_trees
@@ -55,9 +55,9 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
     return SimulatedWorld(
         space=folder.scene.space,
         agents=tuple(agent.name for agent in agents),
-        starts=vectors([agent.profile for agent in agents]),
-        best=vectors([spec.feedback.each[agent.name] for agent in agents]),
-        scenes=vectors(list(dict.fromkeys(spec.scenes))),
+        starts=np.array([agent.profile for agent in agents], np.float64),
+        best=np.array([spec.feedback.each[agent.name] for agent in agents], np.float64),
+        scenes=np.array(list(dict.fromkeys(spec.scenes)), np.float64),
         rates=np.array([agent.learning_rate for agent in agents]),
     )
 

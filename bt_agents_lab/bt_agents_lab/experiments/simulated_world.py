@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from bt_agents_core.feedback import LearningRule
-from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_core.scene import SceneSpace
 from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies import TIE_BREAKS
 from marketplace_node.strategies.arrays import Floats, Integers
@@ -126,8 +126,3 @@ class Arm(Selection):
     """One way to select and to learn."""
 
     rule: LearningRule = field(default_factory=LearningRule)
-
-
-def vectors(rows: list[Vector] | tuple[Vector, ...]) -> Floats:
-    """Return vectors as an array, [rows, n]."""
-    return np.array(rows, dtype=np.float64)

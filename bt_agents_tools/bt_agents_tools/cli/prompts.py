@@ -73,7 +73,7 @@ class InteractiveAnswers:
 
     def event(self, reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent | None:
         """Prompt for an event while the tree only waits; None for none."""
-        self._console.print(Text(f"{'':{_INDENT}}{reason}", style="yellow"), soft_wrap=True)
+        self._console.print(Text(f"{'':{_INDENT}}{reason}", style="yellow"))
         examples = [*map(_message_example, waits), self._mood_example(), "cancel"]
         self._print_hint(f"Enter: nothing · {' · '.join(filter(None, dict.fromkeys(examples)))}")
         while typed := self._prompt("what happens? [nothing]"):
@@ -86,7 +86,7 @@ class InteractiveAnswers:
         try:
             read = self._read(typed_event(self._agent, typed))
         except BtAgentsError as error:
-            self._console.print(Text(str(error), style="red"), soft_wrap=True)
+            self._console.print(Text(str(error), style="red"))
             return None
         return None if read is None else read.during[0]
 
@@ -99,11 +99,11 @@ class InteractiveAnswers:
         try:
             return read_scenario_text(typed.text, "typed", self._agent, self._symbols)
         except ReadError as error:
-            self._console.print(Text(typed.explained(error), style="red"), soft_wrap=True)
+            self._console.print(Text(typed.explained(error), style="red"))
             return None
 
     def _print_hint(self, text: str) -> None:
-        self._console.print(Text(f"{'':{_INDENT}}{text}", style="dim"), soft_wrap=True)
+        self._console.print(Text(f"{'':{_INDENT}}{text}", style="dim"))
 
     def _prompt(self, question: str) -> str | None:
         """Prompt for a line; None at the end of the input."""

@@ -169,7 +169,6 @@ def _refuse_unknown(agent: AgentSpec, text: str, word: str) -> None:
 
 
 def _topics(agent: AgentSpec) -> list[Literal]:
-    """Return the topics that nodes wait for, in order, without duplicates."""
     fields = (one.fields.get("topic") for one in nodes_of(agent))
     return list(dict.fromkeys(one for one in fields if isinstance(one, Literal)))
 

@@ -54,20 +54,18 @@ def write_defaults(
         Refused: ``UNKNOWN_PARAMETER``: the file has no such value; ``CHANGED``: its default is
             not what the robot has from it; ``CANNOT_WRITE``.
     """
-    parameters = _parameters(read(source.text), space)
-    for one in tuned:
-        _check_unchanged(source, one, parameters.get(one.parameter.name))
-    text = source.text
-    for one in tuned:
-        text = _with_value(
-            Source(source.file, text), one, parameters[one.parameter.name], space, read
-        )
-    return text
 
+    def parameters(text: str) -> dict[str, TunableParameter]:
+        spec = read(text)
+        profile = profile_values(spec.name, space.names, spec.profile)
+        return {parameter.name: parameter for parameter in (*parameters_of(spec), *profile)}
 
-def _parameters(spec: AgentSpec, space: SceneSpace) -> dict[str, TunableParameter]:
-    profile = profile_values(spec.name, space.names, spec.profile)
-    return {parameter.name: parameter for parameter in (*parameters_of(spec), *profile)}
+    here = parameters(source.text)
+    for one in tuned:
+        _check_unchanged(source, one, here.get(one.parameter.name))
+    for one in tuned:
+        source = Source(source.file, _with_value(source, one, parameters))
+    return source.text
 
 
 def _check_unchanged(source: Source, tuned: ParameterState, here: TunableParameter | None) -> None:
@@ -86,26 +84,19 @@ def _check_unchanged(source: Source, tuned: ParameterState, here: TunableParamet
 
 
 def _with_value(
-    source: Source,
-    tuned: ParameterState,
-    parameter: TunableParameter,
-    space: SceneSpace,
-    read: Callable[[str], AgentSpec],
+    source: Source, tuned: ParameterState, parameters: Callable[[str], dict[str, TunableParameter]]
 ) -> str:
     """Return a text with one default changed, in the spelling that is most like the old one."""
-    before = _parameters(read(source.text), space)
+    others = parameters(source.text)
+    parameter = others.pop(tuned.parameter.name)
     for text in _texts(source, tuned.value, parameter):
         try:
-            after = _parameters(read(text), space)
+            after = parameters(text)
         except ReadError:
             continue
         changed = after.pop(parameter.name)
-        others = {name: one for name, one in before.items() if name != parameter.name}
-        if (
-            changed.type is parameter.type
-            and _has_default(changed, tuned.value)
-            and after == others
-        ):
+        same_type = changed.type is parameter.type
+        if same_type and _has_default(changed, tuned.value) and after == others:
             return text
     raise Refused(
         "CANNOT_WRITE",

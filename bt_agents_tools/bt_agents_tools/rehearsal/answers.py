@@ -90,7 +90,6 @@ class Answers:
 def _messages(
     node: NodeSpec, outputs: Mapping[str, Plain]
 ) -> tuple[dict[str, Plain], dict[str, Plain]]:
-    """Return the result and feedback messages that hold the outputs."""
     binding = node.skill.binding if node.skill is not None else None
     paths = {**node.outputs, **(binding.outputs if binding is not None else {})}
     of_feedback = {**node.feedback, **(binding.feedback if binding is not None else {})}

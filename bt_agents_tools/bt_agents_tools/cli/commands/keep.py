@@ -71,7 +71,6 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
 
 
 def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) -> list[_Edit]:
-    """Return the checked edits of the files of one host."""
     from bt_agents_tools.client import tuning
 
     kinds = {TunableKind.TUNABLE, TunableKind.LEARNING_RATE}

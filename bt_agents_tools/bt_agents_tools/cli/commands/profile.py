@@ -186,8 +186,8 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
             old = [
                 one
                 for one in known
-                if one["layer"].startswith(kind or "")
-                and one["layer"]
+                if one["layer"]
+                and one["layer"].startswith(kind or "")
                 and agent in ("", one["agent"])
                 and one["stamp"] < time.time() - age
             ]

@@ -94,19 +94,17 @@ def rehearse(
         explained = options.explained(error)
         raise BtAgentsError(f"an option cannot be understood\n{explained}") from None
     scenario = _joined(case.scenario if case is not None else None, from_options, seed)
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     width = min(max(console.width, WIDTH), 120)
-    interactive_answers = (
-        InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
-    )
-    console.print(_heading(spec, scenario, space, case), soft_wrap=True)
+    person = InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
+    console.print(_heading(spec, scenario, space, case))
     rehearsed = rehearsal.rehearse(
         spec,
         space,
         scenario,
         on_event=_printer(console, width, ticks, realtime),
-        answer_source=interactive_answers,
-        prompt=interactive_answers.event if interactive_answers is not None else None,
+        answer_source=person,
+        prompt=person.event if person is not None else None,
         force=True,
     )
     sys.exit(_close(console, rehearsed, case))
@@ -115,7 +113,6 @@ def rehearse(
 def _material(
     agent: str, script: str, directory: str
 ) -> tuple[Trees, AgentSpec, AgentTestCase | None]:
-    """Return the trees, the agent and the case that the arguments name."""
     if not script:
         return (*named_agent(agent, directory), None)
     file, _, name = script.partition(":")
@@ -195,7 +192,7 @@ def _printer(console: Console, width: int, ticks: bool, realtime: bool) -> Calla
         for line in lines(event, ticks, width):
             if realtime:
                 time.sleep(max(0.0, start + event.at_s - time.monotonic()))
-            console.print(Text(line, style=style_of(event)), soft_wrap=True)
+            console.print(Text(line, style=style_of(event)))
 
     return print_event
 
@@ -205,9 +202,9 @@ def _close(console: Console, rehearsed: Rehearsed, case: AgentTestCase | None) -
     failures = failed_assertions(case, rehearsed) if case is not None else ()
     for failure in failures:
         place = f"{failure.position.file}:{failure.position.line}"
-        console.print(Text(f"✘ {place}: {failure.message}", style="red"), soft_wrap=True)
+        console.print(Text(f"✘ {place}: {failure.message}", style="red"))
         for row in table(failure.rows) if failure.rows else ():
-            console.print(Text(row), soft_wrap=True)
+            console.print(Text(row))
     if case is not None and not failures:
         console.print(Text("✔ as the test expects", style="green"))
         return 0

@@ -59,7 +59,6 @@ def strategy(
 def _changes(
     found: Strategies, name: str, values: Assignments, shadow: str | None
 ) -> dict[str, str | float]:
-    """Return the parameters to set, of strategies and options that there are."""
     changes: dict[str, str | float] = {}
     if name:
         changes["strategy"] = _known(name, found)
