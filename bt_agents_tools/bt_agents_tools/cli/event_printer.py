@@ -90,7 +90,8 @@ class EventPrinter:
         head = f"bid {message.round}"
         for bid in message.ranking:
             style = "bold" if bid.agent == message.winner else "dim"
-            total = escape(bid.calculation.partition("= ")[2] or bid.calculation)
+            calculation = bid.calculation
+            total = escape(calculation.partition("= ")[2] or calculation)
             text = f"[{style}]{bid.agent:<22} {bid.distance:5.2f}[/] [dim]= {total}[/]"
             self._line(head, text)
         for bid in message.refused:
