@@ -14,7 +14,6 @@ from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_tools.rehearsal.junit import junit
 from bt_agents_tools.rehearsal.suite import (
     CaseResult,
     FileResult,
@@ -22,6 +21,7 @@ from bt_agents_tools.rehearsal.suite import (
     coverages,
     failure,
     find_tests,
+    junit,
     run_file,
 )
 from bt_agents_tools.rehearsal.transcript import ending, transcript
