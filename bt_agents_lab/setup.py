@@ -11,7 +11,7 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents_lab", "bt_agents_lab.*"]),
-    package_data={"bt_agents_lab": ["py.typed"]},
+    package_data={"bt_agents_lab": ["py.typed", "experiments/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents_lab"]),
         ("share/bt_agents_lab", ["package.xml"]),

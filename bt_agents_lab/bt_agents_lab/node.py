@@ -93,13 +93,7 @@ _HOST = (
 
 
 class JournalNode(BaseNode):
-    """Recorder of the messages of a system, into one file for each start and day.
-
-    Args:
-        folder: For the files.
-        today: Returns the local date.
-        node_kwargs: For :class:`rclpy.node.Node`.
-    """
+    """Recorder of the messages of a system, into one file for each start and day."""
 
     def __init__(
         self, folder: Path, *, today: Callable[[], date] = date.today, **node_kwargs: Any
@@ -133,7 +127,6 @@ class JournalNode(BaseNode):
         self.get_logger().info(f"the journal is {self.journal.path}")
 
     def destroy_node(self) -> None:
-        """Write what waits in memory and leave the graph."""
         if hasattr(self, "journal"):
             self.journal.close()
         super().destroy_node()
@@ -182,11 +175,7 @@ class JournalNode(BaseNode):
 
 
 def definition_text(type_name: str) -> str | None:
-    """Return the text of an installed message type as its author wrote it; None without one.
-
-    Args:
-        type_name: Full name, for example ``std_msgs/msg/Bool``.
-    """
+    """Return the text of an installed type, such as ``std_msgs/msg/Bool``; None without one."""
     if not _MESSAGE.fullmatch(type_name):
         return None
     for prefix in prefixes():

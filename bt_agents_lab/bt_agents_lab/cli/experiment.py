@@ -21,9 +21,8 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import experiments_folder, find_experiments, find_sweep
-from bt_agents_lab.experiments.replicas import with_seed
-from bt_agents_language.files.experiment_reader import read_experiment
-from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_lab.experiments.replicas import opened, with_seed
+from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import (
     ExperimentSpec,
     FeedbackRecord,
@@ -156,8 +155,7 @@ def plot(name: str, output: Path, seeds: int) -> None:
             paper_figures.third(output, many, three.spec.rounds)
             judged += claims.third(many)
         stem = "verdicts" if name == "all" else f"verdicts-{name}"
-        title = "What the paper claims, and what holds"
-        _write(output / f"{stem}.md", verdicts.as_markdown(title, judged))
+        _write(output / f"{stem}.md", verdicts.as_markdown(judged))
         _write(output / f"{stem}.json", verdicts.as_json(judged))
     for verdict in judged:
         console.print(f"{verdict.claim.name}: {verdict.text}", highlight=False)
@@ -222,18 +220,19 @@ def sweep(
 
 def _print_sweep(console: Console, title: str, played: Played) -> None:
     from bt_agents_lab.experiments.measures import summary
+    from bt_agents_lab.experiments.sweep import rule_label
     from bt_agents_lab.experiments.sweep_figures import cells
 
     table = Table(title=title, box=None, pad_edge=False, header_style="dim")
     for column in ("strategy", "update"):
         table.add_column(column, no_wrap=True)
-    for column in ("wrong", "right", "worst", "starved", "regret", "settles"):
+    shown = ("wrong", "right", "worst", "starved", "regret", "settles")
+    for column in shown:
         table.add_column(column, justify="right")
     for cell, found in played:
-        measured = summary(found)
-        row = cells(cell, measured)
-        shown = [row[name] for name in ("wrong", "right", "worst", "starved", "regret", "settles")]
-        table.add_row(cell.selection.label, cell.learning.label, *shown)
+        row = cells(cell, summary(found))
+        label = cell.selection.label
+        table.add_row(label, rule_label(cell.learning), *(row[name] for name in shown))
     console.print(table)
 
 
@@ -245,18 +244,6 @@ def _write(path: Path, text: str) -> None:
         raise BtAgentsError(
             f"{path} cannot be written: {error.strerror}; name another folder with --output"
         ) from None
-
-
-def opened(path: Path) -> tuple[Trees, ExperimentSpec]:
-    """Read the agents and the experiment of a folder.
-
-    Raises:
-        BtAgentsError: Something in it cannot be read; it lists the problems.
-    """
-    folder = read_trees(path)
-    if folder.broken:
-        raise BtAgentsError(folder.broken[0].error.report)
-    return folder, read_experiment(path / "experiment.yaml", folder.scene.space)
 
 
 def _options(strategy: str, given: Sequence[str]) -> dict[str, float]:
@@ -285,11 +272,7 @@ def _compare(core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]) -> 
 
 
 def _table_of(folder: Path, folders: Sequence[Path], file: Path | None) -> Path | None:
-    """Return the file for the rounds of one of some experiments, once it can be written.
-
-    Raises:
-        BtAgentsError: It cannot.
-    """
+    """Return the file for the rounds of one of some experiments, once it can be written."""
     if file is None:
         return None
     apart = file.with_name(f"{file.stem}-{folder.name}{file.suffix}")
@@ -311,13 +294,8 @@ def _write_csv(path: Path, records: Sequence[FeedbackRecord], space: SceneSpace)
     try:
         with path.open("w", newline="") as file:
             writer = csv.writer(file)
-            names = space.names
-            writer.writerow(
-                ["round", "winner"]
-                + [f"scene_{n}" for n in names]
-                + [f"before_{n}" for n in names]
-                + [f"after_{n}" for n in names]
-            )
+            columns = [f"{of}_{n}" for of in ("scene", "before", "after") for n in space.names]
+            writer.writerow(["round", "winner", *columns])
             for record in records:
                 row = [*record.scene, *record.before, *record.after]
                 writer.writerow([record.round, record.winner, *(repr(value) for value in row)])

@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
 
 import click
 from rich.console import Console
@@ -30,13 +29,7 @@ except ModuleNotFoundError as error:
         "pip install 'bt-agents[lab]'"
     ) from None
 
-Command = TypeVar("Command", bound=Callable[..., object])
-
-
-def files_argument(command: Command) -> Command:
-    """Add the argument FILES to a command."""
-    files = click.argument("files", nargs=-1, type=click.Path(path_type=Path))
-    return files(command)
+files_argument = click.argument("files", nargs=-1, type=click.Path(path_type=Path))
 
 
 @click.command()
@@ -48,27 +41,29 @@ def journal(files: tuple[Path, ...]) -> None:
     """
     paths = resolve_files(files)
     recording = read_files(paths)
-    console = Console()
+    console = Console(highlight=False, soft_wrap=True)
     for path in paths:
-        size = path.stat().st_size
-        console.print(f"{escape(str(path))}  {size / 1e6:.2f} MB", highlight=False, soft_wrap=True)
+        console.print(f"{escape(str(path))}  {path.stat().st_size / 1e6:.2f} MB")
     show_problems(console, recording)
     total = sum(recording.counts.values())
     console.print(
-        f"{_moment(recording.first_ns)} to {_moment(recording.last_ns)}, {total} messages",
-        highlight=False,
+        f"{_moment(recording.first_ns)} to {_moment(recording.last_ns)}, {total} messages"
     )
-    _show_topics(console, recording)
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(justify="right")
+    table.add_column()
+    for topic, number in sorted(recording.counts.items()):
+        table.add_row(str(number), escape(topic))
+    console.print(table, soft_wrap=False)
     with damage_reported():
-        _show_rounds(console, recording)
+        for one in recording.rounds:
+            winner = f"{one.auction.winner} wins" if one.auction.winner else "nobody"
+            scene = escape(named(one.auction.scene))
+            console.print(f"round {one.auction.round}  {scene}: {escape(winner)}")
 
 
 def read_files(files: Sequence[Path]) -> RecordingIndex:
-    """Return the contents of some files.
-
-    Args:
-        files: Files, or folders of the journal; none takes those of the newest day in the usual
-            folder.
+    """Return the contents of some files, named as for :func:`resolve_files`.
 
     Raises:
         BtAgentsError: There is no file, or one cannot be read at all.
@@ -98,7 +93,7 @@ def damage_reported() -> Iterator[None]:
 
 
 def resolve_files(files: Sequence[Path]) -> list[Path]:
-    """Return the files of :func:`read_story`."""
+    """Return files, and those in folders; without any those of the newest day."""
     if not files:
         found = newest_files(journal_folder())
         if not found:
@@ -119,33 +114,9 @@ def resolve_files(files: Sequence[Path]) -> list[Path]:
 def show_problems(console: Console, recording: RecordingIndex) -> None:
     """Print what cannot be read and what is lost."""
     for text in (*recording.hints, *recording.problems):
-        console.print(f"[yellow]{escape(text)}[/]", highlight=False, soft_wrap=True)
+        console.print(f"[yellow]{escape(text)}[/]")
     for topic, number in sorted(recording.lost.items()):
-        console.print(
-            f"[yellow]{number} messages on {escape(topic)} are lost[/]",
-            highlight=False,
-            soft_wrap=True,
-        )
-
-
-def _show_topics(console: Console, recording: RecordingIndex) -> None:
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(justify="right")
-    table.add_column()
-    for topic, number in sorted(recording.counts.items()):
-        table.add_row(str(number), escape(topic))
-    console.print(table)
-
-
-def _show_rounds(console: Console, recording: RecordingIndex) -> None:
-    for one in recording.rounds:
-        auction = one.auction
-        winner = f"{auction.winner} wins" if auction.winner else "nobody"
-        console.print(
-            f"round {auction.round}  {escape(named(auction.scene))}: {escape(winner)}",
-            highlight=False,
-            soft_wrap=True,
-        )
+        console.print(f"[yellow]{number} messages on {escape(topic)} are lost[/]")
 
 
 def _moment(nanoseconds: int) -> str:

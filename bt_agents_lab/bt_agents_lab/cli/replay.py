@@ -22,19 +22,12 @@ with loading():
         show_problems,
     )
     from bt_agents_lab.replay import decisions, replay_learning, trees
-    from bt_agents_lab.replay.findings import (
-        FindingCounts,
-        ReplayFinding,
-        ReplayVerdict,
-        count_findings,
-    )
+    from bt_agents_lab.replay.findings import FindingCounts, ReplayVerdict, count_findings
     from bt_agents_lab.replay.recording_index import RecordingIndex
 
 _MOST_SHOWN = 10
 _NAMES = 15
 _COLUMN = 14
-_DIFFERS = 1
-_DAMAGED = 2
 _KINDS = (
     (decisions.KIND, "decisions"),
     (replay_learning.KIND, "profile changes"),
@@ -63,50 +56,41 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(_as_data(recording, found), indent=2))
     else:
-        _show(Console(), recording, found)
+        _show(Console(highlight=False, soft_wrap=True), recording, found)
     if not found.counts:
         raise BtAgentsError("there is nothing to do again: no round, feedback or run was recorded")
     if found.different:
-        sys.exit(_DIFFERS)
-    sys.exit(0 if recording.whole else _DAMAGED)
+        sys.exit(1)
+    sys.exit(0 if recording.whole else 2)
 
 
 def _show(console: Console, recording: RecordingIndex, found: FindingCounts) -> None:
     show_problems(console, recording)
     heads = "".join(f"{verdict.value:>{_COLUMN}}" for verdict in ReplayVerdict)
-    console.print(f"{'':{_NAMES}}{heads}", highlight=False)
+    console.print(f"{'':{_NAMES}}{heads}")
     for kind, title in _KINDS:
         numbers = "".join(f"{found.counts[kind, verdict]:>{_COLUMN}}" for verdict in ReplayVerdict)
         ticks = f"  {found.sizes[kind]} ticks" if kind == trees.KIND and found.sizes[kind] else ""
-        console.print(f"{title:{_NAMES}}{numbers}{ticks}", highlight=False)
+        console.print(f"{title:{_NAMES}}{numbers}{ticks}")
     for verdict, style in (
         (ReplayVerdict.DIFFERENT, "red"),
         (ReplayVerdict.NOT_RECORDED, "yellow"),
     ):
         unequal = [finding for finding in found.unequal if finding.verdict is verdict]
-        for finding in unequal[:_MOST_SHOWN]:
-            _show_finding(console, finding, style)
+        for one in unequal[:_MOST_SHOWN]:
+            where, text = escape(one.where), escape(one.text)
+            console.print(f"[{style}]{verdict.value}[/] {one.kind}, {where}: {text}")
         if len(unequal) > _MOST_SHOWN:
             console.print(f"… and {len(unequal) - _MOST_SHOWN} more, {verdict.value}")
     if found.different:
         console.print("[red]not equal[/]")
     elif found.counts and not recording.whole:
-        console.print(
-            "[yellow]all that could be read is equal; a part of it could not, or is lost[/]"
-        )
+        text = "all that could be read is equal; a part of it could not, or is lost"
+        console.print(f"[yellow]{text}[/]")
     elif found.unequal:
         console.print("[green]all that was recorded is equal[/]")
     elif found.counts:
         console.print("[green]everything is equal[/]")
-
-
-def _show_finding(console: Console, finding: ReplayFinding, style: str) -> None:
-    console.print(
-        f"[{style}]{finding.verdict.value}[/] {finding.kind}, {escape(finding.where)}: "
-        f"{escape(finding.text)}",
-        highlight=False,
-        soft_wrap=True,
-    )
 
 
 def _as_data(recording: RecordingIndex, found: FindingCounts) -> dict[str, object]:

@@ -28,38 +28,12 @@ _STALL_S = 30.0
 _POLL_S = 0.2
 
 
-class _Recorder:
-    """Recorder of the rounds, which joins each decision with its feedback."""
-
-    def __init__(self) -> None:
-        self.records: list[FeedbackRecord] = []
-        self._scenes: dict[int, Vector] = {}
-
-    def auction(self, message: Any) -> None:
-        self._scenes[message.round] = tuple(value.value for value in message.scene.values)
-
-    def feedback(self, message: Any) -> None:
-        self.records.append(
-            FeedbackRecord(
-                round=message.round,
-                scene=self._scenes.get(message.round, ()),
-                winner=message.agent,
-                before=tuple(message.before),
-                after=tuple(message.after),
-            )
-        )
-
-
 def through_ros(
     folder: Trees, spec: ExperimentSpec, settings: Settings, interrupt: Interrupt
 ) -> list[FeedbackRecord]:
     """Play a whole experiment and return its rounds; fewer when it was interrupted.
 
-    Args:
-        folder: The agents.
-        spec: The experiment.
-        settings: Strategy, its options and tie rule for the market.
-        interrupt: True once the user wants to stop.
+    Of the settings the strategy, its options and the tie rule count.
 
     Raises:
         BtAgentsError: A part did not start, died or stood still.
@@ -73,11 +47,12 @@ def through_ros(
         script.write_text(_script(spec, space))
         prepared = Path(scratch) / "experiment.yaml"
         prepared.write_text(_prepared(spec, space))
-        market = components.market(path)
+        market = components.market(path, strategy=settings.strategy)
+        ranking: dict[str, str | float] = {"tie_break": settings.tie_break, **settings.options}
         supervisor = Supervisor(components.new_log_folder())
         try:
             supervisor.start(
-                replace(market, parameters={**market.parameters, **_parameters(settings)}),
+                replace(market, parameters={**market.parameters, **ranking}),
                 components.host(path),
                 components.feedback(path, ledger=":memory:", simulated=prepared),
             )
@@ -95,11 +70,9 @@ def _record(
     interrupt: Interrupt,
 ) -> list[FeedbackRecord]:
     from bt_agents_tools.client.observer import Observer
-    from bt_agents_tools.client.system import watch_decisions
 
     observer = Observer()
-    recorder = _Recorder()
-    watch_decisions(observer, recorder.auction, recorder.feedback)
+    auctions, feedbacks = observer.received("auctions"), observer.received("feedback")
     try:
         observer.spin_until(
             lambda: bool(interrupt or supervisor.failure()) or observer.ready(agents), _STALL_S
@@ -114,11 +87,11 @@ def _record(
         with Progress(transient=True) as progress:
             task = progress.add_task(spec.title, total=spec.rounds)
             last_change = time.monotonic()
-            while len(recorder.records) < spec.rounds and not interrupt:
-                before = len(recorder.records)
-                observer.spin_until(lambda: len(recorder.records) >= spec.rounds, _POLL_S)
-                progress.update(task, completed=len(recorder.records))
-                if len(recorder.records) > before:
+            while len(feedbacks) < spec.rounds and not interrupt:
+                before = len(feedbacks)
+                observer.spin_until(lambda: len(feedbacks) >= spec.rounds, _POLL_S)
+                progress.update(task, completed=len(feedbacks))
+                if len(feedbacks) > before:
                     last_change = time.monotonic()
                 if supervisor.failure():
                     raise BtAgentsError(supervisor.failure())
@@ -127,17 +100,19 @@ def _record(
                         f"no round for {_STALL_S:g} s after {before} of {spec.rounds}; the logs "
                         f"are in {supervisor.log('agents').parent}"
                     )
-        return recorder.records
     finally:
         observer.close()
-
-
-def _parameters(settings: Settings) -> dict[str, str | float]:
-    return {
-        "strategy": settings.strategy,
-        "tie_break": settings.tie_break,
-        **{name: float(value) for name, value in settings.options.items()},
-    }
+    scenes_by_round = {one.round: tuple(v.value for v in one.scene.values) for one in auctions}
+    return [
+        FeedbackRecord(
+            round=one.round,
+            scene=scenes_by_round.get(one.round, ()),
+            winner=one.agent,
+            before=tuple(one.before),
+            after=tuple(one.after),
+        )
+        for one in feedbacks
+    ]
 
 
 def _script(spec: ExperimentSpec, space: SceneSpace) -> str:

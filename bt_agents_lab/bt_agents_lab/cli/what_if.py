@@ -39,7 +39,6 @@ with loading():
     from marketplace_node.strategies.plugins import add_installed
 
 _NOBODY = "nobody"
-_SCENE = 32
 
 
 @click.command()
@@ -89,11 +88,11 @@ def what_if(
     if as_json:
         click.echo(json.dumps(_as_data(result, assumed), indent=2))
         return
-    console = Console()
+    console = Console(highlight=False, soft_wrap=True)
     show_problems(console, recording)
     _show(console, result, everything)
     for assumption in assumed:
-        console.print(f"[dim]{assumption}[/]", highlight=False, soft_wrap=True)
+        console.print(f"[dim]{assumption}[/]")
 
 
 def _option(text: str) -> tuple[str, float]:
@@ -119,25 +118,22 @@ def _show(console: Console, result: CounterfactualResult, everything: bool) -> N
     if shown:
         table = Table(box=None, pad_edge=False)
         table.add_column("round", justify="right")
-        table.add_column("scene", no_wrap=True, max_width=_SCENE)
+        table.add_column("scene", no_wrap=True, max_width=32)
         table.add_column("winner then", overflow="fold")
         table.add_column("and now", overflow="fold")
         table.add_column("margin", justify="right", no_wrap=True)
         table.add_column("and now", justify="right", no_wrap=True)
         for case in shown:
             table.add_row(*_row(case))
-        console.print(table)
-    total = len(result.rounds)
+        console.print(table, soft_wrap=False)
     console.print(
-        f"{result.other_winners} of {total} rounds would have had another winner; "
-        f"{result.given} of {result.given + result.withheld} feedbacks would have been given",
-        highlight=False,
-        soft_wrap=True,
+        f"{result.other_winners} of {len(result.rounds)} rounds would have had another winner; "
+        f"{result.given} of {result.given + result.withheld} feedbacks would have been given"
     )
     for agent, number in sorted(result.chosen.items(), key=lambda item: (-item[1], item[0])):
-        console.print(f"  {escape(agent)} {number}", highlight=False)
+        console.print(f"  {escape(agent)} {number}")
     if result.never:
-        console.print(f"never chosen: {escape(', '.join(result.never))}", highlight=False)
+        console.print(f"never chosen: {escape(', '.join(result.never))}", soft_wrap=False)
 
 
 def _row(case: RoundComparison) -> tuple[str, ...]:

@@ -6,10 +6,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
 
 import numpy as np
+import yaml
 
 from bt_agents_lab.experiments.measures import converged, right
+from bt_agents_lab.experiments.random_streams import Bools
 from bt_agents_lab.experiments.replicas import Replicas, replicas, with_errors, world_of
 from bt_agents_lab.experiments.simulated_world import Arm
 from bt_agents_lab.experiments.verdicts import Claim, ClaimVerdict, judged, percent
@@ -54,14 +58,8 @@ def first(experiment: Paper) -> list[ClaimVerdict]:
     own = "as in the file"
     arrived = f"below {REACHED:g} from cycle {cycles[own]:g} on"
     return [
-        judged(
-            Claim(
-                name="Convergence",
-                section="4.1",
-                quote="in simple simulated feedback rounds the parameters of an agent converges "
-                "towards the parameter set defined as descriptive for the respective agent",
-                criterion=f"the Manhattan distance to the goal is below {REACHED:g} at the end",
-            ),
+        _judged(
+            "Convergence",
             [ends[own] < REACHED],
             f"distance {ends[own]:.2g} after {experiment.spec.rounds} cycles at rate "
             f"{world.rates[0]:g}, "
@@ -69,27 +67,16 @@ def first(experiment: Paper) -> list[ClaimVerdict]:
             "equals the closed form p = f + (p0 - f)(1 - rate)^n. Without wrong feedback nothing "
             "is left to chance.",
         ),
-        judged(
-            Claim(
-                name="Speed follows the rate",
-                section="4.1",
-                quote="the speed of convergence is influenced by the learning rate",
-                criterion=f"a higher rate needs fewer cycles to a distance below {REACHED:g}",
-            ),
+        _judged(
+            "Speed follows the rate",
             [cycles["conservative"] > cycles["moderate"] > cycles["aggressive"]],
             ", ".join(f"{_counted(cycles[n])} at rate {rate:g}" for n, rate in RATES.items()),
-            "a rate is too low for the number of cycles, or the goal is where the profile starts",
         ),
     ]
 
 
 def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[ClaimVerdict]:
-    """Judge the claims about Experiment 2.
-
-    Args:
-        arms: Its three scenarios by name, as in :data:`RATES`.
-        seeds: One run each.
-    """
+    """Judge the claims about Experiment 2, of three scenarios named as in :data:`RATES`."""
     any_arm = arms["moderate"]
     few = any_arm.spec.feedback.errors
     third = arms["aggressive"].spec.feedback.errors
@@ -136,28 +123,15 @@ def third(runs: Replicas) -> list[ClaimVerdict]:
         "of the agents two of the six orders do that in every run, also the default of the market"
     )
     return [
-        judged(
-            Claim(
-                name="Agents move to what they are made for",
-                section="3.4",
-                quote="adjustments of the individual agents in the direction of their exemplary "
-                "assumed values become visible",
-                criterion=f"after {correct.shape[1]} rounds every agent is nearer to it than at "
-                "the start",
-            ),
+        _judged(
+            "Agents move to what they are made for",
             adjusted,
             f"mean distance {end.mean():.2g} at the end, {start.mean():.2g} at the start",
             starvation,
+            rounds=correct.shape[1],
         ),
-        judged(
-            Claim(
-                name="Selection becomes targeted",
-                section="3.4",
-                quote="an increasingly targeted selection of agents takes place, although all "
-                "agents were initialised with the same parameters",
-                criterion=f"at least 99 % of the last {LATE} scenes go to the agent made for "
-                "them, and no fewer than of the first 20",
-            ),
+        _judged(
+            "Selection becomes targeted",
             (late >= 0.99) & (late >= early),
             f"right selections: {percent(float(early.mean()))} of the first 20 scenes, "
             f"{percent(float(late.mean()))} of the last {LATE}; median of {np.median(settled):g} "
@@ -170,40 +144,24 @@ def third(runs: Replicas) -> list[ClaimVerdict]:
 def _conservative(runs: Replicas, quiet: Replicas) -> ClaimVerdict:
     late = _gap(runs)[:, -LATE:]
     slow = _arrival(_distance(quiet)[0])
-    return judged(
-        Claim(
-            name="A low rate is slow but stable",
-            section="3.3.1, Figure 6",
-            quote="Even with noise in the feedback data a low learning rate leads to a slow but "
-            "stable convergence.",
-            criterion="with 5 % wrong feedback no parameter is farther than 0.5 from its goal in "
-            f"the last {LATE} of 200 cycles",
-        ),
+    return _judged(
+        "A low rate is slow but stable",
         np.abs(late).max(axis=(1, 2)) <= 0.5,
         f"largest distance of a parameter in the last {LATE} cycles: median "
         f"{np.median(np.abs(late).max(axis=(1, 2))):.2f}; without noise {_counted(slow)} to a "
         f"Manhattan distance below {REACHED:g}",
-        "several wrong feedbacks close together carry even a slow profile farther",
     )
 
 
 def _aggressive(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> ClaimVerdict:
     swing = {name: _swing(runs) for name, runs in often.items()}
     own = {name: float(_swing(runs)[0]) for name, runs in regular.items()}
-    return judged(
-        Claim(
-            name="A high rate fluctuates",
-            section="3.3.2, Figure 7",
-            quote="This noise causes Agent 1's parameters to fluctuate significantly, as it "
-            "quickly adjusts to feedback changes.",
-            criterion="with a third of the feedback 5, a parameter swings over more than a "
-            f"quarter of its range in the last {LATE} cycles, and more than at the low rate",
-        ),
+    return _judged(
+        "A high rate fluctuates",
         (swing["aggressive"] > JUMP) & (swing["aggressive"] > swing["conservative"]),
         f"median swing {np.median(swing['aggressive']):.2f} at rate {RATES['aggressive']:g}, "
         f"{np.median(swing['conservative']):.2f} at rate {RATES['conservative']:g}; when exactly "
         f"each third is 5: {own['aggressive']:.2f} and {own['conservative']:.2f}",
-        "there are runs without wrong feedbacks close together",
     )
 
 
@@ -218,15 +176,8 @@ def _abrupt(runs: Replicas, errors: FeedbackErrors) -> ClaimVerdict:
     settled = np.arange(twice.shape[1]) >= 10
     events = twice & settled & (values[:, :-2, -1] < 2.0)
     jumps = rises[events]
-    return judged(
-        Claim(
-            name="Two wrong feedbacks in a row shift it abruptly",
-            section="3.3.2",
-            quote="when erroneous feedback (e.g., two consecutive instances of a feedback score "
-            "of 5) occurs, the parameters abruptly shift to higher values, leading to instability",
-            criterion=f"two wrong feedbacks in a row raise a parameter by {JUMP:g} or more at "
-            f"rate {RATES['aggressive']:g}, when it was below 2",
-        ),
+    return _judged(
+        "Two wrong feedbacks in a row shift it abruptly",
         jumps >= JUMP,
         f"{len(jumps)} such pairs, median rise {np.median(jumps):.2f}. With exactly each third "
         "feedback wrong there are no two in a row; so 'every third' has to mean one of three by "
@@ -238,20 +189,11 @@ def _abrupt(runs: Replicas, errors: FeedbackErrors) -> ClaimVerdict:
 def _moderate(runs: Replicas) -> ClaimVerdict:
     late = np.abs(_gap(runs)[:, -LATE:].mean(axis=1)).max(axis=-1)
     outer = np.abs(_gap(runs)[:, -LATE:]).max(axis=(1, 2))
-    return judged(
-        Claim(
-            name="A moderate rate converges near the truth",
-            section="3.3.3, Figure 8",
-            quote="Despite the occasional noise, Agent 1's parameters gradually converge toward a "
-            "stable value near the true parameter values, demonstrating resilience to noise.",
-            criterion=f"the mean of each parameter over the last {LATE} cycles is within "
-            f"{NEAR:g} of its goal",
-        ),
+    return _judged(
+        "A moderate rate converges near the truth",
         late <= NEAR,
         f"largest deviation of such a mean: median {np.median(late):.2f}; but single values are "
         f"up to {np.median(outer):.2f} away in the median run, so 'stable' holds on average only",
-        "a wrong feedback moves a parameter by up to 0.8 at this rate, and some runs have more of "
-        "them than others",
     )
 
 
@@ -261,22 +203,13 @@ def _balance(rare: Mapping[str, Replicas]) -> ClaimVerdict:
     best = (squared["moderate"] < squared["conservative"]) & (
         squared["moderate"] < squared["aggressive"]
     )
-    return judged(
-        Claim(
-            name="A moderate rate is the best balance",
-            section="3.3.3",
-            quote="When comparing these three scenarios, we find that a moderate learning rate "
-            "strikes a balance between stability and responsiveness",
-            criterion="with 5 % wrong feedback the squared distance to the goal, averaged over "
-            "all 200 cycles, is the smallest of the three rates",
-        ),
+    return _judged(
+        "A moderate rate is the best balance",
         best,
         "mean squared distance "
         + ", ".join(f"{squared[n].mean():.2f} at rate {rate:g}" for n, rate in RATES.items())
         + ". By the mean Manhattan distance the high rate is best: "
         + ", ".join(f"{plain[n]:.2f} at rate {rate:g}" for n, rate in RATES.items()),
-        "which rate is best depends on the measure, on how much of the feedback is wrong and on "
-        "how long one looks; with little noise in a run the high rate is best",
     )
 
 
@@ -285,21 +218,12 @@ def _robust(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> C
     off = {n: np.abs(means[n] - often[n].world.best[0]).max(axis=-1) for n in RATES}
     exact = regular["moderate"].course.profiles[0, -99:, 0].mean(axis=0)
     goal = ", ".join(f"{value:g}" for value in regular["moderate"].world.best[0])
-    return judged(
-        Claim(
-            name="A moderate rate stays robust under noise",
-            section="3.3.3",
-            quote="and maintains robustness in the presence of noisy feedback",
-            criterion="also with a third of the feedback 5 the mean of each parameter over the "
-            f"last {LATE} cycles is within {NEAR:g} of its goal",
-        ),
+    return _judged(
+        "A moderate rate stays robust under noise",
         off["moderate"] <= NEAR,
         f"the mean goes to [{', '.join(f'{value:.2f}' for value in exact)}], not [{goal}]; median "
         "deviation of a parameter "
         + ", ".join(f"{np.median(off[n]):.2f} at rate {rate:g}" for n, rate in RATES.items()),
-        "the update follows the mean of the feedback, which wrong feedback shifts at every rate; "
-        "a lower rate only hides it behind a slower path. A robust update (huber, median) is "
-        "needed",
     )
 
 
@@ -310,21 +234,43 @@ def _stability(rare: Mapping[str, Replicas]) -> ClaimVerdict:
     ordered = (spread["conservative"] < spread["moderate"]) & (
         spread["moderate"] < spread["aggressive"]
     )
-    return judged(
-        Claim(
-            name="The rate sets the stability under noise",
-            section="4.1",
-            quote="the feedback rate defines the stability of the parameters when statistical "
-            "noise is introduced",
-            criterion="with 5 % wrong feedback the standard deviation over the last "
-            f"{LATE} cycles grows with the rate",
-        ),
+    return _judged(
+        "The rate sets the stability under noise",
         ordered,
         "mean standard deviation "
         + ", ".join(f"{spread[n].mean():.3f} at rate {rate:g}" for n, rate in RATES.items())
         + "; theory: it goes with the root of rate / (2 - rate)",
-        "a run with hardly any wrong feedback in its last cycles has no noise to show it by",
     )
+
+
+@cache
+def _claims() -> Mapping[str, Mapping[str, str]]:
+    text = files("bt_agents_lab").joinpath("experiments/claims.yaml").read_text(encoding="utf-8")
+    claims: Mapping[str, Mapping[str, str]] = yaml.load(text, Loader=yaml.CSafeLoader)
+    return claims
+
+
+def _judged(
+    name: str,
+    held: Bools | Sequence[bool],
+    found: str,
+    reason: str = "",
+    *,
+    rounds: int = 0,
+    unit: str = "runs",
+) -> ClaimVerdict:
+    """Return the verdict on a claim of ``claims.yaml``; a reason stands for the one there."""
+    texts = _claims()[name]
+    criterion = texts["criterion"].format(
+        reached=REACHED,
+        late=LATE,
+        near=NEAR,
+        jump=JUMP,
+        high_rate=RATES["aggressive"],
+        rounds=rounds,
+    )
+    claim = Claim(name=name, section=texts["section"], quote=texts["quote"], criterion=criterion)
+    return judged(claim, held, found, reason or texts.get("reason", ""), unit)
 
 
 def _played(

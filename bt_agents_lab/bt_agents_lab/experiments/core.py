@@ -38,22 +38,15 @@ class Core:
     """One market, one host of all agents of a folder, and one feedback node, as objects.
 
     Every tree succeeds at once.
-
-    Args:
-        folder: Agents and scene parameters.
-        spec: The experiment.
-        settings: Of the market; None for its defaults.
     """
 
-    def __init__(
-        self, folder: Trees, spec: ExperimentSpec, settings: Settings | None = None
-    ) -> None:
+    def __init__(self, folder: Trees, spec: ExperimentSpec, settings: Settings) -> None:
         self.space = folder.scene.space
-        self._market = Market(self.space, "core", settings or Settings())
+        self._market = Market(self.space, "core", settings)
         self._agents = AgentRegistry(self.space, folder.agents)
-        self._ledger = Ledger(MEMORY)
+        self.ledger = Ledger(MEMORY)
         self._controller = FeedbackController(
-            Profiles(self.space, self._ledger),
+            Profiles(self.space, self.ledger),
             clock=lambda: _NOW,
             new_id=lambda: "",
             simulated=SimulatedFeedback(spec.feedback),
@@ -62,22 +55,19 @@ class Core:
         self._execute(self._market.tick(_NOW))
         self._register()
 
-    def close(self) -> None:
-        """Close the ledger."""
-        self._ledger.close()
-
     def play(self, label: str, vector: Vector) -> FeedbackRecord:
-        """Put a scene on the market and return the record of its round.
-
-        Args:
-            label: Unique among the scenes.
-            vector: The scene.
+        """Put a scene with a unique label on the market and return the record of its round.
 
         Raises:
             BtAgentsError: It led to no feedback.
         """
         before = len(self._records)
-        self._execute(self._market.scene(scene_of(label, vector, self.space), _NOW))
+        given = [
+            SceneValue(name=name, value=value, origin=Origin.GIVEN)
+            for name, value in zip(self.space.names, vector, strict=True)
+        ]
+        scene = Scene(scene_id=label, label=label, person=True, values=tuple(given))
+        self._execute(self._market.scene(scene, _NOW))
         if len(self._records) != before + 1:
             raise BtAgentsError(
                 f"{label} led to no feedback, expected some after each; name every agent under "
@@ -171,9 +161,8 @@ class Core:
         return self._market.collected(goal.round, "", _NOW)
 
     def _send_heartbeat(self, round_number: int) -> None:
-        self._execute(
-            self._market.heartbeat(HOST, _INSTANCE, self._market.epoch, round_number, _NOW)
-        )
+        epoch = self._market.epoch
+        self._execute(self._market.heartbeat(HOST, _INSTANCE, epoch, round_number, _NOW))
 
 
 def learning_of(rule: LearningRule, space: SceneSpace) -> LearningEntry:
@@ -196,38 +185,20 @@ def learning_of(rule: LearningRule, space: SceneSpace) -> LearningEntry:
     )
 
 
-def scene_of(label: str, vector: Vector, space: SceneSpace) -> Scene:
-    """Return a scene of which all values are given."""
-    return Scene(
-        scene_id=label,
-        label=label,
-        person=True,
-        values=tuple(
-            SceneValue(name=name, value=value, origin=Origin.GIVEN)
-            for name, value in zip(space.names, vector, strict=True)
-        ),
-    )
-
-
 def through_core(
     folder: Trees, spec: ExperimentSpec, settings: Settings | None = None
 ) -> list[FeedbackRecord]:
-    """Play a whole experiment and return its rounds.
-
-    Args:
-        folder: Agents and scene parameters.
-        spec: The experiment; its feedback is used up.
-        settings: Of the market; None for its defaults.
+    """Play a whole experiment, whose feedback is used up, and return its rounds.
 
     Raises:
         BtAgentsError: The strategy needs more than the bids, or a scene led to no feedback.
     """
-    strategy = settings.strategy if settings else ""
-    if strategy in NOT_SIMULATED:
+    settings = settings or Settings()
+    if settings.strategy in NOT_SIMULATED:
         known = ", ".join(name for name in STRATEGIES if name not in NOT_SIMULATED)
         raise BtAgentsError(
-            f"strategy '{strategy}' is not simulated, as its choice needs more than the bids; "
-            f"take one of {known}"
+            f"strategy '{settings.strategy}' is not simulated, as its choice needs more than the "
+            f"bids; take one of {known}"
         )
     core = Core(folder, spec, settings)
     try:
@@ -236,4 +207,4 @@ def through_core(
             for number, vector in enumerate(spec.order(), start=1)
         ]
     finally:
-        core.close()
+        core.ledger.close()

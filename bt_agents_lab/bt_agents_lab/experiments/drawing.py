@@ -44,14 +44,9 @@ _PNG_DPI = 130
 def sheet(
     folder: Path, name: str, size: tuple[float, float], rows: int = 1, columns: int = 1
 ) -> Iterator[tuple[Figure, Sequence[Axes]]]:
-    """Yield an empty figure and its axes, row by row; save it as SVG and PNG afterwards.
+    """Yield an empty figure of a size [inch] and its axes, row by row.
 
-    Args:
-        folder: Where the files go; made when it is not there.
-        name: Of the files, without suffix.
-        size: Width and height [inch].
-        rows: Axes below each other.
-        columns: Axes beside each other.
+    Afterwards it is saved as SVG and PNG, in a folder that is made when it is not there.
 
     Raises:
         BtAgentsError: matplotlib is not installed, or the files cannot be written.
@@ -82,57 +77,43 @@ def sheet(
             ) from None
 
 
-def below(axes: Axes, note: str = "", columns: int = 3) -> None:
-    """Put the legend below, where it covers nothing.
+def smooth(values: Floats, rounds: int) -> Floats:
+    """Return means over the last rounds up to each, for values [..., T]."""
+    sums = np.cumsum(values, axis=-1)
+    sums = np.concatenate([np.zeros_like(sums[..., :1]), sums], axis=-1)
+    ends = np.arange(1, values.shape[-1] + 1)
+    starts = np.maximum(ends - rounds, 0)
+    return np.asarray((sums[..., ends] - sums[..., starts]) / (ends - starts))
 
-    Args:
-        axes: Whose legend.
-        note: Text about lines and bands.
-        columns: Entries in a row.
-    """
+
+def below(axes: Axes, note: str) -> None:
+    """Put the legend below, where it covers nothing, with a note about lines and bands."""
     axes.legend(
         loc="upper center",
         bbox_to_anchor=(0.5, -0.17 if axes.get_xlabel() else -0.1),
-        ncols=columns,
-        title=note or None,
+        ncols=3,
+        title=note,
         title_fontsize=8,
     )
 
 
-def band(axes: Axes, runs: Floats, colour: str, first: int = 1) -> None:
-    """Draw the band of 90 % of the runs, round by round.
-
-    Args:
-        axes: Where.
-        runs: [R, T].
-        colour: Of the band.
-        first: Number of the first round.
-    """
+def band(axes: Axes, runs: Floats, colour: str) -> None:
+    """Draw the band of 90 % of the runs [R, T], round by round."""
     if len(runs) < 2:
         return
     low, high = np.quantile(runs, [0.05, 0.95], axis=0)
-    rounds = np.arange(first, first + runs.shape[1])
+    rounds = np.arange(1, 1 + runs.shape[1])
     axes.fill_between(rounds, low, high, color=colour, alpha=0.16, linewidth=0)
 
 
 def share_band(axes: Axes, hits: Floats, colour: str, label: str) -> None:
     """Draw a share of runs round by round with its 95 % interval (normal approximation).
 
-    Args:
-        axes: Where.
-        hits: One number from 0 to 1 for each run and round, [R, T].
-        colour: Of the line.
-        label: Of the line.
+    ``hits`` has one number from 0 to 1 for each run and round, [R, T].
     """
     mean = hits.mean(axis=0)
     error = 1.96 * hits.std(axis=0) / np.sqrt(len(hits))
     rounds = np.arange(1, hits.shape[1] + 1)
-    axes.fill_between(
-        rounds,
-        np.clip(mean - error, 0.0, 1.0),
-        np.clip(mean + error, 0.0, 1.0),
-        color=colour,
-        alpha=0.2,
-        linewidth=0,
-    )
+    low, high = np.clip([mean - error, mean + error], 0.0, 1.0)
+    axes.fill_between(rounds, low, high, color=colour, alpha=0.2, linewidth=0)
     axes.plot(rounds, mean, color=colour, label=label)

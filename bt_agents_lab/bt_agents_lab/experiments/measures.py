@@ -60,19 +60,14 @@ class PerRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Measures:
-    """Measures of many runs together.
+    """Measures of many runs together, means of those of :class:`PerRun`.
 
     Attributes:
-        runs: Number of runs.
-        accuracy: Mean share of scenes in the last rounds that the best suited agent got.
-        worst: The same of the worst run.
-        starved: Share of runs in which an agent that suits a scene best never ran for it in the
-            last rounds.
+        accuracy: Mean of ``late``.
+        worst: The ``late`` of the worst run.
+        starved: Share of runs that are not ``served``.
         never: Share of runs in which an agent never ran at all.
-        regret: Mean sum over a run of the misfit of the chosen agents above that of the best.
         cycles: Median rounds until a run has converged; infinite when less than half did.
-        cancelled: Mean share of scenes for which a run was cancelled, over whole runs.
-        error: Mean Manhattan distance of a profile to the scene of its agent, at the end.
     """
 
     runs: int
@@ -91,13 +86,6 @@ def right(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Bool
     return np.asarray(course.awarded == world.suited[streams.scene])
 
 
-def regret(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Floats:
-    """Return the misfit of the chosen agent above that of the best one, [R, T]."""
-    misfit = world.misfit[streams.scene]
-    chosen = np.take_along_axis(misfit, course.awarded[..., None], axis=-1)[..., 0]
-    return np.asarray(chosen - misfit.min(axis=-1))
-
-
 def of_runs(world: SimulatedWorld, streams: RandomStreams, course: Course) -> PerRun:
     """Return the measures of each run."""
     correct = right(world, streams, course)
@@ -105,11 +93,13 @@ def of_runs(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Pe
     recent = course.awarded[:, -LAST:]
     late = correct[:, -LAST:]
     served = np.stack([((recent == agent) & late).any(axis=1) for agent in suits])
+    misfit = world.misfit[streams.scene]
+    chosen = np.take_along_axis(misfit, course.awarded[..., None], axis=-1)[..., 0]
     return PerRun(
         late=late.mean(axis=1),
         served=np.asarray(np.all(served, axis=0)),
         ran=course.all_ran,
-        regret=regret(world, streams, course).sum(axis=1),
+        regret=np.asarray((chosen - misfit.min(axis=-1)).sum(axis=1)),
         cycles=converged(correct),
         cancelled=(course.cancelled > 0).mean(axis=1),
         error=np.abs(course.profiles[:, -1] - world.best).sum(axis=-1).mean(axis=-1),
@@ -138,11 +128,6 @@ def summary(runs: PerRun) -> Measures:
         cancelled=float(runs.cancelled.mean()),
         error=float(runs.error.mean()),
     )
-
-
-def measure(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Measures:
-    """Return the measures of all runs of one course."""
-    return summary(of_runs(world, streams, course))
 
 
 def converged(correct: Bools) -> Floats:

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bt_agents_lab.experiments.claims import RATES, Paper
-from bt_agents_lab.experiments.drawing import COLOURS, band, below, share_band, sheet
+from bt_agents_lab.experiments.drawing import COLOURS, band, below, share_band, sheet, smooth
 from bt_agents_lab.experiments.measures import right
 from bt_agents_lab.experiments.replicas import Replicas, replicas, with_errors, world_of
 from bt_agents_lab.experiments.verdicts import percent
-from marketplace_node.strategies.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,35 +67,23 @@ def second(folder: Path, arms: Mapping[str, Paper], seeds: Sequence[int]) -> Non
 
 
 def third(folder: Path, many: Replicas, rounds: int) -> None:
-    """Draw Figure 9, and the share of right selections over many runs.
-
-    Args:
-        folder: Where it goes.
-        many: Runs of Experiment 3.
-        rounds: How many of theirs are shown.
-    """
+    """Draw Figure 9, and the share of right selections over many runs of Experiment 3."""
     world = many.world
-    shown = _typical(many)
+    # The first run in which every agent runs, else the first of all.
+    shown = int(np.argmax(many.course.all_ran))
     with sheet(folder, "figure-9", (6.6, 7.4), rows=3) as (figure, (top, middle, bottom)):
         _three(top, many, shown, rounds)
         _selections(middle, many, shown, rounds)
         correct = right(world, many.streams, many.course)[:, :rounds]
         whole = many.course.all_ran
+        all_run, one_not = percent(float(whole.mean())), percent(float((~whole).mean()))
         for runs, colour, label in (
             (correct, COLOURS[0], "all runs"),
-            (
-                correct[whole],
-                COLOURS[2],
-                f"runs in which all agents run ({percent(float(whole.mean()))})",
-            ),
-            (
-                correct[~whole],
-                COLOURS[1],
-                f"runs in which one never runs ({percent(float((~whole).mean()))})",
-            ),
+            (correct[whole], COLOURS[2], f"runs in which all agents run ({all_run})"),
+            (correct[~whole], COLOURS[1], f"runs in which one never runs ({one_not})"),
         ):
             if len(runs):
-                share_band(bottom, _smooth(runs.astype(np.float64)), colour, label)
+                share_band(bottom, smooth(runs.astype(np.float64), SMOOTHED), colour, label)
         bottom.set_ylim(0.0, 1.03)
         for axes in (top, middle, bottom):
             axes.set_xlim(0, rounds)
@@ -155,39 +142,11 @@ def _selections(axes: Axes, many: Replicas, shown: int, rounds: int) -> None:
     for index, name in enumerate(many.world.agents):
         won = np.flatnonzero(many.course.awarded[shown, :rounds] == index)
         wrong = many.world.suited[scenes[won]] != index
-        axes.plot(
-            won + 1,
-            scenes[won],
-            linestyle="none",
-            marker="|",
-            markersize=9,
-            color=COLOURS[index],
-            label=name,
-        )
-        axes.plot(
-            won[wrong] + 1,
-            scenes[won[wrong]],
-            linestyle="none",
-            marker="o",
-            markersize=8,
-            markerfacecolor="none",
-            color="black",
-        )
+        axes.plot(won + 1, scenes[won], "|", markersize=9, color=COLOURS[index], label=name)
+        at = won[wrong]
+        axes.plot(at + 1, scenes[at], "o", markersize=8, markerfacecolor="none", color="black")
     names = [f"[{', '.join(f'{value:g}' for value in scene)}]" for scene in many.world.scenes]
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(-0.5, len(names) - 0.5)
     axes.set_ylabel("scene")
     axes.set_title("Who gets which scene in this run; circles: not the one that is made for it")
-
-
-def _typical(many: Replicas) -> int:
-    """Return the first run in which every agent runs, else the first of all."""
-    return int(np.argmax(many.course.all_ran))
-
-
-def _smooth(values: Floats) -> Floats:
-    """Return means over the last rounds up to each, [R, T]."""
-    sums = np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
-    ends = np.arange(1, values.shape[1] + 1)
-    starts = np.maximum(ends - SMOOTHED, 0)
-    return np.asarray((sums[:, ends] - sums[:, starts]) / (ends - starts))

@@ -45,8 +45,9 @@ class RandomStreams:
     ties: npt.NDArray[np.float32]
     _drawn: Drawn = field(default_factory=dict)
 
-    def drawn(self, runs: Integers, round_index: int, attempt: int, calls: Calls) -> Floats:
+    def drawn(self, at: Attempt, calls: Calls) -> Floats:
         """Return the last of some successive draws for some runs, [runs, ...]; all are cached."""
+        runs, round_index, attempt = at
         key = (round_index, attempt, calls)
         if key not in self._drawn:
             shape = (len(self.seeds), *calls[-1][1])
@@ -60,84 +61,33 @@ class RandomStreams:
         return values[runs]
 
 
-class StreamMoment:
-    """The chance of some runs in one attempt of one round.
-
-    Args:
-        streams: Of all runs.
-        runs: Which of them, by index; one may be there more than once.
-        round_index: From 0.
-        attempt: From 0.
-    """
-
-    def __init__(
-        self, streams: RandomStreams, runs: Integers, round_index: int, attempt: int
-    ) -> None:
-        self.attempt = attempt
-        self._streams = streams
-        self._runs = runs
-        self._round = round_index
-
-    def source(self) -> CachedRandomSource:
-        """Return the source from which a strategy draws."""
-        return CachedRandomSource(self._streams, self._runs, self._round, self.attempt)
-
-    @property
-    def scene(self) -> Integers:
-        """As in :class:`RandomStreams`, [runs]."""
-        return np.asarray(self._streams.scene[self._runs, self._round])
-
-    @property
-    def error_draw(self) -> Floats:
-        """As in :class:`RandomStreams`, [runs]."""
-        return np.asarray(self._streams.error_draw[self._runs, self._round, self.attempt])
-
-    @property
-    def wrong(self) -> Floats:
-        """As in :class:`RandomStreams`, [runs, n]."""
-        return np.asarray(self._streams.wrong[self._runs, self._round])
-
-    @property
-    def wrong_fit(self) -> Floats:
-        """As in :class:`RandomStreams`, [runs]."""
-        return np.asarray(self._streams.wrong_fit[self._runs, self._round, self.attempt])
-
-    @property
-    def mood_noise(self) -> npt.NDArray[np.float32]:
-        """As in :class:`RandomStreams`, [runs, seconds]."""
-        return np.asarray(self._streams.mood_noise[self._runs, self._round, self.attempt])
-
-    @property
-    def ties(self) -> npt.NDArray[np.float32]:
-        """As in :class:`RandomStreams`, [runs, N]."""
-        return np.asarray(self._streams.ties[self._runs, self._round, self.attempt])
-
+Attempt = tuple[Integers, int, int]
+"""Some runs by index, one perhaps more than once, with round and attempt, both from 0."""
 
 Calls = tuple[tuple[str, tuple[int, ...]], ...]
 """Successive draws: kind, and shape for one run."""
 
 
 class CachedRandomSource:
-    """Source of many runs at once, each as it would draw alone: a ``strategies.Chance``."""
+    """Source of many runs at once, each as it would draw alone: a ``strategies.Chance``.
 
-    def __init__(
-        self, streams: RandomStreams, rows: Integers, round_index: int, attempt: int
-    ) -> None:
+    The first axis of each size is the runs.
+    """
+
+    def __init__(self, streams: RandomStreams, at: Attempt) -> None:
         self._streams = streams
-        self._where = (rows, round_index, attempt)
+        self._at = at
         self._calls: Calls = ()
 
     def random(self, size: tuple[int, ...], /) -> Floats:
-        """Return numbers drawn evenly from 0 to 1, the first axis being the runs."""
         return self._next("random", size)
 
     def standard_normal(self, size: tuple[int, ...], /) -> Floats:
-        """Return numbers from the standard normal distribution, the first axis being the runs."""
         return self._next("standard_normal", size)
 
     def _next(self, kind: str, size: tuple[int, ...]) -> Floats:
         self._calls = (*self._calls, (kind, size[1:]))
-        return self._streams.drawn(*self._where, self._calls)
+        return self._streams.drawn(self._at, self._calls)
 
 
 def round_seed(seed: int, round_index: int, attempt: int) -> str:
@@ -148,45 +98,35 @@ def round_seed(seed: int, round_index: int, attempt: int) -> str:
 def draw(
     world: SimulatedWorld, seeds: Sequence[int], rounds: int, wrong: WrongFeedback = "any"
 ) -> RandomStreams:
-    """Draw the chance of some runs.
+    """Draw the chance of some runs, that of each from its own seed alone.
 
-    Args:
-        world: World of the runs.
-        seeds: One a run; the draws of a run depend on its own alone.
-        rounds: Length of each run; a shorter run is the beginning of a longer one.
-        wrong: Values of wrong feedback.
+    A shorter run is the beginning of a longer one.
     """
     runs, agents, attempts = len(seeds), len(world.agents), world.attempts
-    width = len(world.space)
     seconds = world.person.seconds if world.person else 0
-    scene = np.empty((runs, rounds), dtype=np.int64)
-    error_draw = np.empty((runs, rounds, attempts))
-    wrong_values = np.empty((runs, rounds, width))
-    wrong_fit = np.empty((runs, rounds, attempts))
-    mood_noise = np.empty((runs, rounds, attempts, seconds), dtype=np.float32)
-    ties = np.empty((runs, rounds, attempts, agents), dtype=np.float32)
+    drawn = RandomStreams(
+        seeds=seeds,
+        scene=np.empty((runs, rounds), dtype=np.int64),
+        error_draw=np.empty((runs, rounds, attempts)),
+        wrong=np.empty((runs, rounds, len(world.space))),
+        wrong_fit=np.empty((runs, rounds, attempts)),
+        mood_noise=np.empty((runs, rounds, attempts, seconds), dtype=np.float32),
+        ties=np.empty((runs, rounds, attempts, agents), dtype=np.float32),
+    )
     for row, seed in enumerate(seeds):
         # A stream for each kind, so that a shorter run is the beginning of a longer one.
         scenes, errors, anything, another, fits, orders, moods = map(
             np.random.default_rng, np.random.SeedSequence(seed).spawn(7)
         )
-        scene[row] = scenes.integers(len(world.scenes), size=rounds)
-        error_draw[row] = errors.random((rounds, attempts))
+        drawn.scene[row] = scenes.integers(len(world.scenes), size=rounds)
+        drawn.error_draw[row] = errors.random((rounds, attempts))
         if wrong == "any":
-            wrong_values[row] = anything.uniform(world.low, world.high, (rounds, width))
+            drawn.wrong[row] = anything.uniform(world.low, world.high, drawn.wrong.shape[1:])
         elif wrong == "another":
-            wrong_values[row] = world.best[another.integers(agents, size=rounds)]
+            drawn.wrong[row] = world.best[another.integers(agents, size=rounds)]
         else:
-            wrong_values[row] = wrong
-        wrong_fit[row] = fits.uniform(-1.0, 1.0, (rounds, attempts))
-        ties[row] = orders.random((rounds, attempts, agents), dtype=np.float32)
-        mood_noise[row] = moods.standard_normal((rounds, attempts, seconds), dtype=np.float32)
-    return RandomStreams(
-        seeds=seeds,
-        scene=scene,
-        error_draw=error_draw,
-        wrong=wrong_values,
-        wrong_fit=wrong_fit,
-        mood_noise=mood_noise,
-        ties=ties,
-    )
+            drawn.wrong[row] = wrong
+        drawn.wrong_fit[row] = fits.uniform(-1.0, 1.0, (rounds, attempts))
+        drawn.ties[row] = orders.random((rounds, attempts, agents), dtype=np.float32)
+        drawn.mood_noise[row] = moods.standard_normal((rounds, attempts, seconds), np.float32)
+    return drawn

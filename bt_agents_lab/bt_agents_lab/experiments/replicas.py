@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_lab.experiments.random_streams import RandomStreams, draw
-from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld, vectors
+from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld
 from bt_agents_lab.experiments.simulation import Course, simulate
-from bt_agents_language.files.folder_reader import Trees
+from bt_agents_language.files.experiment_reader import read_experiment
+from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors
 
 
@@ -23,6 +25,18 @@ class Replicas:
     world: SimulatedWorld
     streams: RandomStreams
     course: Course
+
+
+def opened(path: Path) -> tuple[Trees, ExperimentSpec]:
+    """Read the agents and the experiment of a folder.
+
+    Raises:
+        BtAgentsError: Something in it cannot be read; it lists the problems.
+    """
+    folder = read_trees(path)
+    if folder.broken:
+        raise BtAgentsError(folder.broken[0].error.report)
+    return folder, read_experiment(path / "experiment.yaml", folder.scene.space)
 
 
 def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
@@ -41,9 +55,9 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
     return SimulatedWorld(
         space=folder.scene.space,
         agents=tuple(agent.name for agent in agents),
-        starts=vectors([agent.profile for agent in agents]),
-        best=vectors([spec.feedback.each[agent.name] for agent in agents]),
-        scenes=vectors(list(dict.fromkeys(spec.scenes))),
+        starts=np.array([agent.profile for agent in agents], np.float64),
+        best=np.array([spec.feedback.each[agent.name] for agent in agents], np.float64),
+        scenes=np.array(list(dict.fromkeys(spec.scenes)), np.float64),
         rates=np.array([agent.learning_rate for agent in agents]),
     )
 
@@ -68,12 +82,8 @@ def streams_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]
 def with_seed(spec: ExperimentSpec, seed: int) -> ExperimentSpec:
     """Return an experiment with another seed, and its feedback from the start."""
     errors = spec.feedback.errors
-    return replace(
-        spec,
-        seed=seed,
-        feedback=replace(
-            spec.feedback, errors=None if errors is None else replace(errors, seed=seed)
-        ),
+    return with_errors(
+        replace(spec, seed=seed), None if errors is None else replace(errors, seed=seed)
     )
 
 
@@ -85,13 +95,9 @@ def with_errors(spec: ExperimentSpec, errors: FeedbackErrors | None) -> Experime
 def replicas(
     world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int], arm: Arm | None = None
 ) -> Replicas:
-    """Play an experiment once for each seed.
+    """Play an experiment once for each seed, in its world or a variant of it.
 
-    Args:
-        world: Of :func:`world_of`, or a variant.
-        spec: The experiment.
-        seeds: Any.
-        arm: Selection and learning; None as in the paper.
+    Without an arm agents are selected and learn as in the paper.
     """
     streams = streams_of(world, spec, seeds)
     # Feedback is wrong where the draw is 0, right where it is 1.

@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from bt_agents_core.feedback import LearningRule
-from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_core.scene import SceneSpace
 from marketplace_node.settings import EXTERNAL, RULES
+from marketplace_node.strategies import TIE_BREAKS
 from marketplace_node.strategies.arrays import Floats, Integers
 
 NOT_SIMULATED = (EXTERNAL, RULES)
@@ -84,14 +85,12 @@ class SimulatedWorld:
     @cached_property
     def misfit(self) -> Floats:
         """Manhattan distance of each scene to the one that each agent is made for, [K, N]."""
-        distances: Floats = np.abs(self.scenes[:, None] - self.best).sum(axis=-1)
-        return distances
+        return np.asarray(np.abs(self.scenes[:, None] - self.best).sum(axis=-1))
 
     @cached_property
     def suited(self) -> Integers:
         """Index of the agent that suits each scene best, [K]."""
-        nearest: Integers = np.argmin(self.misfit, axis=-1)
-        return nearest
+        return np.asarray(np.argmin(self.misfit, axis=-1))
 
     @property
     def attempts(self) -> int:
@@ -100,22 +99,30 @@ class SimulatedWorld:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arm:
-    """One way to select and to learn.
+class Selection:
+    """One way to select.
 
     Attributes:
         strategy: As the market's parameter.
         options: Of the strategy; the others have their defaults.
         tie_break: As the market's parameter, or ``random``, which the market does not have.
-        rule: How agents learn.
     """
 
     strategy: str = "manhattan"
     options: Mapping[str, float] = field(default_factory=dict)
-    tie_break: str = "least_recently_run"
+    tie_break: str = TIE_BREAKS[0]
+
+    @property
+    def label(self) -> str:
+        """For tables and figures: ``ucb c=2``."""
+        parts = [self.strategy, *(f"{name}={value:g}" for name, value in self.options.items())]
+        if self.tie_break != TIE_BREAKS[0]:
+            parts.append(f"(ties: {self.tie_break})")
+        return " ".join(parts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arm(Selection):
+    """One way to select and to learn."""
+
     rule: LearningRule = field(default_factory=LearningRule)
-
-
-def vectors(rows: list[Vector] | tuple[Vector, ...]) -> Floats:
-    """Return vectors as an array, [rows, n]."""
-    return np.array(rows, dtype=np.float64)

@@ -9,7 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind, Update
-from bt_agents_lab.experiments.random_streams import Bools, RandomStreams, StreamMoment
+from bt_agents_lab.experiments.random_streams import (
+    Attempt,
+    Bools,
+    CachedRandomSource,
+    RandomStreams,
+)
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from feedback_node.learning import updates
 from marketplace_node.strategies import STRATEGIES, RoundArrays
@@ -58,14 +63,7 @@ class _State:
 def simulate(
     world: SimulatedWorld, arm: Arm, streams: RandomStreams, wrong_share: float = 0.0
 ) -> Course:
-    """Play all runs of ``streams``.
-
-    Args:
-        world: Agents and scenes.
-        arm: Selection and learning.
-        streams: The chance.
-        wrong_share: Probability that feedback is wrong, 0..1.
-    """
+    """Play all runs of ``streams``, with a probability that feedback is wrong, 0..1."""
     return _play(world, arm, streams, (wrong_share,), history=True)
 
 
@@ -79,15 +77,8 @@ def simulate_shares(
     whole = _play(world, arm, streams, wrong_shares, history=False)
     runs = len(streams.seeds)
     parts = [slice(first, first + runs) for first in range(0, runs * len(wrong_shares), runs)]
-    return [
-        Course(
-            awarded=whole.awarded[part],
-            cancelled=whole.cancelled[part],
-            won=whole.won[part],
-            profiles=whole.profiles[part],
-        )
-        for part in parts
-    ]
+    arrays = vars(whole).items()
+    return [Course(**{name: values[part] for name, values in arrays}) for part in parts]
 
 
 def _play(
@@ -117,31 +108,34 @@ def _play(
         scene = world.scenes[streams.scene[rows % of_streams, index]]
         for attempt in range(world.attempts):
             tried = course.won[rows, index]
-            now = StreamMoment(streams, rows % of_streams, index, attempt)
-            chosen = _award(world, arm, state, now, rows, scene, tried)
+            at = (rows % of_streams, index, attempt)
+            chosen = _award(world, arm, state, streams, at, rows, scene, tried)
             if attempt == 0:
                 course.awarded[:, index] = chosen
             state.runs[rows, chosen] += 1.0
             state.total[rows] += 1.0
             state.last_run[rows, chosen] = state.total[rows]
             course.won[rows, index, chosen] = True
-            is_wrong = now.error_draw < share[rows]
+            is_wrong = streams.error_draw[at] < share[rows]
             if world.person is None:
-                target = np.where(is_wrong[:, None], now.wrong, world.best[chosen])
+                target = np.where(is_wrong[:, None], streams.wrong[at[:2]], world.best[chosen])
                 _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, target, 1.0)
                 break
-            moods = _moods(world, world.person, now, scene, chosen, is_wrong)
-            praised, blamed = _fired(world.person, moods)
+            person = world.person
+            moods = _moods(world, person, streams, at, scene, chosen, is_wrong)
+            change = moods[1:] - moods[0]
+            praised = _held(change >= person.better, person.hold_s)
+            blamed = _held(change <= -person.worse, person.hold_s)
             weight = arm.rule.weight(MOOD_RULE)
-            for kind, at in (
-                (FeedbackKind.POSITIVE, praised < blamed),
-                (FeedbackKind.NEGATIVE, blamed < NEVER),
-            ):
-                _learn(world, rule, state, rows[at], chosen[at], kind, scene[at], weight)
             stopped = blamed < NEVER
+            for kind, some in (
+                (FeedbackKind.POSITIVE, praised < blamed),
+                (FeedbackKind.NEGATIVE, stopped),
+            ):
+                _learn(world, rule, state, rows[some], chosen[some], kind, scene[some], weight)
             course.cancelled[rows[stopped], index] += 1
             scene = scene[stopped]
-            seen_at = blamed[stopped] - min(world.person.hold_s, 1)
+            seen_at = blamed[stopped] - min(person.hold_s, 1)
             scene[:, _mood_place(world)] = moods[seen_at, stopped.nonzero()[0]]
             rows = rows[stopped]
             if not len(rows):
@@ -155,7 +149,8 @@ def _award(
     world: SimulatedWorld,
     arm: Arm,
     state: _State,
-    now: StreamMoment,
+    streams: RandomStreams,
+    at: Attempt,
     rows: Integers,
     scene: Floats,
     tried: Bools,
@@ -164,8 +159,8 @@ def _award(
     total = state.total[rows]
     profiles, runs, last_run = state.profiles, state.runs, state.last_run
     bidders = None
-    if now.attempt:
-        left = len(world.agents) - now.attempt
+    if attempt := at[2]:
+        left = len(world.agents) - attempt
         bidders = np.argsort(tried, axis=-1, kind="stable")[:, :left]
         where = (rows[:, None], bidders)
         profiles, runs, last_run = profiles[where], runs[where], last_run[where]
@@ -182,12 +177,14 @@ def _award(
             idle=total[:, None] - last_run,
         ),
         spec.values(arm.options),
-        now.source(),
+        CachedRandomSource(streams, at),
     ).score
     # Bidders stay in alphabetical order, so the first of those that are left comes first by name.
     best = score == score.min(axis=-1, keepdims=True)
     if arm.tie_break == "random":
-        ties = now.ties if bidders is None else np.take_along_axis(now.ties, bidders, axis=-1)
+        ties = streams.ties[at]
+        if bidders is not None:
+            ties = np.take_along_axis(ties, bidders, axis=-1)
         chosen = np.where(best, ties, np.inf).argmin(axis=-1)
     elif arm.tie_break == "name":
         chosen = best.argmax(axis=-1)
@@ -199,40 +196,29 @@ def _award(
 def _moods(
     world: SimulatedWorld,
     person: Person,
-    now: StreamMoment,
+    streams: RandomStreams,
+    at: Attempt,
     scene: Floats,
     chosen: Integers,
     is_wrong: Bools,
 ) -> Floats:
     """Return the mood at the start and after each second, [seconds + 1, rows]."""
     place = _mood_place(world)
-    misfit = world.misfit[now.scene, chosen]
+    misfit = world.misfit[streams.scene[at[:2]], chosen]
     fit = np.clip(1.0 - misfit / person.tolerance, -1.0, 1.0)
-    fit = np.where(is_wrong, now.wrong_fit, fit)
-    noise = now.mood_noise.astype(np.float64) * person.noise
+    fit = np.where(is_wrong, streams.wrong_fit[at], fit)
+    noise = streams.mood_noise[at].astype(np.float64) * person.noise
     steps = (person.drift * fit[:, None] + noise).T
     moods = np.empty((person.seconds + 1, len(scene)))
     moods[0] = scene[:, place]
     low, high = world.low[place], world.high[place]
-    for second in range(person.seconds):
-        next_mood = moods[second + 1]
-        np.add(moods[second], steps[second], out=next_mood)
-        np.maximum(next_mood, low, out=next_mood)
-        np.minimum(next_mood, high, out=next_mood)
+    for second, step in enumerate(steps):
+        np.clip(moods[second] + step, low, high, out=moods[second + 1])
     return moods
 
 
-def _fired(person: Person, moods: Floats) -> tuple[Integers, Integers]:
-    """Return the second in which the mood rules fire, or :data:`NEVER`."""
-    change = moods[1:] - moods[0]
-    return (
-        _held(change >= person.better, person.hold_s),
-        _held(change <= -person.worse, person.hold_s),
-    )
-
-
 def _held(holds: Bools, hold_s: int) -> Integers:
-    """Return the second, from 1, at which a condition [seconds, rows] has held so long.
+    """Return the second, from 1, at which a condition [seconds, rows] has held so long, or NEVER.
 
     As for :class:`feedback_node.rules.Watch`, a value counts until the next one: a rule that is
     due fires on what was seen before.

@@ -4,57 +4,33 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_lab.experiments.measures import PerRun, of_runs, together
 from bt_agents_lab.experiments.random_streams import WrongFeedback, draw
-from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld
+from bt_agents_lab.experiments.simulated_world import Arm, Selection, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate_shares
 
 PART = 1000
 """Runs that are played at once, for the same results in any number of processes."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Selection:
-    """A strategy with its options."""
-
-    strategy: str
-    options: Mapping[str, float] = field(default_factory=dict)
-    tie_break: str = "least_recently_run"
-
-    @property
-    def label(self) -> str:
-        """For tables and figures: ``ucb c=2``."""
-        parts = [self.strategy, *(f"{name}={value:g}" for name, value in self.options.items())]
-        if self.tie_break != "least_recently_run":
-            parts.append(f"(ties: {self.tie_break})")
-        return " ".join(parts)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Learning:
-    """A learning rule of all agents."""
-
-    rule: LearningRule
-
-    @property
-    def label(self) -> str:
-        """For tables and figures: ``huber width=1``."""
-        parts = [str(self.rule.update)]
-        if self.rule.update is Update.HUBER and self.rule.width:
-            parts.append(f"width={next(iter(self.rule.width.values())):g}")
-        if self.rule.update is Update.MEDIAN:
-            parts.append(f"window={self.rule.window}")
-        if self.rule.anneal:
-            parts.append(f"anneal={self.rule.anneal:g}")
-        return " ".join(parts)
+def rule_label(rule: LearningRule) -> str:
+    """Return a learning rule for tables and figures: ``huber width=1``."""
+    parts = [str(rule.update)]
+    if rule.update is Update.HUBER and rule.width:
+        parts.append(f"width={next(iter(rule.width.values())):g}")
+    if rule.update is Update.MEDIAN:
+        parts.append(f"window={rule.window}")
+    if rule.anneal:
+        parts.append(f"anneal={rule.anneal:g}")
+    return " ".join(parts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,15 +38,10 @@ class SweepSpec:
     """Specification of a sweep.
 
     Attributes:
-        title: For people.
-        world: World of the runs.
         runs: Runs of each cell; run i has the seed ``seed + i``.
         rounds: Length of a run.
-        seed: Of the first run.
         shares: Shares of wrong feedback.
         wrong: Values of wrong feedback.
-        selections: Strategies.
-        learnings: Learning rules.
     """
 
     title: str
@@ -81,7 +52,7 @@ class SweepSpec:
     shares: tuple[float, ...]
     wrong: WrongFeedback
     selections: tuple[Selection, ...]
-    learnings: tuple[Learning, ...]
+    learnings: tuple[LearningRule, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,12 +60,12 @@ class Cell:
     """One strategy and learning rule under one share of wrong feedback."""
 
     selection: Selection
-    learning: Learning
+    learning: LearningRule
     share: float
 
 
-Results = dict[tuple[int, int, int], PerRun]
-"""Indices of selection, learning and share → measures of the runs."""
+Results = dict[tuple[int, int], PerRun]
+"""Indices of learning and share → measures of the runs."""
 
 
 def sweep(
@@ -102,10 +73,8 @@ def sweep(
 ) -> list[tuple[Cell, PerRun]]:
     """Play every cell and return its measures, in the order of the spec.
 
-    Args:
-        spec: The sweep.
-        processes: Number that work at once; the result does not depend on it.
-        progress: Called with the numbers of tasks that are done, and of all.
+    The result does not depend on the number of processes. ``progress`` takes the numbers of tasks
+    that are done, and of all.
 
     Raises:
         BtAgentsError: A process was ended from outside.
@@ -120,14 +89,15 @@ def sweep(
     for task, results in _worked(spec, parts, tasks, processes):
         done[task] = results
         progress(len(done), len(tasks))
-    cells = []
-    for (row, selection), (rule, learning), (place, share) in product(
-        enumerate(spec.selections), enumerate(spec.learnings), enumerate(spec.shares)
-    ):
-        cell = Cell(selection=selection, learning=learning, share=share)
-        runs = [done[part, row][row, rule, place] for part in range(len(parts))]
-        cells.append((cell, together(runs)))
-    return cells
+    return [
+        (
+            Cell(selection=selection, learning=learning, share=share),
+            together([done[part, row][rule, place] for part in range(len(parts))]),
+        )
+        for (row, selection), (rule, learning), (place, share) in product(
+            enumerate(spec.selections), enumerate(spec.learnings), enumerate(spec.shares)
+        )
+    ]
 
 
 def _worked(
@@ -158,17 +128,12 @@ def _worked(
 
 def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
     """Play some runs with one strategy and every learning rule and share."""
-    chosen = spec.selections[selection]
+    chosen = vars(spec.selections[selection])
     streams = draw(spec.world, seeds, spec.rounds, spec.wrong)
-    results = {}
-    for rule, learning in enumerate(spec.learnings):
-        arm = Arm(
-            strategy=chosen.strategy,
-            options=chosen.options,
-            tie_break=chosen.tie_break,
-            rule=learning.rule,
+    return {
+        (rule, place): of_runs(spec.world, streams, course)
+        for rule, learning in enumerate(spec.learnings)
+        for place, course in enumerate(
+            simulate_shares(spec.world, Arm(**chosen, rule=learning), streams, spec.shares)
         )
-        courses = simulate_shares(spec.world, arm, streams, spec.shares)
-        for place, course in enumerate(courses):
-            results[selection, rule, place] = of_runs(spec.world, streams, course)
-    return results
+    }

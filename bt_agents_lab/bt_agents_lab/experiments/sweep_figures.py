@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_lab.experiments.drawing import COLOURS, sheet
+from bt_agents_core.feedback import LearningRule
+from bt_agents_lab.experiments.drawing import COLOURS, sheet, smooth
 from bt_agents_lab.experiments.measures import LAST, Measures, PerRun, summary
-from bt_agents_lab.experiments.sweep import Cell, Learning, Selection, SweepSpec
+from bt_agents_lab.experiments.simulated_world import Selection
+from bt_agents_lab.experiments.sweep import Cell, SweepSpec, rule_label
 from bt_agents_lab.experiments.verdicts import percent
-from marketplace_node.strategies.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,8 +51,8 @@ _CURVE_SHARE = 0.2
 """Learning curves are drawn for the share of wrong feedback next to this one."""
 
 
-def write(folder: Path, spec: SweepSpec, played: Played) -> list[Path]:
-    """Write results.csv, results.json, table.md and all figures; return the files.
+def write(folder: Path, spec: SweepSpec, played: Played) -> None:
+    """Write results.csv, results.json, table.md and all figures.
 
     Raises:
         BtAgentsError: A file cannot be written, or matplotlib is not installed.
@@ -65,9 +66,6 @@ def write(folder: Path, spec: SweepSpec, played: Played) -> list[Path]:
         raise BtAgentsError(f"{folder}: {error.strerror}; name a folder to write into") from None
     curves(folder, spec, played)
     robustness(folder, spec, played)
-    names = ("results.csv", "results.json", "table.md")
-    figures = [f"{name}.{kind}" for name in ("curves", "robustness") for kind in ("svg", "png")]
-    return [folder / name for name in (*names, *figures)]
 
 
 def table(spec: SweepSpec, played: Played) -> str:
@@ -81,7 +79,11 @@ def table(spec: SweepSpec, played: Played) -> str:
         f"|{'---|' * len(head)}",
     ]
     for cell, runs in played:
-        row = (cell.selection.label, cell.learning.label, *cells(cell, summary(runs)).values())
+        row = (
+            cell.selection.label,
+            rule_label(cell.learning),
+            *cells(cell, summary(runs)).values(),
+        )
         lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines) + "\n"
 
@@ -109,9 +111,9 @@ def curves(folder: Path, spec: SweepSpec, played: Played) -> None:
         for axes, learning in zip(panels, spec.learnings, strict=True):
             for selection, line in zip(spec.selections, _lines(spec.selections), strict=True):
                 runs = _of(played, selection, learning, share)
-                right = _smooth(runs.right / len(runs.late))
+                right = smooth(runs.right / len(runs.late), WINDOW)
                 axes.plot(np.arange(1, len(right) + 1), right, **line)
-            axes.set_title(learning.label)
+            axes.set_title(rule_label(learning))
             axes.set_xlabel("round")
             axes.set_xlim(0, spec.rounds)
             axes.set_ylim(0.0, 1.02)
@@ -136,16 +138,11 @@ def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
                 found = [summary(_of(played, selection, learning, one)) for one in spec.shares]
                 wrong = [100.0 * one for one in spec.shares]
                 upper.plot(wrong, [100.0 * one.accuracy for one in found], marker=".", **line)
-                lower.plot(wrong, [100.0 * one.starved.share for one in found], marker=".", **line)
-                lower.fill_between(
-                    wrong,
-                    [100.0 * one.starved.low for one in found],
-                    [100.0 * one.starved.high for one in found],
-                    color=line["color"],
-                    alpha=0.12,
-                    linewidth=0,
-                )
-            upper.set_title(learning.label)
+                starved = [(one.starved.share, one.starved.low, one.starved.high) for one in found]
+                share, low, high = 100.0 * np.array(starved).T
+                lower.plot(wrong, share, marker=".", **line)
+                lower.fill_between(wrong, low, high, color=line["color"], alpha=0.12, linewidth=0)
+            upper.set_title(rule_label(learning))
             upper.set_ylim(least - 2.0, 101.0)
             lower.set_ylim(-2, 102)
             lower.set_xlabel("wrong feedback [%]")
@@ -156,12 +153,6 @@ def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
             f"{spec.title}: {spec.runs} runs of {spec.rounds} rounds; bands: 95 % intervals",
             fontsize=10,
         )
-
-
-def _smooth(values: Floats) -> Floats:
-    """Return means over the last rounds up to each, [T]."""
-    ends = range(1, len(values) + 1)
-    return np.array([values[max(end - WINDOW, 0) : end].mean() for end in ends])
 
 
 def _lines(selections: Sequence[Selection]) -> list[dict[str, Any]]:
@@ -192,7 +183,7 @@ def _legend(figure: Figure, axes: Axes, columns: int) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=max(columns, 2))
 
 
-def _of(played: Played, selection: Selection, learning: Learning, share: float) -> PerRun:
+def _of(played: Played, selection: Selection, learning: LearningRule, share: float) -> PerRun:
     wanted = Cell(selection=selection, learning=learning, share=share)
     return next(runs for cell, runs in played if cell == wanted)
 
@@ -209,7 +200,7 @@ def _row(cell: Cell, found: Measures) -> dict[str, object]:
     values = asdict(found)
     flat: dict[str, object] = {
         "strategy": cell.selection.label,
-        "update": cell.learning.label,
+        "update": rule_label(cell.learning),
         "wrong_share": cell.share,
     }
     for name, value in values.items():

@@ -3,19 +3,23 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneSpace
 from bt_agents_lab.experiments.random_streams import WrongFeedback
-from bt_agents_lab.experiments.replicas import world_of
-from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Person, SimulatedWorld
-from bt_agents_lab.experiments.sweep import Learning, Selection, SweepSpec
+from bt_agents_lab.experiments.replicas import opened, world_of
+from bt_agents_lab.experiments.simulated_world import (
+    NOT_SIMULATED,
+    Person,
+    Selection,
+    SimulatedWorld,
+)
+from bt_agents_lab.experiments.sweep import SweepSpec
 from bt_agents_language.fields.scene_values import read_vector
-from bt_agents_language.files.experiment_reader import read_experiment
-from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.yaml.field_tables import (
     DURATION,
     NUMBER,
@@ -162,15 +166,7 @@ def read_sweep(path: Path) -> SweepSpec:
     assert seed is not None
     return SweepSpec(
         title=title,
-        world=SimulatedWorld(
-            space=space,
-            agents=world.agents,
-            starts=world.starts,
-            best=world.best,
-            scenes=world.scenes,
-            rates=world.rates,
-            person=person,
-        ),
+        world=replace(world, person=person),
         runs=runs,
         rounds=rounds,
         seed=seed,
@@ -187,10 +183,7 @@ def _world(folder: Path) -> SimulatedWorld:
             f"'{folder}' is no experiment: it has no experiment.yaml; 'experiment:' of a sweep is "
             "a folder, seen from the file's own"
         )
-    trees = read_trees(folder)
-    if trees.broken:
-        raise BtAgentsError(trees.broken[0].error.report)
-    return world_of(trees, read_experiment(folder / "experiment.yaml", trees.scene.space))
+    return world_of(*opened(folder))
 
 
 def _selection(reading: TypedReader, node: Node) -> Selection | None:
@@ -201,9 +194,7 @@ def _selection(reading: TypedReader, node: Node) -> Selection | None:
     if fields is None:
         return None
     name = fields.choice("name")
-    tie_break = TIES[0]
-    if fields.get("tie_break") is not None:
-        tie_break = fields.choice("tie_break") or TIES[0]
+    tie_break = fields.choice("tie_break") or TIES[0]
     if name is None:
         return None
     given = {}
@@ -219,29 +210,20 @@ def _selection(reading: TypedReader, node: Node) -> Selection | None:
     return Selection(strategy=name, options=given, tie_break=tie_break)
 
 
-def _learning(reading: TypedReader, node: Node, space: SceneSpace) -> Learning | None:
+def _learning(reading: TypedReader, node: Node, space: SceneSpace) -> LearningRule | None:
     if not isinstance(node, Mapping):
         name = reading.choice(node, "an update", _UPDATES)
-        return None if name is None else Learning(rule=LearningRule(update=Update(name)))
+        return None if name is None else LearningRule(update=Update(name))
     fields = reading.keys(node, _UPDATE)
     if fields is None:
         return None
     name = fields.choice("name")
     width = fields.number("width")
-    window = fields.integer("window")
-    anneal = fields.number("anneal")
+    options = {"window": fields.integer("window"), "anneal": fields.number("anneal")}
     if name is None:
         return None
     widths = {} if width is None else dict.fromkeys(space.names, width)
-    default = LearningRule()
-    return Learning(
-        rule=LearningRule(
-            update=Update(name),
-            width=widths,
-            window=default.window if window is None else window,
-            anneal=default.anneal if anneal is None else anneal,
-        )
-    )
+    return LearningRule(update=Update(name), width=widths, **_given(options))
 
 
 def _wrong(
@@ -265,21 +247,18 @@ def _person(reading: TypedReader, node: Node) -> Person | None:
     fields = reading.keys(node, _PERSON)
     if fields is None:
         return None
-    default = Person()
-    seconds = fields.integer("seconds")
-    numbers = {key: fields.number(key) for key in ("drift", "noise", "better", "worse")}
-    tolerance = fields.number("tolerance")
+    numbers = {
+        key: fields.number(key) for key in ("drift", "noise", "tolerance", "better", "worse")
+    }
     hold = fields.duration("hold")
-    if hold is not None and hold != math.floor(hold):
+    if hold is not None and not hold.is_integer():
         reading.error(
             "out-of-range", fields.nodes["hold"], f"'hold' is {hold:g} s, expected whole seconds"
         )
-    return Person(
-        seconds=default.seconds if seconds is None else seconds,
-        tolerance=default.tolerance if tolerance is None else tolerance,
-        hold_s=default.hold_s if hold is None else int(hold),
-        **{
-            key: getattr(default, key) if value is None else value
-            for key, value in numbers.items()
-        },
-    )
+    whole = {"seconds": fields.integer("seconds"), "hold_s": None if hold is None else int(hold)}
+    return Person(**_given(whole), **_given(numbers))
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the values that a file gives; the others keep their defaults."""
+    return {key: value for key, value in values.items() if value is not None}

@@ -18,7 +18,6 @@ class Claim:
     """A claim of the paper and the criterion by which it is judged.
 
     Attributes:
-        name: Short and unique.
         section: Where it stands.
         quote: The sentence of the paper.
         criterion: Property of a run in which the claim holds.
@@ -32,10 +31,9 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class ClaimVerdict:
-    """ClaimVerdict on a claim.
+    """Verdict on a claim.
 
     Attributes:
-        claim: The claim.
         runs: Number of runs that were judged; 1 where nothing is left to chance.
         held: Number of those in which it holds.
         unit: Name of what was counted, in the plural.
@@ -73,10 +71,10 @@ def judged(
 
     Args:
         claim: The claim.
-        held: For each run whether the claim holds.
+        held: For each run whether it holds.
         found: The measurements, for people.
         reason: Why it does not hold in every run; left out when it does.
-        unit: What is counted, when it is not runs.
+        unit: What is counted.
     """
     runs, hits = len(held), int(np.count_nonzero(held))
     return ClaimVerdict(
@@ -99,9 +97,9 @@ def percent(share: float) -> str:
     return f"{rounded:.6g} %"
 
 
-def as_markdown(title: str, verdicts: Iterable[ClaimVerdict]) -> str:
+def as_markdown(verdicts: Iterable[ClaimVerdict]) -> str:
     """Return verdicts as a document."""
-    lines = [f"# {title}", ""]
+    lines = ["# What the paper claims, and what holds", ""]
     for verdict in verdicts:
         claim = verdict.claim
         lines += [

@@ -46,10 +46,6 @@ def connect() -> Iterator[Observer]:
 def wait_for_market(observer: Observer, domain: int) -> None:
     """Spin until a status of the market arrives; longer when there are signs of a system.
 
-    Args:
-        observer: Connected to the graph of the system.
-        domain: ROS domain of that graph.
-
     Raises:
         BtAgentsError: None has arrived; with the reason as far as it is known.
     """

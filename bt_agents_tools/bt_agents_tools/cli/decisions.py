@@ -27,9 +27,7 @@ _MAX_SHOWN = 30
 
 def last_decisions(observer: Observer) -> list[Any]:
     """Return the last decisions of a running market."""
-    from bt_agents_tools.client import system
-
-    auctions = system.decisions(observer)
+    auctions = observer.received("auctions")
     observer.spin_until(
         lambda: (auctions[-1].round if auctions else 0) >= observer.market.round, FIND_LIMIT_S
     )
@@ -91,14 +89,13 @@ def end_text(end: Any, names: SceneLabels) -> str:
 
 def admission_text(observer: Observer) -> tuple[str, str]:
     """Return the market's ``on_new_scene``, empty without an answer, and how many scenes wait."""
-    from bt_agents_tools.client import system
-
     waiting = observer.market.queued
-    settings = system.admission_settings(observer)
-    if settings is None:
+    names = ["on_new_scene", "queue_limit"]
+    answer = observer.ask("marketplace/get_parameters", names=names)
+    if answer is None or len(answer.values) != len(names):
         return "", f"{waiting} wait"
-    mode, limit = settings
-    return mode, f"{waiting} of {limit} wait"
+    mode, limit = answer.values
+    return mode.string_value, f"{waiting} of {limit.integer_value} wait"
 
 
 def disagreements(auction: Any) -> str:

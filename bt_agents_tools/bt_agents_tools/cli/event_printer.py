@@ -22,18 +22,13 @@ from bt_agents_tools.cli.formatting import (
 )
 
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
-_OUTCOME_STYLE = {"succeeded": "green", "cancelled": "yellow"}
+_STATUSES = ("RUNNING", "SUCCESS", "FAILURE")
 _MOOD_STEP = 0.25
 _SHOWN_BY_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 
 class EventPrinter:
-    """Listener of an observer that prints events and counts them for the summary.
-
-    Args:
-        console: Output.
-        space: Scene parameters, for the labels of their values.
-    """
+    """Listener of an observer that prints events and counts them for the summary."""
 
     def __init__(self, console: Console, space: SceneSpace) -> None:
         self._console = console
@@ -62,20 +57,18 @@ class EventPrinter:
             self._now.setdefault(agent, profile)
 
     def visitor(self, label: str) -> None:
-        """Print a heading for a new visitor."""
-        if not label:
-            return
-        self._console.print()
-        self._console.rule(f"[bold]{escape(label)}", align="left", style="cyan")
+        if label:
+            self._console.print()
+            self._console.rule(f"[bold]{escape(label)}", align="left", style="cyan")
 
     def scene(self, message: Any) -> None:
-        """Print a scene."""
         self._scene_id = message.scene_id
         self._names.add(message)
-        self._line("scene", self._describe(message))
+        urgent = "[bold]urgent[/] " if message.urgent else ""
+        label = f"[bold]{escape(message.label)}[/]: " if message.label else ""
+        self._line("scene", urgent + label + self._values(message))
 
     def market(self, message: Any) -> None:
-        """Print that a scene has to wait."""
         if message.queued > self._queued:
             busy = f"{message.agent} has the robot" if message.agent else "another is under way"
             count = f" as the last of {message.queued}" if message.queued > 1 else ""
@@ -83,33 +76,26 @@ class EventPrinter:
         self._queued = message.queued
 
     def live(self, message: Any) -> None:
-        """Print a change of the mood during a run."""
-        if self._space.mood is None:
-            return
         mood = next((v.value for v in message.values if v.name == self._space.mood), math.nan)
         if math.isnan(mood) or self._mood is None or abs(mood - self._mood) < _MOOD_STEP:
             return
-        style = "red" if mood < self._mood else "green"
-        verb = "falls" if mood < self._mood else "rises"
+        style, verb = ("red", "falls") if mood < self._mood else ("green", "rises")
         self._line("mood", f"[{style}]{verb} from {self._mood:g} to {mood:g}[/]")
         self._mood = mood
 
     def auction(self, message: Any) -> None:
-        """Print every bid, and the decision with its reason."""
         self.rounds += 1
         if message.follows or message.scene.scene_id != self._scene_id:
             self.scene(message.scene)
+        head = f"bid {message.round}"
         for bid in message.ranking:
             style = "bold" if bid.agent == message.winner else "dim"
-            self._line(
-                f"bid {message.round}",
-                f"[{style}]{bid.agent:<22} {bid.distance:5.2f}[/] "
-                f"[dim]= {escape(_sum_only(bid.calculation))}[/]",
-            )
+            calculation = bid.calculation
+            total = escape(calculation.partition("= ")[2] or calculation)
+            text = f"[{style}]{bid.agent:<22} {bid.distance:5.2f}[/] [dim]= {total}[/]"
+            self._line(head, text)
         for bid in message.refused:
-            self._line(
-                f"bid {message.round}", f"[dim]{bid.agent:<22}   –   {escape(bid.reason)}[/]"
-            )
+            self._line(head, f"[dim]{bid.agent:<22}   –   {escape(bid.reason)}[/]")
         if message.outcome in (message.PREEMPTS, message.WAITS):
             stops = message.outcome == message.PREEMPTS
             title = "[bold yellow]the run is stopped[/]" if stops else "[dim]the run goes on[/]"
@@ -123,7 +109,6 @@ class EventPrinter:
         self.unanswered += not message.winner
 
     def run(self, message: Any) -> None:
-        """Print start, cancelling and end of a run."""
         if message.event == message.STARTED:
             moods = (v.value for v in message.scene.values if v.name == self._space.mood)
             self._mood = next((mood for mood in moods if not math.isnan(mood)), None)
@@ -139,7 +124,7 @@ class EventPrinter:
             self._under_way = ""
             outcome = constant_text(message, message.outcome, OUTCOMES)
             self.runs.append((message.agent, outcome))
-            style = _OUTCOME_STYLE.get(outcome, "red")
+            style = {"succeeded": "green", "cancelled": "yellow"}.get(outcome, "red")
             # Of a host that is gone nobody knows the last count.
             ticks = f", {message.ticks} ticks" if message.ticks else ""
             self._line(
@@ -157,21 +142,18 @@ class EventPrinter:
             self._line("run", f"{message.agent} starts")
 
     def end(self, message: Any) -> None:
-        """Print how a scene ended, unless its run or its round has shown it."""
         if message.code not in _SHOWN_BY_RUN:
             title = f"[yellow]{escape(code_text(message.code))}:[/]"
             self._line("scene", f"{title} {self._named(message.message)}")
 
     def tree(self, message: Any) -> None:
-        """Show the nodes that changed in a tick, and decorators that made something fail.
-
-        First what ended, in the order of ending, then what began, parents before children.
-        """
+        # First what ended, in the order of ending, then what began, parents before children.
         ended = [change for change in message.changes if change.status != change.RUNNING]
         begun = [change for change in message.changes if change.status == change.RUNNING]
         if message.tick == 1:
             self._starts(message)
-        if self._under_way == message.agent and not self._stopping and _cleans_up(message):
+        cleans_up = any(change.path.startswith("on_cancel") for change in message.changes)
+        if self._under_way == message.agent and not self._stopping and cleans_up:
             self._stopping = True
             self._line("run", f"[yellow]stopping {message.agent}:[/] its host hears no market")
         for change in [*ended, *sorted(begun, key=lambda change: _tree_order(change.path))]:
@@ -180,18 +162,17 @@ class EventPrinter:
                 continue
             depth = change.path.count("/")
             details = f" [dim]{escape(change.message)}[/]" if change.message else ""
+            status = _STATUS[constant_text(change, change.status, _STATUSES)]
             self._line(
                 "tree",
-                f"[dim]{message.tick:>4}[/] {'  ' * depth}{_status(change)}[/] "
+                f"[dim]{message.tick:>4}[/] {'  ' * depth}{status}[/] "
                 f"{escape(change.name)}{details}",
             )
 
     def act(self, text: str) -> None:
-        """Print a line of the robot's transcript."""
         self._line("robot", f"[bold magenta]{escape(text)}[/]")
 
     def feedback(self, message: Any) -> None:
-        """Print the feedback, and the profile before and after."""
         kind = constant_text(message, message.kind, KINDS)
         self.feedbacks.append((message.agent, kind))
         who = message.agent
@@ -213,7 +194,7 @@ class EventPrinter:
         )
 
     def tunings(self, message: Any) -> None:
-        """Print the changes since the last message of the host; none for its first one."""
+        # The first message of a host has only changes from before.
         last = self._tuned.get(message.host, message.revision)
         self._tuned[message.host] = message.revision
         for one in message.tunings:
@@ -226,7 +207,6 @@ class EventPrinter:
                 )
 
     def agents_changed(self, text: str, is_error: bool) -> None:
-        """Print a change of the agents themselves, or a problem of their files."""
         self._line("agents", f"[{'red' if is_error else 'bold'}]{escape(text)}[/]")
 
     def summary(self) -> None:
@@ -251,11 +231,6 @@ class EventPrinter:
     def _named(self, text: str) -> str:
         return escape(self._names.with_names(text))
 
-    def _describe(self, message: Any) -> str:
-        urgent = "[bold]urgent[/] " if message.urgent else ""
-        label = f"[bold]{escape(message.label)}[/]: " if message.label else ""
-        return urgent + label + self._values(message)
-
     def _values(self, message: Any) -> str:
         if not message.person and all(math.isnan(v.value) for v in message.values):
             return "no person, nothing else is known"
@@ -279,23 +254,11 @@ class EventPrinter:
         print_line(self._console, f"[cyan]{what:>9}[/]  ", Text.from_markup(text))
 
 
-def _cleans_up(message: Any) -> bool:
-    return any(change.path.startswith("on_cancel") for change in message.changes)
-
-
 def _tree_order(path: str) -> list[int]:
     """Return a sort key for the path of a node that puts parents before children."""
     numbers = (part.partition(".")[0] for part in path.split("/"))
     return [int(number) if number.isdecimal() else 0 for number in numbers]
 
 
-def _status(change: Any) -> str:
-    return _STATUS[constant_text(change, change.status, ("RUNNING", "SUCCESS", "FAILURE"))]
-
-
 def _vector(values: Sequence[float]) -> str:
     return "[" + ", ".join(f"{value:.4g}" for value in values) + "]"
-
-
-def _sum_only(calculation: str) -> str:
-    return calculation.partition("= ")[2] or calculation

@@ -16,7 +16,6 @@ STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
 OUTCOMES = ("SUCCEEDED", "FAILED", "CANCELLED", "LOST")
 KINDS = ("DIRECT", "POSITIVE", "NEGATIVE", "SET")
 
-_QUOTED = re.compile(r"'([^']*)'")
 _NARROWEST = 20
 
 
@@ -54,7 +53,7 @@ class SceneLabels:
 
     def with_names(self, text: str) -> str:
         """Return a text for people with names in place of quoted ids."""
-        return _QUOTED.sub(lambda match: f"'{self.name_of(match[1])}'", text)
+        return re.sub(r"'([^']*)'", lambda match: f"'{self.name_of(match[1])}'", text)
 
 
 def _original_id(scene_id: str) -> str:
@@ -63,13 +62,9 @@ def _original_id(scene_id: str) -> str:
 
 
 def print_line(console: Console, head: str, text: Text | str, indent: int = 0) -> None:
-    """Print a text behind a head: wrapped at words on a terminal, else as one line.
+    """Print a text behind a head with markup: wrapped at words on a terminal, else as one line.
 
-    Args:
-        console: Output.
-        head: Start of the first line, with rich's markup.
-        text: The text; a ``str`` has no markup.
-        indent: Indentation of the further lines in characters; 0 takes the length of the head.
+    Further lines are indented by so many characters, without a number by the length of the head.
     """
     front = Text.from_markup(head)
     indent = indent or front.cell_len

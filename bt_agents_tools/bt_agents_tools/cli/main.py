@@ -19,8 +19,8 @@ COMMANDS: Mapping[str, str] = {
     "demo": "demo",
     "up": "up",
     "trigger": "trigger",
-    "sense": "sense",
-    "cancel": "cancel",
+    "sense": "trigger",
+    "cancel": "operate",
     "scene": "scene",
     "status": "status",
     "why": "why",
@@ -46,8 +46,8 @@ COMMANDS: Mapping[str, str] = {
     "preset": "preset",
     "keep": "keep",
     "reload": "reload",
-    "versions": "versions",
-    "roll-back": "roll_back",
+    "versions": "reload",
+    "roll-back": "reload",
 }
 """Command → its module in ``bt_agents_tools.cli.commands``.
 
@@ -74,11 +74,9 @@ class LazyGroup(click.Group):
     """Click group that imports a command when it is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the sorted names of all commands."""
         return sorted(all_commands())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command; None for an unknown name."""
         entry = all_commands().get(cmd_name)
         if entry is None:
             return None
@@ -90,7 +88,6 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Resolve a command; for a misspelt one the error names the nearest."""
         near = difflib.get_close_matches(args[0], all_commands(), n=1, cutoff=0.75)
         if args[0] not in all_commands() and near:
             ctx.fail(f"no command '{args[0]}'; did you mean '{near[0]}'?")
@@ -98,11 +95,6 @@ class LazyGroup(click.Group):
 
 
 def _load(entry: EntryPoint) -> object:
-    """Import the function of a command.
-
-    Raises:
-        BtAgentsError: It needs a package that is not installed.
-    """
     try:
         return entry.load()
     except ModuleNotFoundError as error:

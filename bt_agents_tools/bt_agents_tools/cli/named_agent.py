@@ -16,12 +16,10 @@ from bt_agents_language.model.specs import AgentSpec
 def named_agent(
     argument: str, directory: str = "", trees: Trees | None = None
 ) -> tuple[Trees, AgentSpec]:
-    """Return the trees folder and the agent that an argument names.
+    """Return the trees folder and the agent that an argument names, or whose file it is.
 
-    Args:
-        argument: Agent file, or the name of an agent.
-        directory: Trees folder; empty finds it above the file, or as :func:`find_trees`.
-        trees: The same folder if it is read already.
+    An empty directory is found above the file, or as by :func:`find_trees`; ``trees`` is the
+    folder if it is read already.
 
     Raises:
         BtAgentsError: There is no such file or agent.

@@ -31,15 +31,15 @@ _INDENT = 13
 class InteractiveAnswers:
     """Source of answers that prompts the author."""
 
-    def __init__(self, console: Console, agent: AgentSpec, vocabulary: SymbolTable) -> None:
+    def __init__(self, console: Console, agent: AgentSpec, symbols: SymbolTable) -> None:
         self._console = console
         self._agent = agent
-        self._vocabulary = vocabulary
-        self._space = vocabulary.space
+        self._symbols = symbols
+        self._space = symbols.space
         self._explained = False
 
     def asks(self, use: Use) -> bool:
-        """Return whether to prompt for a skill: not for texts that are only said or shown."""
+        # Nobody answers texts that are only said or shown.
         skill = use.node.skill
         outputs = default_answers.returned(use.node)
         if skill is None or (skill.main == "text" and not outputs):
@@ -47,7 +47,6 @@ class InteractiveAnswers:
         return bool(outputs) or default_answers.duration_s(use.node, use.inputs, fails=False) > 0.0
 
     def answer(self, use: Use) -> ScriptedAnswer | ScriptedEvent | None:
-        """Prompt for the end of a skill, or an event before it; None for the default."""
         if not self._explained:
             self._explained = True
             self._print_hint(
@@ -74,7 +73,7 @@ class InteractiveAnswers:
 
     def event(self, reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent | None:
         """Prompt for an event while the tree only waits; None for none."""
-        self._console.print(Text(f"{'':{_INDENT}}{reason}", style="yellow"), soft_wrap=True)
+        self._console.print(Text(f"{'':{_INDENT}}{reason}", style="yellow"))
         examples = [*map(_message_example, waits), self._mood_example(), "cancel"]
         self._print_hint(f"Enter: nothing · {' · '.join(filter(None, dict.fromkeys(examples)))}")
         while typed := self._prompt("what happens? [nothing]"):
@@ -85,11 +84,10 @@ class InteractiveAnswers:
 
     def _read_event(self, typed: str) -> ScriptedEvent | None:
         try:
-            typed_yaml = typed_event(self._agent, typed)
+            read = self._read(typed_event(self._agent, typed))
         except BtAgentsError as error:
-            self._console.print(Text(str(error), style="red"), soft_wrap=True)
+            self._console.print(Text(str(error), style="red"))
             return None
-        read = self._read(typed_yaml)
         return None if read is None else read.during[0]
 
     def _mood_example(self) -> str:
@@ -99,13 +97,13 @@ class InteractiveAnswers:
     def _read(self, typed: TypedYaml) -> Scenario | None:
         """Parse typed YAML; None when it has errors, which are printed."""
         try:
-            return read_scenario_text(typed.text, "typed", self._agent, self._vocabulary)
+            return read_scenario_text(typed.text, "typed", self._agent, self._symbols)
         except ReadError as error:
-            self._console.print(Text(typed.explained(error), style="red"), soft_wrap=True)
+            self._console.print(Text(typed.explained(error), style="red"))
             return None
 
     def _print_hint(self, text: str) -> None:
-        self._console.print(Text(f"{'':{_INDENT}}{text}", style="dim"), soft_wrap=True)
+        self._console.print(Text(f"{'':{_INDENT}}{text}", style="dim"))
 
     def _prompt(self, question: str) -> str | None:
         """Prompt for a line; None at the end of the input."""

@@ -17,7 +17,7 @@ from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.paths import journal_folder
-from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.formatting import print_line
@@ -37,8 +37,6 @@ _DEMO_LIMIT_S = 55.0
 _READY_LIMIT_S = 20.0
 _POLL_S = 0.2
 _INDENT = 4
-_FIND_OTHER_S = 0.5
-
 
 journal_option = click.option(
     "--journal",
@@ -50,10 +48,7 @@ journal_option = click.option(
 
 
 def journal_components(folder: str | None) -> list[Component]:
-    """Return the journal as components: none without the option.
-
-    Args:
-        folder: Value of the option; None without it, empty for the usual folder.
+    """Return the journal as components: none for None; an empty text means the usual folder.
 
     Raises:
         BtAgentsError: The package that it needs is not installed.
@@ -75,17 +70,10 @@ def run_system(
     interrupt: Interrupt,
     visitors: Component | None = None,
     logs: Path | None = None,
-) -> int:
-    """Run a system until Ctrl-C, or until the visitors are done; return the exit code.
+) -> None:
+    """Run a system of processes until Ctrl-C, or until its visitors are done.
 
-    Args:
-        command: Name of the command.
-        processes: Processes of the system.
-        trees: Trees folder.
-        tags: Only agents with one of these tags.
-        interrupt: Becomes true on Ctrl-C.
-        visitors: Started when all is ready; None for none.
-        logs: Folder for the logs; None for a new one.
+    Visitors are started when all is ready. Without ``logs`` these go to a new folder.
     """
     start = time.monotonic()
     set_local_discovery(os.environ)
@@ -97,7 +85,9 @@ def run_system(
 
     console = Console()
     folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
-    _print_broken(console, folder)
+    for broken in folder.broken:
+        console.print("[yellow]left out, the other agents run:[/]")
+        console.print(broken.error.report, markup=False, highlight=False, soft_wrap=True)
     if not folder.agents:
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
     supervisor = Supervisor(logs or components.new_log_folder())
@@ -105,7 +95,7 @@ def run_system(
     observer = Observer(printer)
     observer.watch_heartbeats(supervisor.on_heartbeat)
     try:
-        observer.spin_until(lambda: bool(interrupt) or observer.market is not None, _FIND_OTHER_S)
+        observer.spin_until(lambda: bool(interrupt) or observer.market is not None, 0.5)
         if observer.market is not None:
             raise BtAgentsError(
                 f"a system already runs on ROS domain {domain}; end it, or set ROS_DOMAIN_ID to "
@@ -115,9 +105,8 @@ def run_system(
             if not interrupt:
                 supervisor.start(*processes)
             recorded = any(component.name == "journal" for component in processes)
-            _wait_until_ready(
-                console, observer, supervisor, len(folder.agents), interrupt, recorded
-            )
+            agents = len(folder.agents)
+            _wait_until_ready(console, observer, supervisor, agents, interrupt, recorded)
             if not interrupt:
                 printer.profiles(profiles_by_agent(observer.profiles))
                 _print_ready(console, observer.cards.values(), time.monotonic() - start)
@@ -133,7 +122,6 @@ def run_system(
         console.print("\nstopped")
     if killed:
         console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
-    return 0
 
 
 def _wait_until_ready(
@@ -144,11 +132,7 @@ def _wait_until_ready(
     interrupt: Interrupt,
     recorded: bool,
 ) -> None:
-    """Wait until all agents are registered, and recorded if the journal runs.
-
-    Raises:
-        BtAgentsError: A process cannot start, or it takes too long.
-    """
+    """Wait until all agents are registered, and recorded if the journal runs."""
 
     def ready() -> bool:
         ready = observer.ready(agents) and observer.services_ready()
@@ -171,11 +155,7 @@ def _print_events(
     visitors: Component | None,
     start: float,
 ) -> None:
-    """Print events until the visitors are done or the user ends it.
-
-    Raises:
-        BtAgentsError: The visitors have failed, or take too long.
-    """
+    """Print events until the visitors are done or the user ends it."""
     limit = math.inf
     if visitors is not None:
         limit = start + _DEMO_LIMIT_S
@@ -197,12 +177,6 @@ def _poll_supervisor(console: Console, supervisor: Supervisor) -> None:
         style = "dim" if line.startswith(" ") else "yellow"
         indent = len(line) - len(line.lstrip())
         print_line(console, "", Text(line, style=style), indent + _INDENT)
-
-
-def _print_broken(console: Console, folder: Trees) -> None:
-    for broken in folder.broken:
-        console.print("[yellow]left out, the other agents run:[/]")
-        console.print(broken.error.report, markup=False, highlight=False, soft_wrap=True)
 
 
 def _print_ready(console: Console, cards: Iterable[Any], seconds: float) -> None:

@@ -18,19 +18,12 @@ from bt_agents_language.model.specs import AgentSpec, Literal
 
 _PLAIN = re.compile(r"[\w.+][\w.+ /%-]*")
 _TIME = re.compile(r"\s*([0-9.]+\s*(?:ms|s|min|h))\b\s*(.*)", re.DOTALL)
-_TIMELIKE = re.compile(r"([0-9.,]+)\s*([a-z]*)")
-_BEGIN = re.compile(r"\s*(?:tune\s+)?([^\s=]+)\s*(=?)")
 _ASSIGNMENT = re.compile(r"([^\s=]+)=((?:\"[^\"]*\"|'[^']*'|[^\s])*)")
 
 
 @dataclass(frozen=True, kw_only=True)
 class TypedYaml:
-    """YAML made from typed options or answers.
-
-    Attributes:
-        text: The YAML.
-        origins: Typed text of each of its lines; empty for the others.
-    """
+    """YAML made from typed options or answers, with the origin of each line or an empty text."""
 
     text: str
     origins: tuple[str, ...]
@@ -115,7 +108,7 @@ def _with_origins(lines: Iterable[tuple[str, str]]) -> TypedYaml:
 def is_event(agent: AgentSpec, space: SceneSpace, typed: str) -> bool:
     """Return whether a typed text is an event, and not an answer."""
     match = _TIME.fullmatch(typed)
-    begin = _BEGIN.match(match[2] if match else typed)
+    begin = re.match(r"\s*(?:tune\s+)?([^\s=]+)\s*(=?)", match[2] if match else typed)
     if begin is None:
         return False
     word, equals = begin.groups()
@@ -158,7 +151,7 @@ def event_yaml(agent: AgentSpec, text: str) -> str:
 
 def _refuse_unknown(agent: AgentSpec, text: str, word: str) -> None:
     """Raise an error for a first word that is neither a time nor valid without one."""
-    near = _TIMELIKE.match(text.strip())
+    near = re.match(r"([0-9.,]+)\s*([a-z]*)", text.strip())
     if near is not None:
         number, unit = near.groups()
         meant = f"{number.replace(',', '.')} {'min' if unit.startswith('m') else 's'}"
@@ -176,7 +169,6 @@ def _refuse_unknown(agent: AgentSpec, text: str, word: str) -> None:
 
 
 def _topics(agent: AgentSpec) -> list[Literal]:
-    """Return the topics that nodes wait for, in order, without duplicates."""
     fields = (one.fields.get("topic") for one in nodes_of(agent))
     return list(dict.fromkeys(one for one in fields if isinstance(one, Literal)))
 

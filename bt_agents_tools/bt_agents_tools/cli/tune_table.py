@@ -11,7 +11,7 @@ from bt_agents.host.tuning.tunable import TunableKind, shown_value
 from bt_agents_core.text import ellipsize
 
 if TYPE_CHECKING:
-    from bt_agents_tools.client.tuning import ParameterState
+    from bt_agents_tools.client.write_back import ParameterState
 
 _MAX_COLUMN = 22
 _GAP = "  "
@@ -22,12 +22,7 @@ _INDENT = " " * 6
 
 
 def table(states: Iterable[ParameterState], width: int) -> Iterator[str]:
-    """Yield the lines of a table: the parameters of the host, then those of each agent.
-
-    Args:
-        states: The parameters with their values.
-        width: Columns of the terminal.
-    """
+    """Yield the lines of a table: the parameters of the host, then those of each agent."""
     ordered = sorted(
         states, key=lambda one: (one.parameter.agent, one.parameter.kind is TunableKind.PROFILE)
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests to the marketplace by a command line, each bounded in time."""
+"""Strategies of a running market, and scenes for its operators."""
 
 from __future__ import annotations
 
@@ -8,23 +8,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from bt_agents_interfaces.msg import Scene, SceneValue
-from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_tools.client.observer import Observer
-
-_NODE = "marketplace"
-_STATUS_LIMIT_S = 10.0  # discovery may take long on a busy machine
-_PREVIEW_LIMIT_S = 70.0  # more than the longest deadline of a round, with a program outside
 
 
 @dataclass(frozen=True, kw_only=True)
 class StrategyOption:
     """Option of a strategy with its value in force and its range."""
 
-    name: str
     value: float
     minimum: float
     maximum: float
@@ -33,46 +26,12 @@ class StrategyOption:
 
 @dataclass(frozen=True, kw_only=True)
 class Strategies:
-    """Strategies of a running market.
-
-    Attributes:
-        descriptions: Purpose of each, by name.
-        options: Options of each, by name; empty for one without.
-        current: Name of the one in force.
-        shadow: Name of the one that only scores; empty for none.
-    """
+    """Strategies of a running market by name: one in force, and perhaps one that only scores."""
 
     descriptions: Mapping[str, str]
-    options: Mapping[str, tuple[StrategyOption, ...]]
+    options: Mapping[str, Mapping[str, StrategyOption]]
     current: str
     shadow: str
-
-
-def operate(
-    observer: Observer, action: str, *, agent: str = "", reason: str = "", scene: Any = None
-) -> Any:
-    """Send an operator's command; return the market's response, None without an answer.
-
-    The action is the name of a constant of ``OperateMarket.srv``. Without a scene an award is for
-    the last one.
-    """
-    request = OperateMarket.Request(
-        action=getattr(OperateMarket.Request, action), agent=agent, reason=reason
-    )
-    if scene is not None:
-        request.scene = scene
-    return observer.call(OperateMarket, f"{_NODE}/operate", request)
-
-
-def preview(observer: Observer, strategy: str, scene: Any = None) -> Any:
-    """Ask who would win; return the market's response, None without an answer.
-
-    Without a strategy it is the one in force, without a scene the last one.
-    """
-    request = PreviewAuction.Request(strategy=strategy)
-    if scene is not None:
-        request.scene = scene
-    return observer.call(PreviewAuction, f"{_NODE}/preview", request, limit_s=_PREVIEW_LIMIT_S)
 
 
 def scene_of(
@@ -81,20 +40,13 @@ def scene_of(
     given: Mapping[str, float],
     *,
     scene_id: str,
-    last: Any = None,
-    person: bool | None = None,
-    label: str = "",
+    last: Any,
+    person: bool | None,
+    label: str,
 ) -> Any:
-    """Return a scene message with some values given.
+    """Return a scene message with some values given, the others as in the last scene or missing.
 
-    Args:
-        observer: In the graph of the system.
-        names: All parameters, in order.
-        given: Values by name.
-        scene_id: Its id.
-        last: A scene from which the other values are taken; None leaves them missing.
-        person: Presence of a person; None is as in ``last``, else yes.
-        label: Name for people.
+    Without ``person`` a person is there as in the last scene, or when there is none.
     """
     known = {value.name: value for value in last.values} if last is not None else {}
     scene = Scene(
@@ -119,55 +71,40 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
 
 def strategies(observer: Observer) -> Strategies | None:
     """Return the strategies of the market with the values in force; None without an answer."""
-    if not observer.spin_until(lambda: observer.market is not None, _STATUS_LIMIT_S):
-        return None
     found = {info.name: info for info in observer.market.strategies}
     dotted = [f"{name}.{option}" for name, info in found.items() for option in info.options]
     names = ["strategy", "shadow_strategy", *dotted]
-    described = observer.call(
-        DescribeParameters, f"{_NODE}/describe_parameters", DescribeParameters.Request(names=names)
-    )
-    got = observer.call(
-        GetParameters, f"{_NODE}/get_parameters", GetParameters.Request(names=names)
-    )
+    described = observer.ask("marketplace/describe_parameters", names=names)
+    got = observer.ask("marketplace/get_parameters", names=names)
     if described is None or got is None:
         return None
     if not len(described.descriptors) == len(got.values) == len(names):
         return None
-    values = dict(zip(names, map(parameter_value_to_python, got.values), strict=True))
-    descriptors = dict(zip(names, described.descriptors, strict=True))
+    current, shadow, *values = map(parameter_value_to_python, got.values)
+    options: dict[str, dict[str, StrategyOption]] = {name: {} for name in found}
+    for name, value, descriptor in zip(dotted, values, described.descriptors[2:], strict=True):
+        strategy, _, option = name.rpartition(".")
+        span = descriptor.floating_point_range[0]
+        options[strategy][option] = StrategyOption(
+            value=float(value),
+            minimum=span.from_value,
+            maximum=span.to_value,
+            description=descriptor.description,
+        )
     return Strategies(
         descriptions={name: info.description for name, info in found.items()},
-        options={
-            name: tuple(
-                _option(option, values[f"{name}.{option}"], descriptors[f"{name}.{option}"])
-                for option in info.options
-            )
-            for name, info in found.items()
-        },
-        current=str(values["strategy"]),
-        shadow=str(values["shadow_strategy"]),
-    )
-
-
-def _option(name: str, value: float, descriptor: Any) -> StrategyOption:
-    span = descriptor.floating_point_range[0]
-    return StrategyOption(
-        name=name,
-        value=float(value),
-        minimum=span.from_value,
-        maximum=span.to_value,
-        description=descriptor.description,
+        options=options,
+        current=str(current),
+        shadow=str(shadow),
     )
 
 
 def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> str | None:
     """Set parameters of the market together; return why not, empty if set, None if unanswered."""
-    parameters = [Parameter(name, value=value) for name, value in changes.items()]
-    request = SetParametersAtomically.Request(
-        parameters=[parameter.to_parameter_msg() for parameter in parameters]
-    )
-    answer = observer.call(SetParametersAtomically, f"{_NODE}/set_parameters_atomically", request)
+    parameters = [
+        Parameter(name, value=value).to_parameter_msg() for name, value in changes.items()
+    ]
+    answer = observer.ask("marketplace/set_parameters_atomically", parameters=parameters)
     if answer is None:
         return None
     return "" if answer.result.successful else str(answer.result.reason or "it gives no reason")

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import rclpy
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -23,14 +24,29 @@ from bt_agents_interfaces.msg import (
     HostCard,
     MarketHeartbeat,
     MarketStatus,
+    MoodTrace,
+    Persons,
     Profiles,
     Run,
     Scene,
     SceneEnd,
+    Trees,
     TreeStatus,
+    Tunables,
     Tunings,
 )
-from bt_agents_interfaces.srv import Analyze, GiveFeedback, ListVersions
+from bt_agents_interfaces.srv import (
+    Analyze,
+    CancelRun,
+    GiveFeedback,
+    ListVersions,
+    ManageProfiles,
+    OperateMarket,
+    PreviewAuction,
+    ReloadAgents,
+    RollBack,
+    Tune,
+)
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.spinner import Spinner
@@ -77,13 +93,44 @@ class Listener(Protocol):
         """Handle a change of a host's agents, or a problem of their files, as text for people."""
 
 
-_FIND_S = 10.0
-"""Longest time for discovery on a busy machine [s]."""
-
 _SETTLE_S = 0.1
 """Time that an event waits for one of another topic that was sent before it [s]."""
 
-_VERSIONS_LIMIT_S = 1.0
+_SERVICES = {
+    "analyze": Analyze,
+    "cancel": CancelRun,
+    "describe_parameters": DescribeParameters,
+    "get_parameters": GetParameters,
+    "give": GiveFeedback,
+    "manage": ManageProfiles,
+    "operate": OperateMarket,
+    "preview": PreviewAuction,
+    "reload": ReloadAgents,
+    "roll_back": RollBack,
+    "set_parameters_atomically": SetParametersAtomically,
+    "tune": Tune,
+    "versions": ListVersions,
+}
+"""Last part of the name of a service → its type."""
+
+_LIMIT_S = 5.0
+_LIMITS_S = {
+    "manage": 30.0,  # erasing a person rewrites the whole ledger
+    "preview": 70.0,  # more than the longest deadline of a round, with a program outside
+}
+"""Longest times for an answer, where it is not :data:`_LIMIT_S` [s]."""
+
+_TOPICS = {
+    "auctions": (Auction, qos.FACTS),
+    "feedback": (Feedback, qos.FACTS),
+    "mood_traces": (MoodTrace, qos.FACTS),
+    "persons": (Persons, qos.FACT),
+    "scene_ends": (SceneEnd, qos.FACTS),
+    "trees": (Trees, qos.FACT),
+    "tunables": (Tunables, qos.FACT),
+    "tunings": (Tunings, qos.FACT),
+}
+"""Last part of the name of a topic → its type, and what late joiners get."""
 
 
 class _EventOrder:
@@ -111,12 +158,7 @@ class _EventOrder:
 
 
 class _CardListener:
-    """Reports differences between the cards of hosts, with what has changed in new versions.
-
-    Args:
-        node: Node of the observer.
-        report: Takes a text, and whether it is an error.
-    """
+    """Reports differences between the cards of hosts, with what has changed in new versions."""
 
     def __init__(self, node: Node, report: Callable[[str, bool], None]) -> None:
         self._node = node
@@ -147,7 +189,7 @@ class _CardListener:
         self._calls.call(
             self._clients[host],
             ListVersions.Request(agent=difference.agent),
-            deadline_s=_VERSIONS_LIMIT_S,
+            deadline_s=1.0,
             on_answer=on_answer,
             on_failure=lambda _reason: self._report(difference.text, difference.is_error),
         )
@@ -155,9 +197,6 @@ class _CardListener:
 
 class Observer:
     """Node that subscribes to a running system; it handles messages while it is spun.
-
-    Args:
-        listener: Notified of events; None for none.
 
     Attributes:
         namespace: Namespace of the system, from the environment's ``ROS_NAMESPACE``.
@@ -181,9 +220,12 @@ class Observer:
         self.visits_done = False
         self._spinner = Spinner(self.node)
         self._card_listener: _CardListener | None = None
-        self._subscribe(MarketStatus, "market", self._on_market, qos.FACT)
-        self._subscribe(HostCard, "cards", self._on_card, qos.FACTS)
-        self._subscribe(Profiles, "profiles", self._on_profiles, qos.FACT)
+        for kind, topic, handle, profile in (
+            (MarketStatus, "market", self._on_market, qos.FACT),
+            (HostCard, "cards", self._on_card, qos.FACTS),
+            (Profiles, "profiles", self._on_profiles, qos.FACT),
+        ):
+            self.node.create_subscription(kind, topic, handle, profile)
         self._services = [
             self.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE),
             self.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE),
@@ -209,7 +251,7 @@ class Observer:
             (Feedback, "feedback", listener.feedback, qos.EVENTS),
             (Tunings, "agents/tunings", listener.tunings, qos.FACT),
         ):
-            self._subscribe(kind, topic, order.callback_for(deliver), profile)
+            self.node.create_subscription(kind, topic, order.callback_for(deliver), profile)
 
     def watch_heartbeats(self, on_heartbeat: Callable[[str], None]) -> None:
         """Call back with the component's name for each heartbeat of one."""
@@ -226,11 +268,6 @@ class Observer:
                 qos.SENSOR,
                 raw=True,
             )
-
-    def _subscribe(
-        self, kind: Any, topic: str, callback: Callable[..., None], profile: Any
-    ) -> None:
-        self.node.create_subscription(kind, topic, callback, profile)
 
     def _on_market(self, message: Any) -> None:
         self.market = message
@@ -254,23 +291,16 @@ class Observer:
         message = self.profiles
         learned = zip(message.agents, message.layers, message.revisions, strict=True)
         known = {
-            name
-            for name, layer, revision in learned
-            if not layer and bidding.get(name, -1) >= revision
+            name for name, layer, held in learned if not layer and bidding.get(name, -1) >= held
         }
-        return len(known & set(bidding)) >= agents
+        return len(known) >= agents
 
     def namespaces_of_markets(self) -> list[str]:
         """Return the namespaces of the marketplaces that are discovered on this domain so far."""
         kind = "bt_agents_interfaces/msg/MarketStatus"
         topics = [name for name, kinds in self.node.get_topic_names_and_types() if kind in kinds]
-        return sorted(
-            {
-                end.node_namespace
-                for topic in topics
-                for end in self.node.get_publishers_info_by_topic(topic)
-            }
-        )
+        ends = (end for topic in topics for end in self.node.get_publishers_info_by_topic(topic))
+        return sorted({end.node_namespace for end in ends})
 
     def services_ready(self) -> bool:
         """Return True when the services of scene layer and feedback node are discovered."""
@@ -284,24 +314,37 @@ class Observer:
         """Spin until ``done()`` is true or the time is up; return ``done()``."""
         return self._spinner.spin_until(done, limit_s)
 
-    def call(
-        self, kind: Any, name: str, request: Any, limit_s: float = 5.0, *, find_s: float = _FIND_S
+    def ask(
+        self, service: str, *, find_s: float = 10.0, limit_s: float = 0.0, **fields: Any
     ) -> Any:
         """Call a service; return its response, or None when it is not there or does not answer.
 
         Args:
-            kind: Type of the service.
-            name: Its name.
-            request: The request.
-            limit_s: Longest time for the answer [s].
+            service: Its name, which ends with a key of ``_SERVICES``.
             find_s: Longest time for discovery of the service [s].
+            limit_s: Longest time for the answer [s]; 0 takes that of the service.
+            fields: Fields of the request; ``action`` and ``person`` by the names of constants.
         """
-        client = self.node.create_client(kind, name, qos_profile=qos.SERVICE)
+        name = service.rpartition("/")[2]
+        kind = _SERVICES[name]
+        for field in fields.keys() & {"action", "person"}:
+            fields[field] = getattr(kind.Request, fields[field])
+        client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
         if not self.spin_until(client.service_is_ready, find_s):
             return None
-        future = client.call_async(request)
-        self.spin_until(future.done, limit_s)
+        future = client.call_async(kind.Request(**fields))
+        self.spin_until(future.done, limit_s or _LIMITS_S.get(name, _LIMIT_S))
         return future.result() if future.done() else None
+
+    def received(self, topic: str) -> list[Any]:
+        """Return a list that fills with the messages of a topic, the latched ones first.
+
+        The name of the topic ends with a key of ``_TOPICS``.
+        """
+        messages: list[Any] = []
+        kind, profile = _TOPICS[topic.rpartition("/")[2]]
+        self.node.create_subscription(kind, topic, messages.append, profile)
+        return messages
 
     def close(self) -> None:
         """Destroy the node and shut ROS down in this process."""

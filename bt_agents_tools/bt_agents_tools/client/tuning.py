@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests of a command line about tunables and profiles, each bounded in time."""
+"""Tunables and profiles of a running system, as a command line shows and changes them."""
 
 from __future__ import annotations
 
@@ -10,21 +10,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
-from bt_agents.host.tuning.tunable import Setting, TunableParameter, profile_values
+from bt_agents.host.tuning.tunable import TunableParameter, profile_values
 from bt_agents.host.tuning.tunable_messages import info_from_msg
 from bt_agents.host.tuning.tune_service import SOMEBODY
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_core.feedback import TUNING
+from bt_agents_core.feedback import TUNING, FeedbackKind
 from bt_agents_core.text import quote
-from bt_agents_interfaces.msg import Feedback, Tunables, Tunings
-from bt_agents_interfaces.srv import GiveFeedback, Tune
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_ros import qos
 from bt_agents_tools.client.observer import Observer
-from bt_agents_tools.client.system import manage_profiles
+from bt_agents_tools.client.write_back import ParameterState
 
 _MAX_NAMES = 500
 """Most parameters of one request."""
@@ -33,27 +29,13 @@ _LATCHED_LIMIT_S = 3.0
 """Longest time for a latched message [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ParameterState:
-    """Tunable parameter of a running host, or value of a profile, with its current value."""
-
-    parameter: TunableParameter
-    value: Setting
-
-
-def tune(observer: Observer, host: str, action: str, **fields: Any) -> Any:
-    """Send a request, its action a constant of ``Tune.srv``, to a host; None without an answer."""
-    request = Tune.Request(action=getattr(Tune.Request, action), **fields)
-    return observer.call(Tune, f"{host}/tune", request)
-
-
 def tunings(observer: Observer, host: str) -> Any:
     """Return the latched ``Tunings`` of a host.
 
     Raises:
         BtAgentsError: It publishes none.
     """
-    return _latched(observer, Tunings, f"{host}/tunings")
+    return _latched(observer, f"{host}/tunings")
 
 
 def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> list[ParameterState]:
@@ -64,18 +46,21 @@ def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> lis
     Raises:
         BtAgentsError: The host does not answer.
     """
-    message = _latched(observer, Tunables, f"{host}/tunables")
+    message = _latched(observer, f"{host}/tunables")
     described = [info_from_msg(o) for o in message.tunables if not agents or o.agent in agents]
     described.sort(key=lambda parameter: parameter.name)
-    states = [state for some in _chunks(described) for state in _with_values(observer, host, some)]
+    chunks = (
+        described[start : start + _MAX_NAMES] for start in range(0, len(described), _MAX_NAMES)
+    )
+    states = [state for some in chunks for state in _with_values(observer, host, some)]
     return [*states, *_profiles(observer.cards.get(host), agents)]
 
 
 def _with_values(
     observer: Observer, host: str, some: Sequence[TunableParameter]
 ) -> Iterator[ParameterState]:
-    request = GetParameters.Request(names=[parameter.name for parameter in some])
-    answer = observer.call(GetParameters, f"{host}/get_parameters", request)
+    names = [parameter.name for parameter in some]
+    answer = observer.ask(f"{host}/get_parameters", names=names)
     if answer is None:
         raise _no_answer(f"{host}/get_parameters")
     # Agents may come and go between the messages.
@@ -109,24 +94,22 @@ def set_profile(
                 "UNKNOWN_PARAMETER",
                 f"{quote(agent)} has no {quote(f'profile.{name}')}; {did_you_mean(name, names)}",
             )
-    request = GiveFeedback.Request(
+    return observer.ask(
+        "feedback/give",
         feedback_id=f"{TUNING}/{uuid.uuid4()}",
         agent=agent,
-        kind=Feedback.SET,
+        kind=FeedbackKind.SET,
         values=[values.get(name, math.nan) for name in names],
         source=TUNING,
         reason=f"tuned by {author or SOMEBODY}" + (f": {reason}" if reason else ""),
     )
-    return observer.call(GiveFeedback, "feedback/give", request)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TunedProfile:
     """Change of a profile that an undo would take back: the last one, and it was tuned.
 
-    Attributes:
-        agent: The agent whose profile it is.
-        stamp: Time of the change [s since 1970].
+    The stamp is the time of the change [s since 1970].
     """
 
     agent: str
@@ -151,7 +134,7 @@ def tuned_profile(observer: Observer, agent: str, since: float) -> TunedProfile 
 
 
 def _history(observer: Observer, what: str, **fields: Any) -> list[Mapping[str, Any]]:
-    answer = manage_profiles(observer, "HISTORY", find_s=_LATCHED_LIMIT_S, **fields)
+    answer = observer.ask("feedback/manage", find_s=_LATCHED_LIMIT_S, action="HISTORY", **fields)
     if answer is None or not answer.accepted:
         return []
     return list(json.loads(answer.document)[what])
@@ -168,11 +151,9 @@ def tuned_at(revisions: Iterable[Mapping[str, Any]]) -> float:
     return float(in_force["stamp"]) if in_force is not None and tuned else 0.0
 
 
-def _latched(observer: Observer, kind: Any, topic: str) -> Any:
-    received: list[Any] = []
-    subscription = observer.node.create_subscription(kind, topic, received.append, qos.FACT)
+def _latched(observer: Observer, topic: str) -> Any:
+    received = observer.received(topic)
     observer.spin_until(lambda: bool(received), _LATCHED_LIMIT_S)
-    observer.node.destroy_subscription(subscription)
     if not received:
         raise _no_answer(topic)
     return received[-1]
@@ -180,9 +161,3 @@ def _latched(observer: Observer, kind: Any, topic: str) -> Any:
 
 def _no_answer(name: str) -> BtAgentsError:
     return BtAgentsError(f"{name}: no answer; look at 'bt-agents status'")
-
-
-def _chunks(parameters: Sequence[TunableParameter]) -> Iterator[Sequence[TunableParameter]]:
-    return (
-        parameters[start : start + _MAX_NAMES] for start in range(0, len(parameters), _MAX_NAMES)
-    )

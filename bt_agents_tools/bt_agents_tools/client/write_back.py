@@ -25,18 +25,14 @@ from bt_agents_language.tools.formatting.span_edit import replace_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 
-_WITH_UNIT = re.compile(r"[-+.\deE]*\d\.?(\s*)([^\W\d_]+|°)")
-_PROFILE_DIGITS = 6
 _TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
-class TunedValue:
-    """Value of a running robot that differs from its file.
+class ParameterState:
+    """Tunable parameter of a running host, or value of a profile, with its current value.
 
-    Attributes:
-        parameter: Its description, with the default that the robot has read from the file.
-        value: Value in force on the robot.
+    The default of the parameter is what the robot has read from the file.
     """
 
     parameter: TunableParameter
@@ -45,40 +41,34 @@ class TunedValue:
 
 def write_defaults(
     source: Source,
-    tuned: Sequence[TunedValue],
+    tuned: Sequence[ParameterState],
     space: SceneSpace,
     read: Callable[[str], AgentSpec],
 ) -> str:
-    """Return the text of an agent file with tuned values as its defaults.
+    """Return the text of an agent file with tuned values, all of its agent, as its defaults.
 
-    Args:
-        source: The file.
-        tuned: Values to write, all of this agent.
-        space: The scene parameters.
-        read: Reads the text of an agent file; may raise ``ReadError``.
+    ``read`` reads the text of an agent file.
 
     Raises:
         ReadError: The file is broken.
         Refused: ``UNKNOWN_PARAMETER``: the file has no such value; ``CHANGED``: its default is
             not what the robot has from it; ``CANNOT_WRITE``.
     """
-    parameters = _parameters(read(source.text), space)
+
+    def parameters(text: str) -> dict[str, TunableParameter]:
+        spec = read(text)
+        profile = profile_values(spec.name, space.names, spec.profile)
+        return {parameter.name: parameter for parameter in (*parameters_of(spec), *profile)}
+
+    here = parameters(source.text)
     for one in tuned:
-        _check_unchanged(source, one, parameters.get(one.parameter.name))
-    text = source.text
+        _check_unchanged(source, one, here.get(one.parameter.name))
     for one in tuned:
-        text = _with_value(
-            Source(source.file, text), one, parameters[one.parameter.name], space, read
-        )
-    return text
+        source = Source(source.file, _with_value(source, one, parameters))
+    return source.text
 
 
-def _parameters(spec: AgentSpec, space: SceneSpace) -> dict[str, TunableParameter]:
-    profile = profile_values(spec.name, space.names, spec.profile)
-    return {parameter.name: parameter for parameter in (*parameters_of(spec), *profile)}
-
-
-def _check_unchanged(source: Source, tuned: TunedValue, here: TunableParameter | None) -> None:
+def _check_unchanged(source: Source, tuned: ParameterState, here: TunableParameter | None) -> None:
     robot = tuned.parameter
     if here is None:
         raise Refused(
@@ -94,26 +84,19 @@ def _check_unchanged(source: Source, tuned: TunedValue, here: TunableParameter |
 
 
 def _with_value(
-    source: Source,
-    tuned: TunedValue,
-    parameter: TunableParameter,
-    space: SceneSpace,
-    read: Callable[[str], AgentSpec],
+    source: Source, tuned: ParameterState, parameters: Callable[[str], dict[str, TunableParameter]]
 ) -> str:
     """Return a text with one default changed, in the spelling that is most like the old one."""
-    before = _parameters(read(source.text), space)
+    others = parameters(source.text)
+    parameter = others.pop(tuned.parameter.name)
     for text in _texts(source, tuned.value, parameter):
         try:
-            after = _parameters(read(text), space)
+            after = parameters(text)
         except ReadError:
             continue
         changed = after.pop(parameter.name)
-        others = {name: one for name, one in before.items() if name != parameter.name}
-        if (
-            changed.type is parameter.type
-            and _has_default(changed, tuned.value)
-            and after == others
-        ):
+        same_type = changed.type is parameter.type
+        if same_type and _has_default(changed, tuned.value) and after == others:
             return text
     raise Refused(
         "CANNOT_WRITE",
@@ -173,7 +156,7 @@ def _spellings(old: str, value: Setting, parameter: TunableParameter) -> list[st
     if isinstance(value, bool | str | int):
         return [parameter.format(value)]
     if parameter.kind is TunableKind.PROFILE:
-        return [f"{value:.{_PROFILE_DIGITS}g}"]
+        return [f"{value:.6g}"]
     if parameter.unit:
         return [*_in_unit_of(old, value, parameter), parameter.format(value)]
     return (
@@ -185,7 +168,7 @@ def _spellings(old: str, value: Setting, parameter: TunableParameter) -> list[st
 
 def _in_unit_of(old: str, value: float, parameter: TunableParameter) -> Iterator[str]:
     """Return a quantity in the unit of another one, if that takes only a few digits."""
-    match = _WITH_UNIT.fullmatch(old)
+    match = re.fullmatch(r"[-+.\deE]*\d\.?(\s*)([^\W\d_]+|°)", old)
     space, unit = match.groups() if match else ("", "")
     try:
         one = parameter.parse(f"1{unit}")

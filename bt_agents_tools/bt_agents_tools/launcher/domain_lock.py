@@ -16,8 +16,6 @@ FIRST, LAST = 40, 100
 """Domains for private use on every platform, with ports below the ephemeral ones of Linux."""
 
 _LONGEST_NAME = 300
-_TRIES = 3
-_TRY_S = 0.02
 
 
 def reserve_domain() -> int:
@@ -48,9 +46,7 @@ def reserve_domain() -> int:
 def hold_domain(domain: int, who: str) -> None:
     """Make this process the only one that runs a system on a domain, however it ends.
 
-    Args:
-        domain: The ROS domain.
-        who: Name of this system, for the message to another that wants the domain too.
+    The message to another that wants the domain, too, says ``who`` has it.
 
     Raises:
         BtAgentsError: Another process of this machine holds it, or the lock file cannot be used.
@@ -99,11 +95,11 @@ def _lock_file(domain: int) -> Path:
 
 def _take_lock(lock: int) -> bool:
     """Take the lock; return False if another holds it (:func:`holder` does for an instant)."""
-    for _ in range(_TRIES):
+    for _ in range(3):
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            time.sleep(_TRY_S)
+            time.sleep(0.02)
         else:
             return True
     return False

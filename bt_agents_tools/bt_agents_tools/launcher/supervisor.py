@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -56,7 +57,6 @@ class Component:
         name: For people, and of its log file.
         module: Python module that runs the node.
         parameters: ROS parameters by name; they override those of the file.
-        file: ROS parameter file; None for none.
         stops_first: True when it is stopped before the others, which it needs for a clean end.
         restarts: True when it is started again if it ends after it was up.
     """
@@ -76,20 +76,9 @@ class Component:
         command += ["-r", f"__ns:=/{namespace}"] if namespace else []
         command += ["--params-file", str(self.file)] if self.file else []
         for name, value in self.parameters.items():
-            command += ["-p", f"{name}:={_yaml(value)}"]
+            # JSON is YAML, too.
+            command += ["-p", f"{name}:={json.dumps(value, ensure_ascii=False)}"]
         return command
-
-
-def _yaml(value: str | float | bool | int) -> str:
-    match value:
-        case bool():
-            return "true" if value else "false"
-        case str():
-            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-        case float():
-            return repr(value)
-        case _:
-            return str(value)
 
 
 def set_local_discovery(environment: MutableMapping[str, str]) -> None:
@@ -137,11 +126,7 @@ class Backoff:
         self._next_s = _FIRST_WAIT_S
 
     def next_wait(self, lived_s: float) -> float:
-        """Return the time to wait before the next start [s].
-
-        Args:
-            lived_s: Time from the start of the process to its end [s].
-        """
+        """Return the time to wait before the next start of a process that lived so long [s]."""
         if lived_s >= _STEADY_LIFE_S:
             self._next_s = _FIRST_WAIT_S
         wait_s = self._next_s
@@ -150,22 +135,14 @@ class Backoff:
 
 
 class LogFile:
-    """Log file of a component, to which every start is appended; only its end is read.
-
-    Args:
-        path: The file; its folder exists.
-    """
+    """Log file of a component, to which every start is appended; only its end is read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._begin = 0
 
     def open(self, start: int) -> BinaryIO:
-        """Return the file for the output of the process.
-
-        Args:
-            start: Number of this start of the process, from 1.
-        """
+        """Return the file for the output of a start of the process, the first being 1."""
         log = self.path.open("ab")
         if start > 1:
             log.write(f"--- start {start}, {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
@@ -230,12 +207,7 @@ class _Supervised:
 
 
 class Supervisor:
-    """Parent of all components, each with its own log file.
-
-    Args:
-        logs: Folder for the log files; made when absent.
-        clock: Steady time [s].
-    """
+    """Parent of all components, each with its own log file in a folder that it makes."""
 
     def __init__(self, logs: Path, clock: Callable[[], float] = time.monotonic) -> None:
         self._logs = logs
@@ -329,11 +301,8 @@ class Supervisor:
         wait_s = one.backoff.next_wait(now - one.started_at)
         one.restart_at = now + wait_s
         name = one.component.name
-        tail = [f"  {name}: {line}" for line in one.log.tail(_RESTART_LINES)]
-        return [
-            f"{name} {_end_text(code)}: starting it again in {wait_s:g} s (log: {one.log.path})",
-            *tail,
-        ]
+        text = f"{name} {_end_text(code)}: starting it again in {wait_s:g} s (log: {one.log.path})"
+        return [text, *(f"  {name}: {line}" for line in one.log.tail(_RESTART_LINES))]
 
     def _restart(self, one: _Supervised, now: float) -> list[str]:
         one.starts += 1
@@ -343,8 +312,8 @@ class Supervisor:
         except OSError as error:
             wait_s = one.backoff.next_wait(0.0)
             one.restart_at = now + wait_s
-            name = one.component.name
-            return [f"{name} cannot be started ({error}): trying again in {wait_s:g} s"]
+            text = f"cannot be started ({error}): trying again in {wait_s:g} s"
+            return [f"{one.component.name} {text}"]
         one.restart_at = None
         return []
 

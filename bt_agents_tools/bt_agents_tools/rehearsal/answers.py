@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from bt_agents.engine.environment import GoalState
@@ -45,14 +44,6 @@ _STATES = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlayedSkill:
-    """Course of one use of a skill: the reply for the leaf, and the outputs by name for people."""
-
-    reply: ScriptedReply
-    outputs: Mapping[str, Plain]
-
-
 class Answers:
     """Answers of a script, given in turn."""
 
@@ -60,15 +51,16 @@ class Answers:
         self._rules = sorted(rules, key=lambda rule: not is_path(rule.key))
         self._turns = dict.fromkeys(range(len(self._rules)), 0)
 
-    def play(self, use: Use, typed: ScriptedAnswer | None = None) -> PlayedSkill:
-        """Return the course of a use of a skill: as typed, as scripted, or by default."""
+    def play(
+        self, use: Use, typed: ScriptedAnswer | None = None
+    ) -> tuple[ScriptedReply, Mapping[str, Plain]]:
+        """Return the reply to a use of a skill, typed, scripted or by default, and its outputs."""
         scripted = typed or self._scripted(use.node) or ScriptedAnswer()
         outputs = {**default_answers.outputs(use.node, use.inputs), **scripted.outputs}
         result, feedback = _messages(use.node, outputs)
         state, reason = _STATES[scripted.end], scripted.reason
-        if scripted.end is GoalEnd.SUCCEEDS:
-            rejection = _rejection(use, outputs, result)
-            state, reason = (GoalState.ABORTED, rejection) if rejection else (state, reason)
+        if scripted.end is GoalEnd.SUCCEEDS and (rejection := _rejection(use, outputs, result)):
+            state, reason = GoalState.ABORTED, rejection
         fails = state is not GoalState.SUCCEEDED
         after_s = scripted.after_s
         if scripted.end is GoalEnd.NEVER:
@@ -84,7 +76,7 @@ class Answers:
             after_s=after_s,
             feedback=((0.0, feedback),) if feedback else (),
         )
-        return PlayedSkill(reply=reply, outputs={} if fails else outputs)
+        return reply, {} if fails else outputs
 
     def _scripted(self, node: NodeSpec) -> ScriptedAnswer | None:
         for number, rule in enumerate(self._rules):
@@ -98,7 +90,6 @@ class Answers:
 def _messages(
     node: NodeSpec, outputs: Mapping[str, Plain]
 ) -> tuple[dict[str, Plain], dict[str, Plain]]:
-    """Return the result and feedback messages that hold the outputs."""
     binding = node.skill.binding if node.skill is not None else None
     paths = {**node.outputs, **(binding.outputs if binding is not None else {})}
     of_feedback = {**node.feedback, **(binding.feedback if binding is not None else {})}
@@ -149,8 +140,5 @@ def _rejection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plai
 
 
 class _NoNames:
-    """Scope without any name."""
-
     def lookup(self, name: str) -> Plain:
-        """Raise for every name."""
         raise MissingValue(name)

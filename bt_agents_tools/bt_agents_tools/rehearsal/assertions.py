@@ -41,13 +41,7 @@ _TOLERANCE_S = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class AssertionFailure:
-    """Expectation that was not fulfilled.
-
-    Attributes:
-        position: Its place in the test file.
-        message: The expected and the found, for people.
-        rows: The same side by side, for lists.
-    """
+    """Expectation that was not fulfilled, for lists with the expected and the found in rows."""
 
     position: Position
     message: str
@@ -83,9 +77,19 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None
                 return _failure(wanted, f"bids: expected a bid, but it {rehearsed.declined}")
             return _failure(wanted, "bids: expected no bid, but nothing speaks against one")
         case Says():
-            return _says(wanted, [use for use in rehearsed.uses if use.spoken])
+            texts = [value_text(use.main) for use in rehearsed.uses if use.spoken]
+            pairs = aligned(wanted.texts, texts, _same_words, exact=wanted.exact)
+            return _compared(wanted, "says", pairs, wanted.exact)
         case Does():
-            return _does(wanted, rehearsed.uses)
+            uses = aligned(wanted.uses, rehearsed.uses, _fits, exact=wanted.exact)
+            shown = [
+                (
+                    None if expected is None else _use_text(expected),
+                    None if found is None else phrase(found.node, found.inputs),
+                )
+                for expected, found in uses
+            ]
+            return _compared(wanted, "does", shown, wanted.exact)
         case DoesNot():
             return _does_not(wanted, rehearsed.uses)
         case Visits():
@@ -119,12 +123,11 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None
             )
             return _failure(wanted, f"feedback: expected {expected}, found {found}")
         case CancelledBy():
-            if wanted.cause == rehearsed.cancelled_by:
+            cause = rehearsed.cancelled_by
+            if wanted.cause == cause:
                 return None
-            found_cause = rehearsed.cancelled_by or "nothing"
-            return _failure(
-                wanted, f"cancelled_by: expected '{wanted.cause}', found {found_cause}"
-            )
+            message = f"cancelled_by: expected '{wanted.cause}', found {cause or 'nothing'}"
+            return _failure(wanted, message)
 
 
 def _failure(wanted: Expectation, message: str, rows: Sequence[Row] = ()) -> AssertionFailure:
@@ -144,31 +147,6 @@ def _visits(wanted: Visits, rehearsed: Rehearsed) -> AssertionFailure | None:
     return _failure(wanted, f"not_visited: {ticked[0]} was ticked")
 
 
-def _says(wanted: Says, uses: Sequence[Use]) -> AssertionFailure | None:
-    texts = [value_text(use.main) for use in uses]
-
-    def same(expected: str, found: str) -> bool:
-        return expected.split() == found.split()
-
-    rows = [
-        (expected or _NOTHING, found or _NOTHING, expected is not None and found is not None)
-        for expected, found in aligned(wanted.texts, texts, same, exact=wanted.exact)
-    ]
-    return _compared(wanted, "says", rows, wanted.exact)
-
-
-def _does(wanted: Does, uses: Sequence[Use]) -> AssertionFailure | None:
-    rows = [
-        (
-            _NOTHING if expected is None else _use_text(expected),
-            _NOTHING if found is None else phrase(found.node, found.inputs),
-            expected is not None and found is not None,
-        )
-        for expected, found in aligned(wanted.uses, uses, _fits, exact=wanted.exact)
-    ]
-    return _compared(wanted, "does", rows, wanted.exact)
-
-
 def _does_not(wanted: DoesNot, uses: Sequence[Use]) -> AssertionFailure | None:
     for one in wanted.uses:
         found = next((use for use in uses if _fits(one, use)), None)
@@ -179,9 +157,12 @@ def _does_not(wanted: DoesNot, uses: Sequence[Use]) -> AssertionFailure | None:
 
 
 def _compared(
-    wanted: Expectation, key: str, rows: list[Row], exact: bool
+    wanted: Expectation, key: str, pairs: list[tuple[str | None, str | None]], exact: bool
 ) -> AssertionFailure | None:
-    rows = _side_by_side(rows)
+    rows = _side_by_side(
+        (expected or _NOTHING, found or _NOTHING, None not in (expected, found))
+        for expected, found in pairs
+    )
     different = [row for row in rows if not row[2]]
     if not different:
         return None
@@ -239,6 +220,10 @@ def aligned(
                 pairs.append((None, found[j]))
             j += 1
     return pairs
+
+
+def _same_words(expected: str, found: str) -> bool:
+    return expected.split() == found.split()
 
 
 def _fits(wanted: SkillUse, use: Use) -> bool:

@@ -22,13 +22,7 @@ _OUTCOMES = {Mark.SUCCEEDED: Outcome.SUCCESS, Mark.FAILED: Outcome.FAILURE}
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:
-    """Node or branch that no test has been through.
-
-    Attributes:
-        path: Path of the node.
-        position: Its place in the file.
-        text: The gap for people: ``never ticked``.
-    """
+    """Node or branch that no test has been through, with a text such as ``never ticked``."""
 
     path: str
     position: Position
@@ -43,7 +37,6 @@ class Coverage:
     """Coverage of one agent's trees.
 
     Attributes:
-        agent: Name of the agent.
         total: Number of nodes and branches.
         missed: Number of those that no test has been through.
         gaps: The same, in the order of the trees, without those below another gap.

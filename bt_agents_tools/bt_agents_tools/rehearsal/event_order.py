@@ -17,8 +17,7 @@ from bt_agents_tools.rehearsal.events import Event, EventKind
 class EventOrder:
     """Events of the ticks of one rehearsal, in the order in which they are to be read.
 
-    Args:
-        nodes: All nodes by path, parents before children.
+    The nodes by path have parents before children.
     """
 
     def __init__(self, nodes: Mapping[str, NodeSpec]) -> None:
@@ -43,12 +42,11 @@ class EventOrder:
             node = self._nodes.get(change.path)
             if node is None:
                 continue
+            text = change.message
             if change.status is Status.FAILURE and _gives_up(node, change):
-                text = change.message
                 event = Event(at_s=at_s, kind=EventKind.GIVES_UP, node=node, text=text)
                 happened.append((number, event))
             elif change.status is Status.RUNNING and type_of(node).waits is not None:
-                text = change.message
                 waits.append(Event(at_s=at_s, kind=EventKind.WAITS, node=node, text=text))
         # A change comes after the events before it: the sort is stable.
         happened.sort(key=lambda pair: pair[0])

@@ -41,10 +41,7 @@ class Event:
 
     Attributes:
         at_s: Time since the start [s].
-        kind: Its kind.
-        node: The node that it is about.
         inputs: Inputs of a skill, or fields of a message.
-        outputs: Outputs of a skill.
         takes_s: Duration of a skill that begins [s]; infinite for ever.
         text: The rest, for people.
         outcome: Outcome of the run, for ``ENDS``; None when it did not end.
@@ -95,9 +92,6 @@ class Rehearsed:
         message: Its reason.
         duration_s: Virtual duration [s].
         ticks: Ticks of the tree and of its clean-up.
-        events: All events, in order.
-        uses: Uses of skills, in order.
-        feedback: Kinds of the feedback given, in order.
         cancelled_by: Mood rule or reason that cancelled it; empty when nothing did.
         declined: Why the agent does not bid for the scene; empty when it does.
         marks: Marks of each node for coverage, by path.

@@ -57,7 +57,6 @@ def _with_replacements(node: NodeSpec, replacements: tuple[Replacement, ...]) ->
 
 
 def _at_path(node: NodeSpec, path: str) -> NodeSpec:
-    """Return a replacement with the path of the node that it replaces."""
     children = tuple(_at_path(child, path) for child in node.children)
     return replace(node, path=path + node.path.removeprefix(REPLACED), children=children)
 

@@ -61,11 +61,6 @@ class AgentTestFile(pytest.File):
     """Collector of one test file."""
 
     def collect(self) -> Iterable[pytest.Item]:
-        """Return one item a case.
-
-        Raises:
-            CollectError: The file, or what it is about, has errors.
-        """
         from bt_agents_tools.rehearsal.suite import TreesFolders
 
         folders = self.config.stash.setdefault(_FOLDERS, TreesFolders())
@@ -91,11 +86,6 @@ class AgentCase(pytest.Item):
         self._case = case
 
     def runtest(self) -> None:
-        """Rehearse the case.
-
-        Raises:
-            CaseFailed: An expectation was not fulfilled.
-        """
         from bt_agents_tools.rehearsal.suite import failure, run_case
 
         result = run_case(self._agent, self._space, self._case)
@@ -105,11 +95,10 @@ class AgentCase(pytest.Item):
     def repr_failure(
         self, excinfo: pytest.ExceptionInfo[BaseException], style: TracebackStyle | None = None
     ) -> str | TerminalRepr:
-        """Return the report of a failed case, without a traceback, which helps no author."""
+        # A traceback helps no author.
         if isinstance(excinfo.value, CaseFailed):
             return str(excinfo.value)
         return super().repr_failure(excinfo)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Return the place of the case in its file."""
         return self.path, self._case.position.line - 1, f"{self._agent.name}: {self.name}"

@@ -54,12 +54,7 @@ None means no event: then a time limit runs out, or, where there is none, the re
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits of a rehearsal that does not end by itself.
-
-    Attributes:
-        duration_s: Most virtual time [s].
-        ticks: Most ticks.
-    """
+    """Limits of a rehearsal that does not end by itself; the time is virtual [s]."""
 
     duration_s: float = 24 * 3600.0
     ticks: int = 100_000
@@ -78,20 +73,12 @@ def rehearse(
 ) -> Rehearsed:
     """Rehearse an interaction.
 
-    Args:
-        agent: The agent.
-        space: The scene parameters.
-        scenario: Scene, answers and events.
-        on_event: Called with every event at once.
-        answer_source: Person who answers skills in place of the script; None for nobody.
-        prompt: Asks for an event when the tree waits for one that is not scripted.
-        limits: Limits of a run that does not end by itself.
-        force: Run the tree even when the agent does not bid for the scene.
+    ``on_event`` takes every event at once, ``answer_source`` answers skills in place of the
+    script, and ``prompt`` asks for an event when the tree waits for one that is not scripted. With
+    ``force`` the tree runs even when the agent does not bid for the scene.
     """
-    rehearsal = _Rehearsal(
-        agent, space, scenario, on_event, answer_source, prompt, limits or Limits()
-    )
-    return rehearsal.run(force)
+    limits = limits or Limits()
+    return _Rehearsal(agent, space, scenario, on_event, answer_source, prompt, limits).run(force)
 
 
 class _Rehearsal:
@@ -168,12 +155,11 @@ class _Rehearsal:
         while not message:
             self._apply_due()
             self._tick()
-            if self._run.result is not None:
-                result = self._run.result
+            result = self._run.result
+            if result is not None:
                 succeeded = result.outcome is TreeOutcome.SUCCEEDED and not result.orphans
-                return self._rehearsed(
-                    result.outcome, self._reason(result), worth_reporting=not succeeded
-                )
+                message = self._reason(result)
+                return self._rehearsed(result.outcome, message, worth_reporting=not succeeded)
             message = self._move_on()
         return self._rehearsed(None, message)
 
@@ -199,11 +185,8 @@ class _Rehearsal:
         add_marks(self._ticked, self._marks)
         self._publish_changes(changes)
         self._held = None
-        self._rests = (
-            not changes
-            and not self._environment.active
-            and at_rest(self._ticked, self._run.deadlines)
-        )
+        active = bool(changes) or self._environment.active
+        self._rests = not active and at_rest(self._ticked, self._run.deadlines)
 
     def _move_on(self) -> str:
         """Advance the clock to the next event; return why there is none, else an empty text."""
@@ -273,9 +256,8 @@ class _Rehearsal:
                 self._live.change(one)
                 if one.silent:
                     # The tree is ticked when the lease ends, even one that only waits.
-                    self._schedule(
-                        ScriptedEvent(after_s=0.0), self._clock.now + LEASE_S + _NUDGE_S
-                    )
+                    lease_end = self._clock.now + LEASE_S + _NUDGE_S
+                    self._schedule(ScriptedEvent(after_s=0.0), lease_end)
                 self._event(EventKind.SCENE, change_text(one))
             if one.tunables:
                 self._tunables |= one.tunables

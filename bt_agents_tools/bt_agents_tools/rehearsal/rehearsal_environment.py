@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from bt_agents.engine.environment import GoalState, SkillGoal
@@ -17,23 +16,11 @@ from bt_agents_tools.rehearsal.answers import Answers
 from bt_agents_tools.rehearsal.events import Event, EventKind, Use
 
 
-@dataclass(frozen=True, kw_only=True)
-class _OpenGoal:
-    goal: ScriptedGoal
-    use: Use
-    outputs: Mapping[str, Plain]
-
-
 class RehearsalEnvironment(ScriptedEnvironment):
     """Environment that answers skills from a script.
 
-    Args:
-        nodes: The agent's nodes by path.
-        answers: Answers of the script.
-        ask: Returns a function that asks a person about a use of a skill once its begin is
-            published; None to ask nobody.
-        on_event: Called with every event.
-        on_feedback: Called with feedback that the tree gives.
+    ``ask`` returns a function that asks a person about a use of a skill once its begin is
+    published, or None to ask nobody; ``on_feedback`` takes feedback that the tree gives.
 
     Attributes:
         uses: The skills that were used, in order.
@@ -57,10 +44,9 @@ class RehearsalEnvironment(ScriptedEnvironment):
         self._ask = ask
         self._on_event = on_event
         self._on_feedback = on_feedback
-        self._open_goals: list[_OpenGoal] = []
+        self._open_goals: list[tuple[ScriptedGoal, Use, Mapping[str, Plain]]] = []
 
     def send(self, goal: SkillGoal) -> ScriptedGoal:
-        """Answer a goal or request from the script."""
         self.active = True
         self.report_ended()
         use = self._use(goal)
@@ -68,27 +54,24 @@ class RehearsalEnvironment(ScriptedEnvironment):
         if question is not None:
             # How long it takes is not known before it is answered.
             self._event(EventKind.BEGINS, use)
-        played = self._script.play(use, question() if question is not None else None)
-        scripted = ScriptedGoal(goal, played.reply, self.clock)
-        self._open_goals.append(_OpenGoal(goal=scripted, use=use, outputs=played.outputs))
+        reply, outputs = self._script.play(use, question() if question is not None else None)
+        scripted = ScriptedGoal(goal, reply, self.clock)
+        self._open_goals.append((scripted, use, outputs))
         if question is None:
-            self._event(EventKind.BEGINS, use, takes_s=played.reply.after_s)
+            self._event(EventKind.BEGINS, use, takes_s=reply.after_s)
         return scripted
 
     def publish(self, goal: SkillGoal) -> None:
-        """Report a published message as an event."""
         self.active = True
         self._event(EventKind.SENDS, self._use(goal))
 
     def log(self, level: str, text: str) -> None:
-        """Report a line of the log as an event."""
         self.active = True
         self._on_event(Event(at_s=self.clock(), kind=EventKind.LOGS, text=f"{level}: {text}"))
 
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> ScriptedGoal:
-        """Report feedback of the tree; it is always accepted."""
         self.active = True
         wanted = ", ".join(f"{name} {value:g}" for name, value in values.items())
         self._on_feedback(kind, ": ".join(filter(None, ("the tree", reason, wanted))))
@@ -97,23 +80,20 @@ class RehearsalEnvironment(ScriptedEnvironment):
     @property
     def next_change(self) -> float:
         """Time of the next change of an open goal [s]; infinite for none."""
-        return min((one.goal.next_change for one in self._open_goals), default=float("inf"))
+        return min((goal.next_change for goal, *_ in self._open_goals), default=float("inf"))
 
     def report_ended(self) -> None:
         """Report the goals that have ended by now as events."""
-        for one in list(self._open_goals):
-            state = one.goal.state
-            if not state.ended:
-                continue
-            self._open_goals.remove(one)
-            if state is GoalState.SUCCEEDED:
-                self._event(EventKind.SUCCEEDS, one.use, outputs=one.outputs)
-            elif state is GoalState.CANCELLED:
-                self._event(EventKind.STOPS, one.use)
+        ended = [one for one in self._open_goals if one[0].state.ended]
+        self._open_goals = [one for one in self._open_goals if not one[0].state.ended]
+        for goal, use, outputs in ended:
+            if goal.state is GoalState.SUCCEEDED:
+                self._event(EventKind.SUCCEEDS, use, outputs=outputs)
+            elif goal.state is GoalState.CANCELLED:
+                self._event(EventKind.STOPS, use)
             else:
-                reason = one.goal.message
-                text = f"{state.value}: {reason}" if reason else state.value
-                self._event(EventKind.FAILS, one.use, text=text)
+                text = ": ".join(filter(None, (goal.state.value, goal.message)))
+                self._event(EventKind.FAILS, use, text=text)
 
     def _use(self, goal: SkillGoal) -> Use:
         use = Use(node=self._nodes[goal.sender], inputs=goal.fields)

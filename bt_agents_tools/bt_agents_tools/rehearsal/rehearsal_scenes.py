@@ -10,13 +10,11 @@ from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
 
-_AWARDED = "rehearsed"
-
 
 def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
     """Return the scene that a scenario starts from."""
     return Scene(
-        scene_id=_AWARDED,
+        scene_id="rehearsed",
         label="",
         person=scenario.person,
         values=tuple(
@@ -29,12 +27,7 @@ def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
 
 
 class RehearsedLiveScene:
-    """Live scene of a rehearsal; it is stale some time after the scene layer fell silent.
-
-    Args:
-        scene: The scene as awarded.
-        clock: Virtual time [s].
-    """
+    """Live scene of a rehearsal; it is stale some time after the scene layer fell silent."""
 
     def __init__(self, scene: Scene, clock: Callable[[], float]) -> None:
         self._scene = self._seen = scene

@@ -78,13 +78,9 @@ def running_leaves(ticked: Iterable[tuple[Behaviour, Status]]) -> list[NodeSpec]
 
 def limit_of(node: NodeSpec, deadlines: Mapping[str, float]) -> float:
     """Return the earliest deadline of the limits around a waiting node [s]; infinite for none."""
-    around = (
-        at
-        for path, at in deadlines.items()
-        if path.endswith(_LIMITS) and _inside(node.path, path.rpartition("@")[0])
-    )
+    around = []
+    for path, at in deadlines.items():
+        outer = path.rpartition("@")[0]
+        if path.endswith(_LIMITS) and f"{node.path}/".startswith((f"{outer}/", f"{outer}@")):
+            around.append(at)
     return min(around, default=math.inf)
-
-
-def _inside(path: str, outer: str) -> bool:
-    return path == outer or path.startswith((f"{outer}/", f"{outer}@"))

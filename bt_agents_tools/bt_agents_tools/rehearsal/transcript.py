@@ -7,7 +7,6 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
 from py_trees.common import Status
 
@@ -25,37 +24,25 @@ WIDTH = 80
 _TIME_WIDTH = 9
 _NOT_IN_PATH = re.compile(r"[^\w-]+")
 _PATH = re.compile(r"\(((?:tree|on_cancel)[/@]\S*), ")
-_SYMBOLS = {
-    EventKind.BEGINS: "▶",
-    EventKind.SUCCEEDS: "✔",
-    EventKind.FAILS: "✘",
-    EventKind.STOPS: "■",
-    EventKind.SENDS: "▶",
-    EventKind.LOGS: "≡",
-    EventKind.WAITS: "…",
-    EventKind.GIVES_UP: "✘",
-    EventKind.SCENE: "◆",
-    EventKind.TUNES: "◆",
-    EventKind.ARRIVES: "◆",
-    EventKind.FEEDBACK: "★",
-    EventKind.CANCELS: "■",
-    EventKind.TICK: " ",
-    EventKind.ENDS: "●",
+_LOOKS = {
+    EventKind.BEGINS: ("▶", ""),
+    EventKind.SUCCEEDS: ("✔", "green"),
+    EventKind.FAILS: ("✘", "red"),
+    EventKind.STOPS: ("■", "yellow"),
+    EventKind.SENDS: ("▶", ""),
+    EventKind.LOGS: ("≡", "dim"),
+    EventKind.WAITS: ("…", "dim"),
+    EventKind.GIVES_UP: ("✘", "red"),
+    EventKind.SCENE: ("◆", "cyan"),
+    EventKind.TUNES: ("◆", "cyan"),
+    EventKind.ARRIVES: ("◆", "cyan"),
+    EventKind.FEEDBACK: ("★", "magenta"),
+    EventKind.CANCELS: ("■", "yellow"),
+    EventKind.TICK: (" ", "dim"),
+    EventKind.ENDS: ("●", ""),
 }
-_STYLES = {
-    EventKind.SUCCEEDS: "green",
-    EventKind.FAILS: "red",
-    EventKind.STOPS: "yellow",
-    EventKind.LOGS: "dim",
-    EventKind.WAITS: "dim",
-    EventKind.GIVES_UP: "red",
-    EventKind.SCENE: "cyan",
-    EventKind.TUNES: "cyan",
-    EventKind.ARRIVES: "cyan",
-    EventKind.FEEDBACK: "magenta",
-    EventKind.CANCELS: "yellow",
-    EventKind.TICK: "dim",
-}
+"""Symbol of each kind of event, and its style of rich."""
+
 _OUTCOMES = {
     TreeOutcome.SUCCEEDED: "bold green",
     TreeOutcome.FAILED: "bold red",
@@ -66,40 +53,32 @@ _UNITS = {FieldType.DURATION: " s", FieldType.LENGTH: " m", FieldType.ANGLE: " r
 _STATUS = {Status.INVALID: "■", Status.RUNNING: "▷", Status.SUCCESS: "✔", Status.FAILURE: "✘"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class TranscriptLine:
-    """Line for a terminal, with a style of rich."""
-
-    text: str
-    style: str
-
-
 def transcript(events: Iterable[Event], *, ticks: bool = False, width: int = WIDTH) -> str:
     """Return all events as text without colour."""
-    return "\n".join(line.text for event in events for line in lines(event, ticks, width))
+    return "\n".join(line for event in events for line in lines(event, ticks, width))
 
 
-def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[TranscriptLine]:
+def style_of(event: Event) -> str:
+    """Return the style of rich for the lines of an event."""
+    return _OUTCOMES[event.outcome] if event.kind is EventKind.ENDS else _LOOKS[event.kind][1]
+
+
+def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[str]:
     """Return the lines of an event; none for one that adds nothing.
 
-    Args:
-        event: The event.
-        ticks: True shows every change of every node, too.
-        width: Columns of the terminal.
+    With ``ticks`` every change of every node adds one, too.
     """
     text = _text(event, ticks)
     if text is None:
         return []
-    head = f"{time_text(event.at_s):>{_TIME_WIDTH}}  {_SYMBOLS[event.kind]} "
+    head = f"{time_text(event.at_s):>{_TIME_WIDTH}}  {_LOOKS[event.kind][0]} "
     aside = _aside(event)
     room = max(20, width - len(head) - (len(aside) + 2 if aside else 0))
     folded = _folded(text, room)
-    ends = event.kind is EventKind.ENDS
-    style = _OUTCOMES[event.outcome] if ends else _STYLES.get(event.kind, "")
     shown = [f"{head}{folded[0]}", *(f"{'':{len(head)}}{one}" for one in folded[1:])]
     if aside:
         shown[0] += " " * max(2, width - columns(shown[0]) - len(aside)) + aside
-    return [TranscriptLine(text=one, style=style) for one in shown]
+    return shown
 
 
 def _folded(text: str, room: int) -> list[str]:

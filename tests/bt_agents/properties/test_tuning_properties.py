@@ -38,7 +38,7 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import Source
-from bt_agents_tools.client.write_back import TunedValue, write_defaults
+from bt_agents_tools.client.write_back import ParameterState, write_defaults
 from faulty_disk import Disk
 from tree_harness import SPACE, TREES, VOCABULARY
 
@@ -333,7 +333,7 @@ def test_keeping_changes_the_wanted_values_of_a_file_and_nothing_else(text, data
         except Refused:
             continue
     tuned = [
-        TunedValue(parameter=parameters[n], value=v)
+        ParameterState(parameter=parameters[n], value=v)
         for n, v in wanted.items()
         if v != parameters[n].default
     ]
@@ -378,7 +378,10 @@ def test_a_time_keeps_the_unit_of_the_author_while_it_fits(old, value, new):
     )
     [parameter, *_] = parameters_of(read_file(text))
     kept = write_defaults(
-        Source("a.yaml", text), [TunedValue(parameter=parameter, value=value)], SPACE, read_file
+        Source("a.yaml", text),
+        [ParameterState(parameter=parameter, value=value)],
+        SPACE,
+        read_file,
     )
     assert kept == text.replace(f"default: {old},", f"default: {new},")
 
@@ -398,7 +401,7 @@ def test_a_learning_rate_is_kept_where_the_author_wrote_it(learning, kept_as):
     )
     parameter = next(one for one in parameters_of(read_file(text)) if one.key == "learning_rate")
     kept = write_defaults(
-        Source("a.yaml", text), [TunedValue(parameter=parameter, value=0.5)], SPACE, read_file
+        Source("a.yaml", text), [ParameterState(parameter=parameter, value=0.5)], SPACE, read_file
     )
     assert kept_as in kept
     assert read_file(kept).learning_rate == 0.5

@@ -10,7 +10,7 @@ import pytest
 
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_lab.experiments.measures import measure, wilson
+from bt_agents_lab.experiments.measures import of_runs, summary, wilson
 from bt_agents_lab.experiments.random_streams import draw
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Arm, Person, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
@@ -102,7 +102,7 @@ def test_no_kind_of_chance_follows_another():
 
 def test_the_papers_mechanism_starves_an_agent_in_a_third_of_runs_when_ties_are_random():
     streams = draw(PAPER, range(600), 300)
-    found = measure(PAPER, streams, simulate(PAPER, Arm(tie_break="random"), streams))
+    found = summary(of_runs(PAPER, streams, simulate(PAPER, Arm(tie_break="random"), streams)))
     assert found.never.low < 1 / 3 < found.never.high
     assert found.starved == found.never
 
@@ -112,7 +112,7 @@ def test_with_a_fixed_order_of_equal_bids_two_of_six_orders_starve_an_agent_alwa
     for names in permutations("abc"):
         world = told(*names)
         streams = draw(world, range(20), 300)
-        found = measure(world, streams, simulate(world, Arm(tie_break="name"), streams))
+        found = summary(of_runs(world, streams, simulate(world, Arm(tie_break="name"), streams)))
         assert found.never.share in (0.0, 1.0)
         if found.never.share:
             starving.append("".join(names))

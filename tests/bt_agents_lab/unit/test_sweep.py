@@ -58,7 +58,7 @@ def test_shipped_sweeps_are_read_and_report_other_seeds_than_were_tuned_on(path)
     assert spec.runs >= 1000
     assert spec.rounds == 300
     assert spec.seed >= 10_000
-    assert {learning.rule.update for learning in spec.learnings} == set(Update)
+    assert {learning.update for learning in spec.learnings} == set(Update)
 
 
 @pytest.mark.parametrize(
@@ -179,8 +179,8 @@ def test_the_recommended_default_starves_nobody_and_learns_through_wrong_feedbac
     """The whole claim, on 1,000 seeds, stands in docs/experiments.md; here are some of them."""
     spec = read_sweep(SWEEPS / "told.yaml")
     select = next(one for one in spec.selections if one.label == "ucb c=6")
-    learn = next(one for one in spec.learnings if one.rule.update is Update.HUBER)
-    arm = Arm(strategy=select.strategy, options=select.options, rule=learn.rule)
+    learn = next(one for one in spec.learnings if one.update is Update.HUBER)
+    arm = Arm(strategy=select.strategy, options=select.options, rule=learn)
     streams = draw(spec.world, range(10_000, 10_150), 300)
     quiet, noisy = simulate_shares(spec.world, arm, streams, (0.0, 0.2))
     for course, least in ((quiet, 0.99), (noisy, 0.95)):

@@ -16,7 +16,6 @@ from click.testing import CliRunner, Result
 from bt_agents_core.errors import Refused
 from bt_agents_tools.cli.commands import profile as command
 from bt_agents_tools.cli.main import bt_agents
-from bt_agents_tools.client import system
 from feedback_node.ledger.rows import RevisionCause
 from feedback_node.management.management import ManagementAction
 from ledger_fixture import ManagedLedger
@@ -32,16 +31,15 @@ class Room:
         self.scene_layer: Any = None
         self.asked: list[tuple[str, str]] = []
         monkeypatch.setattr(command, "connect", self._connect)
-        monkeypatch.setattr(system, "manage_profiles", self._manage)
         monkeypatch.setenv("COLUMNS", "200")
 
     @contextmanager
-    def _connect(self) -> Iterator[None]:
-        yield None
+    def _connect(self) -> Iterator[Room]:
+        yield self
 
-    def _manage(self, _: Any, action: str, *, node: str = "feedback", **fields: Any) -> Any:
+    def ask(self, service: str, *, action: str, find_s: float = 10.0, **fields: Any) -> Any:
+        node = service.removesuffix("/manage")
         self.asked.append((node, action))
-        fields.pop("find_s", None)
         if node == "scene_layer":
             return self.scene_layer
         try:

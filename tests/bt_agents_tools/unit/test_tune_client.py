@@ -11,7 +11,6 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_tools.cli.commands.tune import _profiles
-from bt_agents_tools.client import tuning
 from bt_agents_tools.client.tuning import TunedProfile, tuned_at, tuned_profile
 
 
@@ -26,8 +25,8 @@ class Feedback:
         self.asked: list[str] = []
         self._revisions = revisions
 
-    def manage(self, _observer: Any, action: str, *, find_s: float, agent: str = "") -> Any:
-        assert (action, find_s) == ("HISTORY", 3.0)
+    def ask(self, service: str, *, action: str, find_s: float, agent: str = "") -> Any:
+        assert (service, action, find_s) == ("feedback/manage", "HISTORY", 3.0)
         self.asked.append(agent)
         profiles = [
             {"agent": name, "layer": layer, "stamp": rows[-1]["stamp"]}
@@ -56,25 +55,22 @@ def test_values_were_tuned_when_their_last_revision_says_so_or_the_one_it_restor
     assert tuned_at(rows) == stamp
 
 
-def test_the_newest_tuning_of_all_profiles_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    feedback = Feedback(
+def test_the_newest_tuning_of_all_profiles_is_taken_back() -> None:
+    feedback: Any = Feedback(
         a=[row(1), row(3, "tuning")],
         b=[row(1), row(2, "tuning"), row(5, restores=2)],
         c=[row(1), row(4, "mood rule")],
         d=[row(1)],
     )
-    monkeypatch.setattr(tuning, "manage_profiles", feedback.manage)
-    observer: Any = None
-    assert tuned_profile(observer, "", 0.0) == TunedProfile(agent="a", stamp=30.0)
+    assert tuned_profile(feedback, "", 0.0) == TunedProfile(agent="a", stamp=30.0)
     assert feedback.asked == ["", "b", "c", "a"]
-    assert tuned_profile(observer, "b", 0.0) == TunedProfile(agent="b", stamp=20.0)
-    assert tuned_profile(observer, "", 30.0) is None
-    assert tuned_profile(observer, "c", 0.0) is None
+    assert tuned_profile(feedback, "b", 0.0) == TunedProfile(agent="b", stamp=20.0)
+    assert tuned_profile(feedback, "", 30.0) is None
+    assert tuned_profile(feedback, "c", 0.0) is None
 
 
-def test_nothing_is_taken_back_without_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tuning, "manage_profiles", lambda *_, **__: None)
-    observer: Any = None
+def test_nothing_is_taken_back_without_an_answer() -> None:
+    observer: Any = SimpleNamespace(ask=lambda *_, **__: None)
     assert tuned_profile(observer, "", 0.0) is None
 
 

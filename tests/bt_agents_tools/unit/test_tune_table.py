@@ -10,7 +10,7 @@ import pytest
 from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
 from bt_agents_core.field_types import FieldType
 from bt_agents_tools.cli.tune_table import table
-from bt_agents_tools.client.tuning import ParameterState
+from bt_agents_tools.client.write_back import ParameterState
 
 WORDS = "how long to wait for an answer, in the eyes of the person before the robot"
 PATIENCE = TunableParameter(

@@ -52,7 +52,8 @@ def check(paths: tuple[str, ...], form: str, strict: bool, watch: bool) -> None:
     if not watch:
         checked = check_paths(paths, _installed())
         show(checked)
-        sys.exit(1 if _fails(checked, strict) else 0)
+        fails = count(checked.problems, Severity.ERROR) or (strict and checked.problems)
+        sys.exit(1 if fails else 0)
     try:
         for _ in watched(paths, show, time.sleep):
             click.echo(time.strftime("— checked again at %H:%M:%S"), err=True)
@@ -98,10 +99,7 @@ def watched(
 ) -> Iterator[tuple[str, ...]]:
     """Check and show, and again after each change; yield the files that have changed before.
 
-    Args:
-        paths: As for :func:`check_paths`.
-        show: Shows what was found.
-        sleep: Waits so many seconds; raises ``KeyboardInterrupt`` to end.
+    ``sleep`` waits so many seconds; it raises ``KeyboardInterrupt`` to end.
     """
     interfaces = _installed()
     folders = {_located(Path(path))[0] for path in paths} or {find_trees()}
@@ -147,10 +145,6 @@ def _located(path: Path) -> tuple[Path, Path | None]:
     if not os.path.lexists(path):
         raise BtAgentsError(f"there is no file or folder '{path}'; check the name")
     return enclosing_folder(path), path
-
-
-def _fails(checked: Checked, strict: bool) -> bool:
-    return bool(count(checked.problems, Severity.ERROR)) or (strict and bool(checked.problems))
 
 
 def _show_text(checked: Checked) -> None:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from pathlib import Path
 
@@ -43,4 +42,4 @@ def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> No
             *journal_components(journal),
         ]
         visitors = components.visitors(trees, script, pace=1.0)
-        sys.exit(run_system("demo", processes, trees, tags, interrupt, visitors))
+        run_system("demo", processes, trees, tags, interrupt, visitors)

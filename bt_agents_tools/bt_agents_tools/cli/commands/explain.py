@@ -37,9 +37,6 @@ from bt_agents_language.reference.node_pages import (
 from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
 from bt_agents_language.tools.schema.folder import folder_vocabulary
 
-_FORM_WIDTH = 34
-"""Columns for the form, so that its meaning has room beside it."""
-
 Part = Text | Table | Padding
 """A part of a page; a text that must not be wrapped has ``no_wrap``."""
 
@@ -55,8 +52,8 @@ def explain(word: str, directory: str) -> None:
     check': error[unknown-node].
     """
     console = Console(highlight=False)
-    vocabulary = _vocabulary(directory)
-    print_page(console, explanation(word, vocabulary) if word else [_overview(vocabulary)])
+    symbols = _symbols(directory)
+    print_page(console, explanation(word, symbols) if word else [_overview(symbols)])
 
 
 def print_page(console: Console, parts: Iterable[Part]) -> None:
@@ -76,12 +73,8 @@ def _trimmed(line: list[Segment]) -> list[Segment]:
     return [*line[:-1], Segment(line[-1].text.rstrip(), line[-1].style)] if line else []
 
 
-def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
-    """Return the page of a word, part by part.
-
-    Args:
-        word: Any word of the language or code, as written or as a report shows it.
-        vocabulary: Nodes, skills and subtrees of the trees folder.
+def explanation(word: str, symbols: SymbolTable) -> Iterable[Part]:
+    """Return the page of a word or code, as written or as a report shows it, part by part.
 
     Raises:
         BtAgentsError: There is no such word.
@@ -91,13 +84,13 @@ def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
         plain = plain[:-1].rpartition("[")[2]
     if plain in codes():
         return _code(codes()[plain])
-    page = node_page(plain, vocabulary)
+    page = node_page(plain, symbols)
     if page is not None:
         return _node(page)
-    about = topic(plain, vocabulary.space)
+    about = topic(plain, symbols.space)
     if about is not None:
         return _topic(about)
-    subtrees = list(_subtrees(vocabulary))
+    subtrees = list(_subtrees(symbols))
     pages = [subtree_page(library, one) for library, one in subtrees if one.name == plain]
     if pages:
         return (part for one in pages for part in _node(one))
@@ -105,16 +98,16 @@ def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
     if in_files:
         return (part for one in in_files for part in _file(one))
     # A misspelt node is likelier than a misspelt key or code.
-    names = [one.key for one in node_pages(vocabulary)] + [*TOPICS]
+    names = [one.key for one in node_pages(symbols)] + [*TOPICS]
     names += (one.name for _, one in subtrees)
     near = next(filter(None, (nearest(plain, of) for of in (names, file_words(), codes()))), None)
     hint = f"did you mean '{near}'?" if near else "'bt-agents explain' lists all"
     raise BtAgentsError(f"there is no word or code {quote(plain)}; {hint}")
 
 
-def _subtrees(vocabulary: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
+def _subtrees(symbols: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
     """Return the path of each library with each of its subtrees; a broken one has none."""
-    libraries = vocabulary.libraries
+    libraries = symbols.libraries
     for path in libraries.paths() if libraries is not None else ():
         with suppress(ImportProblem):
             assert libraries is not None
@@ -122,24 +115,17 @@ def _subtrees(vocabulary: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
                 yield path, subtree
 
 
-def _vocabulary(directory: str) -> SymbolTable:
-    """Return the symbols of a trees folder, without one those of the language itself.
-
-    Raises:
-        BtAgentsError: A folder is named and cannot be used.
-    """
+def _symbols(directory: str) -> SymbolTable:
+    """Return the symbols of a trees folder, without one those of the language itself."""
     try:
         return folder_vocabulary(find_trees(directory))
     except BtAgentsError as error:
         if directory:
             raise
-        click.echo(f"without the skills of a trees folder: {_first_line(error)}", err=True)
+        problem = str(error).partition("\n")[0]
+        click.echo(f"without the skills of a trees folder: {problem}", err=True)
     space = SceneSpace(parameters=(), mood=None)
     return SymbolTable(space=space, skills={}, plugins=installed_plugins().kinds)
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).partition("\n")[0]
 
 
 def _code(code: Code) -> Iterable[Part]:
@@ -189,7 +175,8 @@ def _topic(page: ReferenceTopic) -> Iterable[Part]:
             yield Text(f"{heading}:\n")
         table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
         if any(meaning for _, meaning in rows):
-            table.add_column(style="cyan", max_width=_FORM_WIDTH)
+            # So that the meaning has room beside it.
+            table.add_column(style="cyan", max_width=34)
         for form, meaning in rows:
             table.add_row(*map(Text, filter(None, (form, meaning))))
         yield Padding(table, (0, 0, 1, 2))
@@ -222,23 +209,23 @@ def _example(text: str, language: str) -> Text:
     return highlighted
 
 
-def _overview(vocabulary: SymbolTable) -> Table:
+def _overview(symbols: SymbolTable) -> Table:
     table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 1, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
-    pages = node_pages(vocabulary)
+    pages = node_pages(symbols)
     for group in Group:
         keys = [page.key for page in pages if page.group is group]
         if keys:
             table.add_row(group.value, Text("  ".join(keys)))
     libraries: dict[str, list[str]] = {}
-    for path, subtree in _subtrees(vocabulary):
+    for path, subtree in _subtrees(symbols):
         libraries.setdefault(path, []).append(subtree.name)
     for path, names in libraries.items():
         table.add_row("subtree", Text(f"{'  '.join(names)}\nin {path}"))
     table.add_row("file", Text("  ".join(FILE_KINDS)))
     table.add_row("about values", Text("  ".join(TOPICS)))
     table.add_row("code", Text("  ".join(codes())))
-    for problem in installed_plugins().without(vocabulary.skills).problems:
+    for problem in installed_plugins().without(symbols.skills).problems:
         table.add_row("left out", Text(problem, style="yellow"))
     return table

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_tools.cli.assignments import Assignments, assignments, columns
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 
@@ -35,11 +36,16 @@ def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
             "age=5 mood=2"
         )
     with connect() as observer:
-        from bt_agents_tools.client import system
-
         observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
         wanted = _wanted(observer, values) if kind in ("direct", "set") else columns(values)[1]
-        answer = system.give_feedback(observer, agent, kind, wanted, reason)
+        answer = observer.ask(
+            "feedback/give",
+            agent=agent,
+            kind=FeedbackKind[kind.upper()],
+            values=wanted,
+            source="command line",
+            reason=reason,
+        )
         answer = accepted(answer, "the feedback node")
         click.echo(f"{answer.message} (revision {answer.feedback.revision})")
 

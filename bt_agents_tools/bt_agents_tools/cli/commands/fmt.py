@@ -51,7 +51,8 @@ def fmt(paths: tuple[str, ...], check: bool, diff: bool) -> None:
             broken += 1
             click.echo(error.report if isinstance(error, ReadError) else _message(path, error))
     done = "would change" if check or diff else "changed"
-    left = f", {broken} left as {_is(broken)} because of errors" if broken else ""
+    are = "it is" if broken == 1 else "they are"
+    left = f", {broken} left as {are} because of errors" if broken else ""
     click.echo(f"{len(changed)} of {len(files)} files {done}{left}", err=True)
     sys.exit(1 if broken or (check and changed) else 0)
 
@@ -85,7 +86,3 @@ def _show_diff(source: Source, text: str) -> None:
 def _message(path: Path, error: Exception) -> str:
     reason = error.strerror if isinstance(error, OSError) else ""
     return f"{path}: cannot be written: {reason}; check its permissions" if reason else str(error)
-
-
-def _is(count: int) -> str:
-    return "it is" if count == 1 else "they are"

@@ -20,7 +20,7 @@ from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_tools.cli.connection import connect, find_host, find_hosts
-from bt_agents_tools.client.write_back import TunedValue, default_text, write_defaults
+from bt_agents_tools.client.write_back import ParameterState, default_text, write_defaults
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -56,7 +56,9 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
         click.echo("nothing to keep: everything stands as the files say")
     for edit in edits:
         if dry_run:
-            click.echo(_diff(edit), nl=False)
+            before, after = (text.splitlines(keepends=True) for text in (edit.before, edit.after))
+            diff = difflib.unified_diff(before, after, str(edit.path), str(edit.path))
+            click.echo("".join(diff), nl=False)
             continue
         try:
             write_atomically(edit.path, edit.after)
@@ -69,17 +71,15 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
 
 
 def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) -> list[_Edit]:
-    """Return the checked edits of the files of one host."""
     from bt_agents_tools.client import tuning
 
     kinds = {TunableKind.TUNABLE, TunableKind.LEARNING_RATE}
     if profile:
         kinds.add(TunableKind.PROFILE)
-    tuned: dict[str, list[TunedValue]] = {}
+    tuned: dict[str, list[ParameterState]] = {}
     for state in tuning.parameters(observer, host, agents):
         if state.parameter.kind in kinds and state.value != state.parameter.default:
-            one = TunedValue(parameter=state.parameter, value=state.value)
-            tuned.setdefault(state.parameter.agent, []).append(one)
+            tuned.setdefault(state.parameter.agent, []).append(state)
     if not tuned:
         return []
     folder = Path(observer.cards[host].trees)
@@ -91,7 +91,7 @@ def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) 
     return [_edit(trees, agent, tuned[agent]) for agent in sorted(tuned)]
 
 
-def _edit(trees: Trees, agent: str, tuned: Sequence[TunedValue]) -> _Edit:
+def _edit(trees: Trees, agent: str, tuned: Sequence[ParameterState]) -> _Edit:
     spec = next((one for one in trees.agents if one.name == agent), None)
     if spec is None:
         for broken in trees.broken:
@@ -126,8 +126,3 @@ def _text(path: Path) -> str:
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return ""
-
-
-def _diff(edit: _Edit) -> str:
-    before, after = (text.splitlines(keepends=True) for text in (edit.before, edit.after))
-    return "".join(difflib.unified_diff(before, after, str(edit.path), str(edit.path)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from rich.console import Console
@@ -15,11 +15,7 @@ from rich.text import Text
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
-
-if TYPE_CHECKING:
-    from bt_agents_tools.client.observer import Observer
-
-_COLLECT_S = 0.3
+from bt_agents_tools.cli.decisions import SOON_S
 
 
 @click.command()
@@ -31,10 +27,9 @@ def moods(agent: str, round_number: int) -> None:
     Without an AGENT it is the last run of all.
     """
     with connect() as observer:
-        from bt_agents_tools.client import system
-
-        traces = system.mood_traces(observer)
-        trees = system.trees(observer)
+        traces = observer.received("mood_traces")
+        observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+        trees = [observer.received(f"{host}/trees") for host in observer.cards]
 
         def found() -> list[Any]:
             return [
@@ -44,15 +39,15 @@ def moods(agent: str, round_number: int) -> None:
             ]
 
         observer.spin_until(lambda: bool(found()), FIND_LIMIT_S)
-        observer.spin_until(lambda: False, _COLLECT_S)
+        observer.spin_until(lambda: False, SOON_S)
         if not found():
             raise BtAgentsError(_not_found(agent, round_number, traces))
         trace = found()[-1]
-        names = _names(observer, trees, trace.agent)
+        observer.spin_until(lambda: bool(_names(trees, trace.agent)), FIND_LIMIT_S)
         when = time.strftime("%H:%M:%S", time.localtime(trace.stamp.sec))
         who = f" with {trace.person_id}" if trace.person_id else ""
         click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
-        Console().print(mood_table(trace, names))
+        Console().print(mood_table(trace, _names(trees, trace.agent)))
 
 
 def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
@@ -63,18 +58,14 @@ def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
     return f"no run{whose}{where} is known; {hint}"
 
 
-def _names(observer: Observer, trees: dict[tuple[str, str], str], agent: str) -> dict[str, str]:
-    observer.spin_until(lambda: any(of == agent for of, _ in trees), FIND_LIMIT_S)
-    return {path: name for (of, path), name in trees.items() if of == agent}
+def _names(received: list[list[Any]], agent: str) -> dict[str, str]:
+    """Return path → name of the nodes of an agent, from the latest trees of each host."""
+    trees = (tree for messages in received for message in messages[-1:] for tree in message.trees)
+    return {node.path: node.name for tree in trees if tree.agent == agent for node in tree.nodes}
 
 
 def mood_table(trace: Any, names: dict[str, str]) -> Table:
-    """Return the table of a ``MoodTrace``.
-
-    Args:
-        trace: The message.
-        names: Path of a node → its name; one without a name has its path only.
-    """
+    """Return the table of a ``MoodTrace``, with the names of nodes by path as far as known."""
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("node", overflow="fold")
     for heading in ("time", "mood", "change"):

@@ -115,15 +115,9 @@ def _write(path: Path, text: str) -> None:
 
 def _next_steps(name: str, directory: Path, kind: str) -> None:
     agent = directory / "agents" / f"{name}.yaml"
-    steps = [f"bt-agents check {directory}"]
+    click.echo(f"\nNext:\n  bt-agents check {directory}")
     if kind == "agent":
-        steps += [
-            f"bt-agents show {agent}",
-            f"bt-agents rehearse {agent}",
-            f"bt-agents test {agent.with_suffix('.test.yaml')}",
-        ]
+        click.echo(f"  bt-agents show {agent}\n  bt-agents rehearse {agent}")
+        click.echo(f"  bt-agents test {agent.with_suffix('.test.yaml')}")
     else:
-        steps.append(f"imports: [libraries/{name}.yaml] in an agent, then bt-agents check again")
-    click.echo("\nNext:")
-    for step in steps:
-        click.echo(f"  {step}")
+        click.echo(f"  imports: [libraries/{name}.yaml] in an agent, then bt-agents check again")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of operators to the market: pin, unpin, veto, allow, award, and preview."""
+"""Commands of operators to the market: pin, unpin, veto, allow, award, preview, and cancel."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _person = click.option(
 @_reason
 def pin(agent: str, reason: str) -> None:
     """Let only AGENT bid, until it is unpinned."""
-    _operate("PIN", agent, reason)
+    _operate("PIN", agent=agent, reason=reason)
 
 
 @click.command()
 @_reason
 def unpin(reason: str) -> None:
     """Let all agents bid again."""
-    _operate("UNPIN", "", reason)
+    _operate("UNPIN", reason=reason)
 
 
 @click.command()
@@ -43,7 +43,7 @@ def unpin(reason: str) -> None:
 @_reason
 def veto(agent: str, reason: str) -> None:
     """Let AGENT bid no more, and stop it when it runs."""
-    _operate("VETO", agent, reason)
+    _operate("VETO", agent=agent, reason=reason)
 
 
 @click.command()
@@ -51,7 +51,7 @@ def veto(agent: str, reason: str) -> None:
 @_reason
 def allow(agent: str, reason: str) -> None:
     """Let AGENT bid again after a veto."""
-    _operate("ALLOW", agent, reason)
+    _operate("ALLOW", agent=agent, reason=reason)
 
 
 @click.command()
@@ -67,13 +67,14 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
     or missing.
     """
     with connect() as observer:
-        from bt_agents_tools.client import market
-
-        scene, names = None, names_of_scenes(last_decisions(observer))
+        given, names = {}, names_of_scenes(last_decisions(observer))
         if values or label or person is not None:
-            scene = _scene(observer, values, f"award-{uuid.uuid4().hex[:8]}", person, label)
-            names.add(scene)
-        answer = market.operate(observer, "AWARD", agent=agent, reason=reason, scene=scene)
+            scene_id = f"award-{uuid.uuid4().hex[:8]}"
+            given["scene"] = _scene(observer, values, scene_id, person, label)
+            names.add(given["scene"])
+        answer = observer.ask(
+            "marketplace/operate", action="AWARD", agent=agent, reason=reason, **given
+        )
         click.echo(names.with_names(accepted(answer, "the marketplace").message))
 
 
@@ -88,37 +89,42 @@ def preview(values: Assignments, strategy: str, person: bool | None) -> None:
     scene, or missing.
     """
     with connect() as observer:
-        from bt_agents_tools.client import market
-
-        scene = None
+        given = {}
         if values or person is not None:
-            scene = _scene(observer, values, "preview", person, "")
-        answer = market.preview(observer, strategy, scene)
+            given["scene"] = _scene(observer, values, "preview", person, "")
+        answer = observer.ask("marketplace/preview", strategy=strategy, **given)
         show_decision(accepted(answer, "the marketplace").auction)
 
 
-def _operate(action: str, agent: str, reason: str) -> None:
+@click.command()
+@click.option("--reason", default="the operator stopped it", help="Why, in words.")
+@click.option("--next", "next_", is_flag=True, help="Go on with the next scene that waits.")
+def cancel(reason: str, next_: bool) -> None:
+    """Stop the running agent, and forget the scenes that wait."""
     with connect() as observer:
-        from bt_agents_tools.client import market
+        only = observer.market.round if next_ else 0
+        answer = observer.ask("marketplace/cancel", reason=reason, round=only)
+        click.echo(accepted(answer, "the marketplace").message)
 
-        answer = market.operate(observer, action, agent=agent, reason=reason)
+
+def _operate(action: str, **fields: Any) -> None:
+    with connect() as observer:
+        answer = observer.ask("marketplace/operate", action=action, **fields)
         click.echo(accepted(answer, "the marketplace").message)
 
 
 def _scene(
     observer: Observer, values: Assignments, scene_id: str, person: bool | None, label: str
 ) -> Any:
-    """Return the last scene with some values changed.
-
-    Raises:
-        BtAgentsError: There is no such parameter, or no node publishes which there are.
-    """
+    """Return the last scene with some values changed, of parameters that there are."""
     from bt_agents_tools.client import market
 
     auctions = last_decisions(observer)
     observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
     last = auctions[-1].scene if auctions else None
-    names = _parameters(observer, last)
+    names = list(observer.profiles.parameters) if observer.profiles is not None else []
+    if last is not None:
+        names = [value.name for value in last.values]
     unknown = next((name for name, _ in values if name not in names), None)
     if unknown is not None:
         hint = did_you_mean(unknown, names) or "no node says which there are"
@@ -126,9 +132,3 @@ def _scene(
     return market.scene_of(
         observer, names, dict(values), scene_id=scene_id, last=last, person=person, label=label
     )
-
-
-def _parameters(observer: Observer, last: Any) -> list[str]:
-    if last is not None:
-        return [value.name for value in last.values]
-    return list(observer.profiles.parameters) if observer.profiles is not None else []

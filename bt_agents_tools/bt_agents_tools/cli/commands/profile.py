@@ -28,10 +28,7 @@ if TYPE_CHECKING:
 
 _NO_TERMINAL = 10_000
 _FOLDED = ("agent", "for", "what", "from", "change", "why")
-_DAYS = re.compile(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)")
-_BARE = re.compile(r"[\d.]+")
 _DAY_S = 86_400.0
-_FIND_SCENE_LAYER_S = 1.0
 _MAX_PROBLEMS = 20
 
 _layer = click.option(
@@ -47,10 +44,7 @@ class _ProfileGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command of some arguments; ``show`` for an agent."""
-        if args[0] not in self.commands:
-            args = ["show", *args]
-        return super().resolve_command(ctx, args)
+        return super().resolve_command(ctx, args if args[0] in self.commands else ["show", *args])
 
 
 @click.group(cls=_ProfileGroup, invoke_without_command=True)
@@ -61,14 +55,36 @@ def profile(ctx: click.Context) -> None:
     For example: bt-agents profile, or bt-agents profile attentive_guide.
     """
     if ctx.invoked_subcommand is None:
-        _show("")
+        ctx.invoke(show, agent="")
 
 
 @profile.command()
 @click.argument("agent", required=False, default="")
 def show(agent: str) -> None:
     """Show the profiles of an AGENT, or of all: everybody's, and those of persons and places."""
-    _show(agent)
+    with connect() as observer:
+        answer = _manage(observer, "EXPORT" if agent else "HISTORY", agent=agent)
+    profiles = json.loads(answer.document)["profiles"]
+    if not profiles:
+        click.echo("no agent is known to the feedback node yet")
+        return
+    names = list(dict.fromkeys(name for one in profiles for name in one["values"]))
+    table = _table("agent", "for", "revision", "feedbacks", "changed", "seem wrong", *names)
+    last = ""
+    for one in profiles:
+        wrong = "" if one["false_rate"] is None else f"{one['false_rate']:.0%}"
+        values = [format(one["values"][n], ".4g") if n in one["values"] else "" for n in names]
+        table.add_row(
+            _plain(one["agent"]) if one["agent"] != last else "",
+            _plain(one["layer"]) or "everybody",
+            str(one["revision"]),
+            str(one["changes"]),
+            _when(one["stamp"], "%m-%d %H:%M"),
+            wrong,
+            *values,
+        )
+        last = one["agent"]
+    _print(table)
 
 
 @profile.command()
@@ -168,7 +184,14 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
     with connect() as observer:
         if not yes:
             known = json.loads(_manage(observer, "HISTORY").document)["profiles"]
-            old = [one for one in known if _is_old(one, age, agent, kind or "")]
+            old = [
+                one
+                for one in known
+                if one["layer"]
+                and one["layer"].startswith(kind or "")
+                and agent in ("", one["agent"])
+                and one["stamp"] < time.time() - age
+            ]
             if not old:
                 click.echo("nothing to forget")
                 return
@@ -181,11 +204,6 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
             observer, "EXPIRE", agent=agent, layer=kind or "", older_s=age, author=author
         )
         click.echo(answer.message)
-
-
-def _is_old(one: Mapping[str, Any], age_s: float, agent: str, kind: str) -> bool:
-    asked = one["layer"].startswith(kind) and agent in ("", one["agent"])
-    return bool(one["layer"]) and asked and one["stamp"] < time.time() - age_s
 
 
 @profile.command()
@@ -203,21 +221,11 @@ def forget(layer: str, agent: str, yes: bool, author: str) -> None:
         whose = agent or "all agents"
         click.confirm(f"forget what {whose} learned for {layer}, for ever?", abort=True)
     with connect() as observer:
-        from bt_agents_tools.client import system
-
-        from_ledger = system.manage_profiles(
-            observer, "FORGET", agent=agent, layer=layer, author=author
-        )
+        asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
+        from_ledger = observer.ask("feedback/manage", agent=agent, **asked)
         from_scene_layer = None
         if not agent:
-            from_scene_layer = system.manage_profiles(
-                observer,
-                "FORGET",
-                node="scene_layer",
-                find_s=_FIND_SCENE_LAYER_S,
-                layer=layer,
-                author=author,
-            )
+            from_scene_layer = observer.ask("scene_layer/manage", find_s=1.0, **asked)
     if from_scene_layer is not None:
         click.echo(f"scene layer: {from_scene_layer.message}")
         if from_scene_layer.accepted and from_ledger is not None and not from_ledger.accepted:
@@ -245,10 +253,8 @@ def check(file: Path) -> None:
             click.echo(f"LEDGER_CORRUPT: {problem}", err=True)
         if (more := len(report.problems) - _MAX_PROBLEMS) > 0:
             click.echo(f"and {counted(more, 'problem')} more", err=True)
-        click.echo(
-            f"'bt-agents profile recover {file} NEW' copies the good ones into a new file",
-            err=True,
-        )
+        advice = f"'bt-agents profile recover {file} NEW' copies the good ones into a new file"
+        click.echo(advice, err=True)
         sys.exit(1)
 
 
@@ -268,36 +274,8 @@ def recover(file: Path, new: Path) -> None:
     click.echo(f"{count} revisions copied to {new}")
 
 
-def _show(agent: str) -> None:
-    with connect() as observer:
-        answer = _manage(observer, "EXPORT" if agent else "HISTORY", agent=agent)
-    profiles = json.loads(answer.document)["profiles"]
-    if not profiles:
-        click.echo("no agent is known to the feedback node yet")
-        return
-    names = list(dict.fromkeys(name for one in profiles for name in one["values"]))
-    table = _table("agent", "for", "revision", "feedbacks", "changed", "seem wrong", *names)
-    last = ""
-    for one in profiles:
-        wrong = "" if one["false_rate"] is None else f"{one['false_rate']:.0%}"
-        values = [format(one["values"][n], ".4g") if n in one["values"] else "" for n in names]
-        table.add_row(
-            _plain(one["agent"]) if one["agent"] != last else "",
-            _plain(one["layer"]) or "everybody",
-            str(one["revision"]),
-            str(one["changes"]),
-            _when(one["stamp"], "%m-%d %H:%M"),
-            wrong,
-            *values,
-        )
-        last = one["agent"]
-    _print(table)
-
-
 def _manage(observer: Observer, action: str, **fields: Any) -> Any:
-    from bt_agents_tools.client import system
-
-    answer = system.manage_profiles(observer, action, find_s=FIND_LIMIT_S, **fields)
+    answer = observer.ask("feedback/manage", find_s=FIND_LIMIT_S, action=action, **fields)
     return accepted(answer, "the feedback node")
 
 
@@ -307,18 +285,13 @@ def _manage_and_print(action: str, **fields: Any) -> None:
 
 
 def _age(text: str) -> float:
-    """Return an age in seconds.
-
-    Raises:
-        Refused: ``BAD_AGE``.
-    """
+    """Return an age [s], or refuse it with ``BAD_AGE``."""
     option = f"--older {text}"
     if text.strip().startswith("-"):
         raise Refused("BAD_AGE", f"{option}: expected more than 0, for example 90d or 12 h")
-    if _BARE.fullmatch(text.strip()):
+    if re.fullmatch(r"[\d.]+", text.strip()):
         raise Refused("BAD_AGE", f"{option}: a number without a unit; write 90d, 2w or 12 h")
-    days = _DAYS.fullmatch(text.strip())
-    if days:
+    if days := re.fullmatch(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)", text.strip()):
         return float(days[1]) * _DAY_S * (7 if days[2].startswith("w") else 1)
     try:
         return quantity(text, FieldType.DURATION)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,9 +30,8 @@ from bt_agents_tools.rehearsal.assertions import failed_assertions
 from bt_agents_tools.rehearsal.events import Event, Rehearsed
 from bt_agents_tools.rehearsal.rehearsal_scenes import awarded
 from bt_agents_tools.rehearsal.suite import TreesFolders
-from bt_agents_tools.rehearsal.transcript import WIDTH, ending, lines, table, tuned_text
+from bt_agents_tools.rehearsal.transcript import WIDTH, ending, lines, style_of, table, tuned_text
 
-_OPTIONS = "the options"
 _EXAMPLES = """\b
 Examples:
   bt-agents rehearse attentive_guide --scene age=4 familiarity=1
@@ -90,24 +89,22 @@ def rehearse(
         seed=seed,
     )
     try:
-        from_options = read_scenario_text(options.text, _OPTIONS, spec, trees.vocabulary)
+        from_options = read_scenario_text(options.text, "the options", spec, trees.vocabulary)
     except ReadError as error:
         explained = options.explained(error)
         raise BtAgentsError(f"an option cannot be understood\n{explained}") from None
     scenario = _joined(case.scenario if case is not None else None, from_options, seed)
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     width = min(max(console.width, WIDTH), 120)
-    interactive_answers = (
-        InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
-    )
-    console.print(_heading(spec, scenario, space, case), soft_wrap=True)
+    person = InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
+    console.print(_heading(spec, scenario, space, case))
     rehearsed = rehearsal.rehearse(
         spec,
         space,
         scenario,
         on_event=_printer(console, width, ticks, realtime),
-        answer_source=interactive_answers,
-        prompt=interactive_answers.event if interactive_answers is not None else None,
+        answer_source=person,
+        prompt=person.event if person is not None else None,
         force=True,
     )
     sys.exit(_close(console, rehearsed, case))
@@ -116,35 +113,28 @@ def rehearse(
 def _material(
     agent: str, script: str, directory: str
 ) -> tuple[Trees, AgentSpec, AgentTestCase | None]:
-    """Return the trees, the agent and the case that the arguments name."""
-    case: AgentTestCase | None = None
-    trees: Trees | None = None
-    spec: AgentSpec | None = None
-    if script:
-        file, _, name = script.partition(":")
-        path = Path(file)
-        trees = read_trees(find_trees(directory)) if directory else TreesFolders().trees_of(path)
-        test = read_test(path, trees.agents, trees.vocabulary)
-        spec = test.agent
-        case = _chosen(test.cases, name, file)
-    if agent:
-        trees, named = named_agent(agent, directory, trees)
-        if spec is not None and named.name != spec.name:
-            raise BtAgentsError(f"{script} is a test of {spec.name}, not of {named.name}")
-        spec = named
-    assert trees is not None
-    assert spec is not None
-    return trees, spec, case
+    if not script:
+        return (*named_agent(agent, directory), None)
+    file, _, name = script.partition(":")
+    path = Path(file)
+    trees = read_trees(find_trees(directory)) if directory else TreesFolders().trees_of(path)
+    test = read_test(path, trees.agents, trees.vocabulary)
+    case = _chosen(test.cases, name, file)
+    if not agent:
+        return trees, test.agent, case
+    trees, named = named_agent(agent, directory, trees)
+    if named.name != test.agent.name:
+        raise BtAgentsError(f"{script} is a test of {test.agent.name}, not of {named.name}")
+    return trees, named, case
 
 
-def _chosen(cases: Iterable[AgentTestCase], name: str, file: str) -> AgentTestCase:
-    every = list(cases)
+def _chosen(cases: Sequence[AgentTestCase], name: str, file: str) -> AgentTestCase:
     if not name:
-        return every[0]
-    found = [case for case in every if name.casefold() in case.name.casefold()]
+        return cases[0]
+    found = [case for case in cases if name.casefold() in case.name.casefold()]
     if len(found) == 1 or (found and found[0].name == name):
         return found[0]
-    known = "\n".join(f"  {case.name}" for case in every)
+    known = "\n".join(f"  {case.name}" for case in cases)
     which = "several cases have" if found else "no case has"
     raise BtAgentsError(f"{which} '{name}' in their names in {file}; there are\n{known}")
 
@@ -202,7 +192,7 @@ def _printer(console: Console, width: int, ticks: bool, realtime: bool) -> Calla
         for line in lines(event, ticks, width):
             if realtime:
                 time.sleep(max(0.0, start + event.at_s - time.monotonic()))
-            console.print(Text(line.text, style=line.style), soft_wrap=True)
+            console.print(Text(line, style=style_of(event)))
 
     return print_event
 
@@ -212,9 +202,9 @@ def _close(console: Console, rehearsed: Rehearsed, case: AgentTestCase | None) -
     failures = failed_assertions(case, rehearsed) if case is not None else ()
     for failure in failures:
         place = f"{failure.position.file}:{failure.position.line}"
-        console.print(Text(f"✘ {place}: {failure.message}", style="red"), soft_wrap=True)
+        console.print(Text(f"✘ {place}: {failure.message}", style="red"))
         for row in table(failure.rows) if failure.rows else ():
-            console.print(Text(row), soft_wrap=True)
+            console.print(Text(row))
     if case is not None and not failures:
         console.print(Text("✔ as the test expects", style="green"))
         return 0

@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents reload`: immediate reload of changed files of agents."""
+"""Commands about the versions of agents: `bt-agents reload`, `versions`, and `roll-back`."""
 
 from __future__ import annotations
 
 import sys
+import time
+from typing import Any
 
 import click
 
-from bt_agents_tools.cli.connection import accepted, connect, find_hosts
+from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
 
-NOW_HELP = "Do not wait for the end of a run: cancel it, with its clean-up."
+_now = click.option(
+    "--now", is_flag=True, help="Do not wait for the end of a run: cancel it, with its clean-up."
+)
 
 
 @click.command()
-@click.option("--now", is_flag=True, help=NOW_HELP)
+@_now
 def reload(now: bool) -> None:
     """Look at the agents' files at once.
 
@@ -22,12 +26,54 @@ def reload(now: bool) -> None:
     """
     is_accepted = True
     with connect() as observer:
-        from bt_agents_tools.client import reloading
-
         for host in find_hosts(observer):
-            answer = reloading.reload_agents(observer, host, now)
+            answer = observer.ask(f"{host}/reload", limit_s=_limit_s(), now=now)
             if answer is None:
                 accepted(answer, f"the host {host}")
             click.echo(answer.message)
             is_accepted = is_accepted and answer.accepted
     sys.exit(0 if is_accepted else 1)
+
+
+@click.command()
+@click.argument("agent")
+def versions(agent: str) -> None:
+    """List the good versions that an AGENT has had since its host was started."""
+    with connect() as observer:
+        answer = observer.ask(f"{find_host(observer, agent)}/versions", agent=agent)
+        for version in accepted(answer, f"the host of {agent}").versions:
+            click.echo(_line(version))
+
+
+@click.command("roll-back")
+@click.argument("agent")
+@click.argument("version", required=False, type=click.IntRange(min=1), default=None)
+@_now
+def roll_back(agent: str, version: int | None, now: bool) -> None:
+    """Give an AGENT an earlier VERSION; without one, that before the current.
+
+    Its file is written back, so that the robot does what the file says.
+    """
+    with connect() as observer:
+        host = find_host(observer, agent)
+        answer = observer.ask(
+            f"{host}/roll_back", limit_s=_limit_s(), agent=agent, version=version or 0, now=now
+        )
+        click.echo(accepted(answer, f"the host {host}").message)
+
+
+def _limit_s() -> float:
+    """Return the longest time for an answer that waits until files are read [s]."""
+    from bt_agents.host.reload.reload_service import ANSWER_LIMIT_S
+
+    return ANSWER_LIMIT_S + 2.0
+
+
+def _line(version: Any) -> str:
+    read_at = time.strftime("%H:%M:%S", time.localtime(version.stamp.sec))
+    place = "in force" if version.current else "waits for the end of the run" * version.waiting
+    change = f": {version.change}" if version.change else ""
+    mark = "*" if version.current else "+" if version.waiting else " "
+    return f"{mark} {version.version:>4}  {read_at}  {version.cause}{change}" + (
+        f"  ({place})" if place else ""
+    )

@@ -36,6 +36,8 @@ _STYLES = {
     Origin.MISSING: "red",
 }
 
+_FIELDS = ("scene_id", "label", "person", "person_id", "place", "persons")
+
 Labels = dict[str, SceneParameter]
 
 
@@ -84,12 +86,9 @@ def _labels(directory: str) -> Labels:
 
 def _poll(observer: Observer) -> Iterator[tuple[Any, Any]]:
     """Yield the present scene and the persons; None where persons are not tracked."""
-    from bt_agents_tools.client import system
-
-    received = system.persons(observer)
+    received = observer.received("scene/persons")
     while True:
-        answer = system.analyze(observer, [], [], announce=False)
-        message = accepted(answer, "the scene layer").scene
+        message = accepted(observer.ask("scene_layer/analyze"), "the scene layer").scene
         observer.spin_until(lambda: bool(received), _COLLECT_S)
         yield message, received[-1] if received else None
         del received[:-1]
@@ -97,13 +96,7 @@ def _poll(observer: Observer) -> Iterator[tuple[Any, Any]]:
 
 
 def page(message: Any, persons: Any, labels: Labels) -> RenderableType:
-    """Return the printed form of a scene.
-
-    Args:
-        message: The ``Scene``.
-        persons: The ``Persons``; None where persons are not tracked.
-        labels: The parameters, for the labels of their values.
-    """
+    """Return the printed form of a scene, and of the persons where they are tracked."""
     parts: list[RenderableType] = [Text(_heading(message))]
     if message.values:
         parts.append(_values(message, labels))
@@ -193,28 +186,17 @@ def _persons(persons: Any) -> Table:
 
 def as_document(message: Any, persons: Any) -> dict[str, Any]:
     """Return a scene and the persons as plain data for JSON, with null for missing values."""
-    return {
-        "scene": _plain(message),
-        "persons": None
-        if persons is None
-        else {
-            "rule": persons.rule,
-            "addressee": persons.addressee,
-            "reason": persons.reason,
-            "scenes": [_plain(one) for one in persons.scenes],
-        },
-    }
+    tracked = None
+    if persons is not None:
+        tracked = {name: getattr(persons, name) for name in ("rule", "addressee", "reason")}
+        tracked["scenes"] = [_plain(one) for one in persons.scenes]
+    return {"scene": _plain(message), "persons": tracked}
 
 
 def _plain(message: Any) -> dict[str, Any]:
     return {
         "stamp": message.stamp.sec + message.stamp.nanosec * 1e-9,
-        "scene_id": message.scene_id,
-        "label": message.label,
-        "person": message.person,
-        "person_id": message.person_id,
-        "place": message.place,
-        "persons": message.persons,
+        **{name: getattr(message, name) for name in _FIELDS},
         "values": {
             value.name: {
                 "value": finite_or_none(value.value),

@@ -29,9 +29,7 @@ _ENDS_SHOWN = 3
 def status() -> None:
     """Show what runs, all agents, and every problem."""
     with connect() as observer:
-        from bt_agents_tools.client import system
-
-        auctions, ends = system.decisions(observer), system.scene_ends(observer)
+        auctions, ends = observer.received("auctions"), observer.received("scene_ends")
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
@@ -51,7 +49,8 @@ def status() -> None:
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
             for agent in card.agents:
-                profile = _profile_text(card.parameters, agent.current)
+                values = zip(card.parameters, agent.current, strict=True)
+                profile = ", ".join(f"{name} {value:.4g}" for name, value in values)
                 _print(
                     f"  {agent.name:<22} ",
                     f"{profile}  (revision {agent.revision}, "
@@ -93,7 +92,3 @@ def _version_text(agent: Any) -> str:
 
 def _print(head: str, text: str) -> None:
     print_line(Console(), head, text)
-
-
-def _profile_text(names: Any, values: Any) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in zip(names, values, strict=True))

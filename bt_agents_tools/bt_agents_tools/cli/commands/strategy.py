@@ -18,7 +18,6 @@ from bt_agents_tools.cli.formatting import print_line
 if TYPE_CHECKING:
     from bt_agents_tools.client.market import Strategies
 
-_NO_SHADOW = "none"
 _INDENT = 6
 _NO_ANSWER = "the marketplace does not answer; look at 'bt-agents status'"
 
@@ -60,18 +59,13 @@ def strategy(
 def _changes(
     found: Strategies, name: str, values: Assignments, shadow: str | None
 ) -> dict[str, str | float]:
-    """Return the parameters to set.
-
-    Raises:
-        BtAgentsError: There is no such strategy or option.
-    """
     changes: dict[str, str | float] = {}
     if name:
         changes["strategy"] = _known(name, found)
     if shadow is not None:
-        changes["shadow_strategy"] = "" if shadow == _NO_SHADOW else _known(shadow, found)
+        changes["shadow_strategy"] = "" if shadow == "none" else _known(shadow, found)
     about = name or found.current
-    known = {option.name: option for option in found.options.get(about, ())}
+    known = found.options.get(about, {})
     for option, value in values:
         if option not in known:
             hint = did_you_mean(option, sorted(known)) or "there are none"
@@ -97,17 +91,14 @@ def _show(found: Strategies, last: Any) -> None:
     for name, description in found.descriptions.items():
         mark = ">" if name == found.current else "~" if name == found.shadow else " "
         print_line(console, f"{mark} {name:<20} ", description, _INDENT)
-        for option in found.options[name]:
+        for key, option in found.options[name].items():
             span = f"{option.minimum:g} to {option.maximum:g}"
-            head = f"    {option.name} = {option.value:g}"
+            head = f"    {key} = {option.value:g}"
             print_line(console, f"{head}  ", f"{option.description} ({span})", _INDENT)
-    click.echo(f"> ranks: {found.current}" + _shadow_text(found, last))
-
-
-def _shadow_text(found: Strategies, last: Any) -> str:
-    if not found.shadow:
-        return ""
-    text = f"; ~ only scores: {found.shadow}"
-    if last is None or (last.strategy, last.shadow_strategy) != (found.current, found.shadow):
-        return f"{text}, in no round yet"
-    return f"{text}, {disagreements(last)}"
+    text = f"> ranks: {found.current}"
+    if found.shadow:
+        by = (found.current, found.shadow)
+        counted = last is not None and (last.strategy, last.shadow_strategy) == by
+        rounds = disagreements(last) if counted else "in no round yet"
+        text += f"; ~ only scores: {found.shadow}, {rounds}"
+    click.echo(text)

@@ -14,7 +14,6 @@ from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_tools.rehearsal.junit import junit
 from bt_agents_tools.rehearsal.suite import (
     CaseResult,
     FileResult,
@@ -22,11 +21,10 @@ from bt_agents_tools.rehearsal.suite import (
     coverages,
     failure,
     find_tests,
+    junit,
     run_file,
 )
 from bt_agents_tools.rehearsal.transcript import ending, transcript
-
-_INDENT = "    "
 
 
 @click.command("test")
@@ -51,7 +49,7 @@ def test(
     Exit code 1 when a case fails, a file cannot be read, or there is no case.
     """
     start = time.perf_counter()
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     folders = TreesFolders()
     results = [run_file(path, folders, word) for path in find_tests(paths or (find_trees(),))]
     for result in results:
@@ -69,11 +67,10 @@ def test(
 def _show(console: Console, result: FileResult, verbose: bool) -> None:
     if not result.cases and result.error is None:
         return
-    _print(console, f"[bold]{escape(str(result.file))}[/]")
+    console.print(f"[bold]{escape(str(result.file))}[/]")
     if result.error is not None:
-        _print(
-            console, f"  [red]✘ the file has errors[/]\n{escape(_indented(result.error.report))}"
-        )
+        report = escape(_indented(result.error.report))
+        console.print(f"  [red]✘ the file has errors[/]\n{report}")
     for case in result.cases:
         _show_case(console, case, verbose)
 
@@ -81,21 +78,21 @@ def _show(console: Console, result: FileResult, verbose: bool) -> None:
 def _show_case(console: Console, case: CaseResult, verbose: bool) -> None:
     name = escape(case.case.name)
     if not case.passed:
-        _print(console, f"  [red]✘[/] {name}\n{escape(_indented(failure(case)))}\n")
+        console.print(f"  [red]✘[/] {name}\n{escape(_indented(failure(case)))}\n")
         return
-    _print(console, f"  [green]✔[/] {name}  [dim]{ending(case.rehearsed)}[/]")
+    console.print(f"  [green]✔[/] {name}  [dim]{ending(case.rehearsed)}[/]")
     if verbose:
-        _print(console, f"{escape(_indented(transcript(case.rehearsed.events)))}\n")
+        console.print(f"{escape(_indented(transcript(case.rehearsed.events)))}\n")
 
 
 def _show_coverage(console: Console, results: Iterable[FileResult]) -> None:
-    _print(console, "\n[bold]coverage[/]")
+    console.print("\n[bold]coverage[/]")
     for one in coverages(results):
         style = "green" if one.missed == 0 else "yellow"
         counted = f"{one.total - one.missed} of {one.total} nodes and branches"
-        _print(console, f"  [{style}]{one.percent:>3} %[/] {escape(one.agent)}  [dim]{counted}[/]")
+        console.print(f"  [{style}]{one.percent:>3} %[/] {escape(one.agent)}  [dim]{counted}[/]")
         for gap in one.gaps:
-            _print(console, f"        {escape(str(gap))}")
+            console.print(f"        {escape(str(gap))}")
 
 
 def _summary(console: Console, results: Sequence[FileResult], word: str, seconds: float) -> int:
@@ -111,13 +108,9 @@ def _summary(console: Console, results: Sequence[FileResult], word: str, seconds
     counts += [f"{broken} file{'s' * (broken > 1)} with errors"] * bool(broken)
     style = "red" if failed or broken else "green"
     text = f"{len(cases)} case{'s' * (len(cases) != 1)}: {', '.join(counts)}"
-    _print(console, f"\n[bold {style}]{text}[/] in {seconds:.2f} s")
+    console.print(f"\n[bold {style}]{text}[/] in {seconds:.2f} s")
     return int(bool(failed or broken))
 
 
 def _indented(text: str) -> str:
-    return "\n".join(f"{_INDENT}{line}".rstrip() for line in text.splitlines())
-
-
-def _print(console: Console, text: str) -> None:
-    console.print(text, soft_wrap=True)
+    return "\n".join(f"    {line}".rstrip() for line in text.splitlines())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents trigger`: a scene on the market, and its decision."""
+"""Commands about the scene: `bt-agents trigger` puts one on the market, `sense` changes it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _DECIDE_LIMIT_S = 5.0
-_PREEMPTION_LIMIT_S = 1.0
 _REFUSED = ("BUSY", "QUEUE_FULL", "DUPLICATE", "SHUTTING_DOWN")
 
 
@@ -31,14 +30,9 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
     For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
     """
     with connect() as observer:
-        from bt_agents_tools.client import system
-
-        auctions, ends = system.decisions(observer), system.scene_ends(observer)
-        names, numbers = columns(values)
-        answer = system.analyze(
-            observer, names, numbers, label=label, person=person, urgent=urgent, announce=True
-        )
-        mine = accepted(answer, "the scene layer").scene.scene_id
+        auctions, ends = observer.received("auctions"), observer.received("scene_ends")
+        answer = _analyze(observer, values, person, label=label, urgent=urgent, announce=True)
+        mine = answer.scene.scene_id
 
         def rounds() -> list[Any]:
             return [auction for auction in auctions if auction.scene.scene_id == mine]
@@ -56,7 +50,7 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
         observer.spin_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
         if waits():
             # A preemption round may still come, or a refusal.
-            observer.spin_until(lambda: decided() or bool(rounds()), _PREEMPTION_LIMIT_S)
+            observer.spin_until(lambda: decided() or bool(rounds()), 1.0)
         known = observer.spin_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
         scene_names = names_of_scenes(auctions)
         if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
@@ -74,6 +68,27 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
                 if waits()
                 else f"not decided yet, the market says: {state}"
             )
+
+
+@click.command()
+@click.argument("values", nargs=-1, required=True, callback=assignments)
+@click.option("--person/--no-person", default=None, help="Whether somebody is there.")
+def sense(values: Assignments, person: bool | None) -> None:
+    """Change the live scene of a run.
+
+    For example: bt-agents sense mood=1.5.
+    """
+    with connect() as observer:
+        click.echo(_analyze(observer, values, person).message)
+
+
+def _analyze(observer: Observer, values: Assignments, person: bool | None, **fields: Any) -> Any:
+    presence = {None: "AS_MEASURED", True: "PRESENT", False: "ABSENT"}[person]
+    names, numbers = columns(values)
+    answer = observer.ask(
+        "scene_layer/analyze", names=names, values=numbers, person=presence, **fields
+    )
+    return accepted(answer, "the scene layer")
 
 
 def _queue_text(observer: Observer, urgent: bool) -> str:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
     from bt_agents_tools.client.tuning import TunedProfile
 
-_NO_TERMINAL = 10_000
 _PROFILE = re.compile(r"(?P<agent>[^.]+)\.profile\.(?P<parameter>.+)")
 
 
@@ -36,14 +35,8 @@ def user() -> str:
 
 
 def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
-    """Ask a host to tune, and print its answer.
-
-    Raises:
-        BtAgentsError: It does not answer, or refuses.
-    """
-    from bt_agents_tools.client import tuning
-
-    answer = tuning.tune(observer, host, action, **fields)
+    """Ask a host to tune, and print its answer, when it accepts."""
+    answer = observer.ask(f"{host}/tune", action=action, **fields)
     click.echo(accepted(answer, f"the host {host}").message)
 
 
@@ -128,11 +121,7 @@ def _set(
 
 
 def _profiles(named: Iterable[tuple[str, str]]) -> dict[str, dict[str, float]]:
-    """Return the values of profiles among some values, by agent and scene parameter.
-
-    Raises:
-        Refused: ``NOT_A_VALUE`` or ``DUPLICATE``.
-    """
+    """Return the values of profiles among some values, by agent and scene parameter."""
     found: dict[str, dict[str, float]] = {}
     for name, text in named:
         match = _PROFILE.fullmatch(name)
@@ -154,10 +143,8 @@ def _take_back(observer: Observer, agent: str, action: str, *, author: str, reas
     if action == "undo":
         profile = _undoable_profile(observer, host, agent)
         if profile is not None:
-            from bt_agents_tools.client import system
-
-            answer = system.manage_profiles(
-                observer, "UNDO", agent=profile.agent, author=author, reason=reason
+            answer = observer.ask(
+                "feedback/manage", action="UNDO", agent=profile.agent, author=author, reason=reason
             )
             click.echo(f"undo of a profile: {accepted(answer, 'the feedback node').message}")
             return
@@ -208,13 +195,10 @@ def _show(observer: Observer, host: str, agent: str) -> None:
     from bt_agents_tools.client import tuning
 
     states = tuning.parameters(observer, host, [agent] if agent else ())
-    for line in table(states, _width()):
+    # Output into a file or pipe is not wrapped.
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 10_000
+    for line in table(states, width):
         click.echo(line)
-
-
-def _width() -> int:
-    """Return the columns of the terminal; output into a file or pipe is not wrapped."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else _NO_TERMINAL
 
 
 def _show_history(observer: Observer, host: str, agent: str) -> None:

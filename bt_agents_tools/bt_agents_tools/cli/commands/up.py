@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -93,4 +92,4 @@ def up(
         processes.append(components.robot(pace=1.0, voice="auto" if voice else "off"))
     processes += journal_components(journal)
     processes = [replace(component, file=params) for component in processes]
-    sys.exit(run_system("up", processes, trees, tags, interrupt, logs=logs))
+    run_system("up", processes, trees, tags, interrupt, logs=logs)

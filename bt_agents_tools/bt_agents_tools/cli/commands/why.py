@@ -24,22 +24,15 @@ from bt_agents_tools.cli.decisions import (
 def why(round_number: int | None, as_json: bool) -> None:
     """Say why an agent won, last or in a ROUND."""
     with connect() as observer:
-        from bt_agents_tools.client import system
-
-        ends = system.scene_ends(observer)
+        ends = observer.received("scene_ends")
         auctions = last_decisions(observer)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         found = [a for a in auctions if round_number is None or a.round == round_number]
         if not found:
             known = ", ".join(str(a.round) for a in auctions)
-            raise BtAgentsError(
-                f"no decision {'yet' if round_number is None else f'of round {round_number}'}"
-                + (
-                    f"; there are rounds {known}"
-                    if known
-                    else "; 'bt-agents trigger' asks for one"
-                )
-            )
+            which = "yet" if round_number is None else f"of round {round_number}"
+            hint = f"there are rounds {known}" if known else "'bt-agents trigger' asks for one"
+            raise BtAgentsError(f"no decision {which}; {hint}")
         if as_json:
             click.echo(decision_as_json(found[-1]))
             return
