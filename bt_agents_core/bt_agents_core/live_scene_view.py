@@ -16,7 +16,6 @@ class LiveSceneView:
     """Latest live scene of one run, at first the scene as awarded.
 
     Args:
-        awarded: Scene as awarded.
         clock: Steady time [s].
         lease_s: A scene counts for so long after it has come [s].
     """

@@ -38,8 +38,6 @@ class Mood:
         now: Mood of the latest live scene; NaN when it is not known.
 
     Args:
-        awarded: Scene as awarded.
-        space: The scene parameters.
         clock: Steady time [s].
         baseline_s: Length of the baseline, from the first known mood on [s]; 0 for none.
         confidence: Moods with less are not known, 0..1.

@@ -38,11 +38,8 @@ class SceneParameter:
     """One named, ranged dimension of every scene and every profile.
 
     Attributes:
-        name: Identifier used in files, expressions and messages.
         minimum: Smallest value, in the parameter's own unit.
-        maximum: Largest value.
         default: Value in the range that stands for "nothing special"; never used as a measurement.
-        description: What the dimension means, in words.
         labels: Words for some values, for example ``{1.0: "child"}``.
         weight: How much it counts where distances are weighted, 0 or more.
     """
@@ -65,9 +62,7 @@ class SceneValue:
     """One value of a scene; ``value`` is NaN exactly when ``origin`` is ``MISSING``.
 
     Attributes:
-        name: Its parameter.
         value: In the unit of the parameter.
-        origin: Where it comes from.
         age_s: Time since the reading; 0 when given, NaN when missing [s].
         std: Standard deviation in the unit of the parameter; 0 when exact or not stated, NaN when
             missing.
@@ -296,13 +291,8 @@ class SceneSpace:
 def mood_of(scene: Scene, space: SceneSpace, *, confidence: float = 0.0) -> float:
     """Return the mood of the person in a scene, NaN when it is not known.
 
-    It is known of a person who is there, when it was measured or given, with enough confidence: a
-    person who is lost is not unhappy, and neither is one whose mood is only assumed.
-
-    Args:
-        scene: The scene.
-        space: Says which parameter is the mood.
-        confidence: The least that counts, 0..1.
+    It is known of a person who is there, when it was measured or given, with ``confidence`` or
+    more: a person who is lost is not unhappy, and neither is one whose mood is only assumed.
     """
     if space.mood is None or not scene.person:
         return MISSING

@@ -21,7 +21,6 @@ class AgentFile:
     """One agent file as it was read.
 
     Attributes:
-        file: Where it is.
         text: Its text; None when it could not be opened.
         agent: The agent; None when there are errors.
         error: The errors; None when there are none.
@@ -44,13 +43,7 @@ class AgentFile:
 
 
 def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> AgentFile:
-    """Return an agent file, good or broken.
-
-    Args:
-        path: Where it is.
-        libraries: Of its folder, with what it may speak of.
-        cause: Why it is read, in words.
-    """
+    """Return an agent file, good or broken."""
     text: str | None = None
     agent: AgentSpec | None = None
     error: ReadError | None = None
@@ -58,8 +51,8 @@ def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> Ag
     try:
         source = read_source(path)
         text = source.text
-        vocabulary = replace(libraries.vocabulary, libraries=asked)
-        agent = read_agent_text(text, source.file, vocabulary)
+        symbols = replace(libraries.vocabulary, libraries=asked)
+        agent = read_agent_text(text, source.file, symbols)
     except ReadError as problem:
         error = problem
     return AgentFile(

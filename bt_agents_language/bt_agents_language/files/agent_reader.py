@@ -71,29 +71,29 @@ AGENT = FileKind(
 )
 
 
-def read_agent(path: Path, vocabulary: SymbolTable) -> AgentSpec:
+def read_agent(path: Path, symbols: SymbolTable) -> AgentSpec:
     """Return the agent of a file.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
     with gc_paused():
-        return _AgentFile(TypedReader.of(path), vocabulary).read()
+        return _AgentFile(TypedReader.of(path), symbols).read()
 
 
-def read_agent_text(text: str, file: str, vocabulary: SymbolTable) -> AgentSpec:
+def read_agent_text(text: str, file: str, symbols: SymbolTable) -> AgentSpec:
     """Return the agent of a text; ``file`` is what messages call it. As :func:`read_agent`."""
     with gc_paused():
-        return _AgentFile(TypedReader(Source(file, text)), vocabulary).read()
+        return _AgentFile(TypedReader(Source(file, text)), symbols).read()
 
 
 class _AgentFile:
     """One agent file while it is read."""
 
-    def __init__(self, reading: TypedReader, vocabulary: SymbolTable) -> None:
+    def __init__(self, reading: TypedReader, symbols: SymbolTable) -> None:
         self._reading = reading
-        self._vocabulary = vocabulary
-        self._space = vocabulary.space
+        self._symbols = symbols
+        self._space = symbols.space
         self._fields = reading.file(AGENT)
         self._unused_inputs: tuple[UnusedInput, ...] = ()
 
@@ -166,7 +166,7 @@ class _AgentFile:
         self, tunables: Mapping[str, Tunable | None]
     ) -> tuple[NodeSpec | None, NodeSpec | None]:
         fields = self._fields
-        vocabulary, imported = read_imports(self._reading, fields, self._vocabulary)
+        symbols, imported = read_imports(self._reading, fields, self._symbols)
         types = {
             name: tunable.type if tunable is not None else FieldType.ANY
             for name, tunable in tunables.items()
@@ -174,11 +174,7 @@ class _AgentFile:
         declared = entries_of(fields.get("tunables"))
         sound = fields.get("tunables") is None or len(declared) == len(tunables) > 0
         trees = TreesReader(
-            self._reading,
-            fields.entries("subtrees"),
-            vocabulary,
-            imported,
-            types if sound else None,
+            self._reading, fields.entries("subtrees"), symbols, imported, types if sound else None
         )
         specs = trees.trees(fields.get("tree"), fields.get("on_cancel"))
         self._unused_inputs = tuple(trees.unused_inputs)

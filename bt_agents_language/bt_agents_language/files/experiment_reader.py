@@ -77,10 +77,6 @@ EXPERIMENT = FileKind(
 def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
     """Return the experiment of a file.
 
-    Args:
-        file: The file, or its text.
-        space: The scene parameters.
-
     Raises:
         ReadError: There is a problem; it lists all of them.
     """

@@ -40,9 +40,7 @@ class Trees:
     """A trees folder.
 
     Attributes:
-        folder: Where it is.
-        scene: ``scene.yaml``.
-        vocabulary: What its agents may speak of.
+        symbols: What its agents may speak of.
         agents: The agents that could be read, by name.
         broken: The files of agents and libraries that could not.
         plugin_problems: Why some nodes of installed packages cannot be used, in words.
@@ -68,10 +66,9 @@ class Trees:
     texts: Mapping[Path, str | None] = field(default_factory=dict)
 
     def tagged(self, tags: str) -> Trees:
-        """Return the folder with those agents only that have one of some tags.
+        """Return the folder with those agents only that have one of some tags, all without any.
 
-        Args:
-            tags: Tags with commas between them; empty keeps every agent.
+        The tags have commas between them.
 
         Raises:
             BtAgentsError: No agent has a tag of this name.
@@ -141,13 +138,13 @@ def _libraries(
     folder: Path, scene: SceneSpec, interfaces: Interfaces | None, robot: str
 ) -> FolderLibraries:
     skills = read_skills(yaml_files(folder / "skills"), interfaces, robot)
-    vocabulary = SymbolTable(
+    symbols = SymbolTable(
         space=scene.space,
         skills=skills,
         interfaces=interfaces,
         plugins=installed_plugins().without(skills).kinds,
     )
-    return FolderLibraries(folder, vocabulary, robot)
+    return FolderLibraries(folder, symbols, robot)
 
 
 def yaml_files(folder: Path, *, tests: bool = False) -> list[Path]:

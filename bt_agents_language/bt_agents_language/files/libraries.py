@@ -39,8 +39,6 @@ class FolderLibraries:
 
     Args:
         folder: The trees folder; nothing outside of it is read.
-        vocabulary: What libraries may speak of.
-        robot: Robot whose bindings of skills are preferred.
 
     Attributes:
         vocabulary: The same, with these libraries.
@@ -48,11 +46,11 @@ class FolderLibraries:
         imports: Path of a library → what it imports itself.
     """
 
-    def __init__(self, folder: Path, vocabulary: SymbolTable, robot: str = "") -> None:
+    def __init__(self, folder: Path, symbols: SymbolTable, robot: str = "") -> None:
         self.broken: dict[str, ReadError] = {}
         self.imports: dict[str, set[str]] = {}
         self._folder = folder
-        self.vocabulary = replace(vocabulary, libraries=self)
+        self.vocabulary = replace(symbols, libraries=self)
         self._robot = robot
         self._read: dict[str, Library] = {}
         self._chain: list[str] = []
@@ -167,21 +165,21 @@ class FolderLibraries:
                 "add what it offers to the files that import it",
             )
         fields.text("description")
-        vocabulary, imported = read_imports(reading, fields, self.vocabulary)
-        skills = SkillsReader(vocabulary.interfaces, self._robot)
+        symbols, imported = read_imports(reading, fields, self.vocabulary)
+        skills = SkillsReader(symbols.interfaces, self._robot)
         if fields.get("skills") is not None or fields.get("bindings") is not None:
             skills.declare(reading, fields)
             skills.bind(reading, fields)
         own = skills.skills()
-        for name in own.keys() & vocabulary.skills.keys():
+        for name in own.keys() & symbols.skills.keys():
             reading.error(
                 "duplicate-skill",
                 own[name].position,
-                f"there is a skill '{name}' already: {vocabulary.skills[name].position}",
+                f"there is a skill '{name}' already: {symbols.skills[name].position}",
                 "rename or remove one of them",
             )
-        vocabulary = vocabulary.with_skills(own)
-        trees = TreesReader(reading, fields.entries("subtrees"), vocabulary, imported, {})
+        symbols = symbols.with_skills(own)
+        trees = TreesReader(reading, fields.entries("subtrees"), symbols, imported, {})
         subtrees = trees.library()
         reading.problems.raise_if_any()
         return Library(

@@ -61,8 +61,6 @@ class MarketRule:
     """Who wins when a condition holds.
 
     Attributes:
-        condition: Over ``scene.*``.
-        agents: Who wins, the first of them that bids.
         positions: Where each of the agents is named.
     """
 
@@ -95,10 +93,6 @@ def market_of(folder: Path, space: SceneSpace) -> MarketSpec:
 
 def read_market(file: Path | Source, space: SceneSpace) -> MarketSpec:
     """Return what a market file says.
-
-    Args:
-        file: The file, or its text.
-        space: The parameters that conditions may name.
 
     Raises:
         ReadError: There is a problem; it lists all of them.

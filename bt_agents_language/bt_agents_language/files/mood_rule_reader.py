@@ -143,17 +143,6 @@ def restore_mood_rule(
 ) -> MoodRule:
     """Return the mood rule that a host's card holds; the values are those of ``MoodRule.msg``.
 
-    Args:
-        space: The parameters that its conditions may name.
-        when: Condition over ``mood.change``, ``scene.*`` and ``live.*``.
-        hold_s: How long it must hold [s]; finite, not negative.
-        give: ``Kind.POSITIVE`` or ``Kind.NEGATIVE``.
-        action: A :class:`MoodAction`.
-        baseline_s: Length of the baseline [s]; finite, not negative.
-        release: Condition after which it is ready again; empty for none.
-        cooldown_s: It is ready again after so long [s]; finite, not negative.
-        confidence: The least confidence of a mood, 0..1.
-
     Raises:
         Refused: ``BAD_RULE``.
     """

@@ -93,13 +93,7 @@ PERSONS = KeyTable(
 def read_persons(
     reading: TypedReader, node: Node | None, interfaces: Interfaces | None
 ) -> tuple[PersonsSpec | None, SourceReader]:
-    """Return what ``persons`` says, and a reader of sources that may be about one person.
-
-    Args:
-        reading: The file.
-        node: What stands behind ``persons``; None when there is no such key.
-        interfaces: The installed ROS types; None leaves types and fields unchecked.
-    """
+    """Return what ``persons`` says, and a reader of sources that may be about one person."""
     plain = SourceReader(reading, interfaces)
     if node is None:
         return None, plain

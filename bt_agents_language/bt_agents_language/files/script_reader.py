@@ -78,10 +78,6 @@ SCRIPT = FileKind(
 def read_script(file: Path | Source, space: SceneSpace) -> Script:
     """Return the script of a file.
 
-    Args:
-        file: The file, or its text.
-        space: The scene parameters.
-
     Raises:
         ReadError: There is a problem; it lists all of them.
     """

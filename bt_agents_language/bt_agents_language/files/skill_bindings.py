@@ -29,7 +29,6 @@ class BindingCandidate:
     """What a robot has for a skill.
 
     Attributes:
-        robot: Name of the robot.
         binding: None when its ROS types are not installed here.
         problem: Why there is no binding, in words.
     """
@@ -52,17 +51,9 @@ def read_candidate(
 ) -> BindingCandidate | None:
     """Return the offer of one robot; None when it is wrong, which is then reported.
 
-    Args:
-        reading: The file.
-        fields: The keys of the binding.
-        key: What messages about the whole point at.
-        what: The binding, for messages.
-        skill: The skill as declared.
-        robot: Name of the robot.
-        interfaces: The installed ROS types; None takes every type as installed.
-        inline: Whether it stands in the declaration of the skill, whose outputs then say in
-            ``from`` where they come from.
-        lenient: Whether the inputs could not be read, so that any name may be one.
+    ``inline`` says that it stands in the declaration of the skill, whose outputs then say in
+    ``from`` where they come from; ``lenient`` that the inputs could not be read, so that any name
+    may be one.
     """
     kinds = [kind for kind in BindingKind if fields.get(kind.value) is not None]
     if len(kinds) != 1:

@@ -133,12 +133,7 @@ class _Declared:
 
 
 class SkillsReader:
-    """Collects declarations and bindings of skills over several files.
-
-    Args:
-        interfaces: The installed ROS types; None takes every type as installed.
-        robot: Robot whose bindings are preferred.
-    """
+    """Collects declarations and bindings of skills over several files."""
 
     def __init__(self, interfaces: Interfaces | None, robot: str = "") -> None:
         self._interfaces = interfaces
@@ -148,11 +143,7 @@ class SkillsReader:
     def read(
         self, files: Iterable[tuple[TypedReader, MappingReader]], errors: Iterable[ReadError] = ()
     ) -> dict[str, SkillSpec]:
-        """Return the skills of files by name.
-
-        Args:
-            files: The files, opened, with their keys.
-            errors: Problems of files that could not be opened.
+        """Return the skills of files by name; ``errors`` are of files that could not be opened.
 
         Raises:
             ReadError: There is a problem; it lists those of all files.

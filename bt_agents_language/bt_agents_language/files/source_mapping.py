@@ -52,12 +52,7 @@ def read_table(
 ) -> tuple[tuple[str, float], ...]:
     """Return the words behind ``table`` and their values.
 
-    Args:
-        reading: The file.
-        fields: Of the source.
-        parameter: The scene parameter that it feeds; None for any value.
-        kind: What the readings are, so that words that can never come are found; None where that
-            is not known.
+    Words that readings of a kind can never be are reported.
     """
     node = fields.get("table")
     if node is None:

@@ -168,8 +168,6 @@ class SourceReader:
     """Reads the sources of one file.
 
     Args:
-        reading: The file.
-        interfaces: The installed ROS types; None leaves types and fields unchecked.
         tracked: Who is tracked; None where persons are not distinguished.
         placeholders: What may stand in angle brackets in a topic.
     """
@@ -189,10 +187,7 @@ class SourceReader:
     def read_all(self, node: Node, where: Node, wanted: SourceContext) -> list[SourceSpec]:
         """Return one source or a list of them; what is wrong is reported and left out.
 
-        Args:
-            node: What is written.
-            where: Stands for all sources in reports.
-            wanted: What they are for.
+        Reports about all of them point at ``where``.
         """
         if not isinstance(node, Sequence):
             source = self.read(node, where, wanted)

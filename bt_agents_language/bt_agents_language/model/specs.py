@@ -119,8 +119,6 @@ class HeartbeatSpec:
     """What a server publishes for as long as it is alive.
 
     Attributes:
-        topic: ROS name, relative unless it starts with a slash.
-        type: ROS type, for example ``std_msgs/msg/Empty``.
         within_s: A server that has not been heard for so long is dead [s].
     """
 
@@ -141,7 +139,6 @@ class Binding:
         outputs: Output name → field of the result or response, for example ``answer``.
         feedback: Output name → field of the feedback, which gives it while the action goes on.
         succeed_when: Condition over ``result.*``; None succeeds whenever ROS says so.
-        timeouts: How long the server may take.
         heartbeat: By which its death is noticed; None notices it by the graph and the timeouts.
     """
 
@@ -163,7 +160,6 @@ class SkillSpec:
     Attributes:
         name: The node key.
         main: Input that a scalar stands for; None when there is none.
-        inputs: Typed inputs.
         outputs: Names that later nodes may use.
         binding: None while no robot is bound to it whose ROS types are installed.
         unoffered: Why there is no binding, in words; empty when there is one.
@@ -200,7 +196,6 @@ class NodeSpec:
 
     Attributes:
         path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
-        position: Where it stands in the file.
         kind: Node key or decorator: ``sequence``, ``timeout``, ``say``.
         name: Name for people.
         fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
@@ -267,9 +262,7 @@ class SubtreeSpec:
         outputs: Names that the caller may use afterwards.
         body: Its tree with the subtrees that it calls itself in place; None while those of its
             own file are being read.
-        position: Where its name stands.
         complete: False when its declaration has errors, so that nothing can be said about calls.
-        description: What it does, in words; may be empty.
     """
 
     name: str
@@ -347,7 +340,6 @@ class SceneChange:
 
     Attributes:
         after_s: Time since the agent's run started [s].
-        values: Scene parameters and their new values.
         person: Whether the person is there now; None for unchanged.
     """
 
@@ -361,7 +353,6 @@ class Visit:
     """One scripted scene, with what the person does in it.
 
     Attributes:
-        label: Words for people.
         person: False for a thing that only looks like an interaction.
         values: Scene parameters that are measured; the others are missing.
         changes: In order of time.

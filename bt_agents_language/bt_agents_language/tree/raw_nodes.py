@@ -37,32 +37,20 @@ _OTHER_LANGUAGES = {
 
 
 class RawNodeReader:
-    """Reads the structure of the trees of one file into raw nodes.
-
-    Args:
-        reading: The file.
-        vocabulary: The words that are nodes.
-        subtrees: Names of the subtrees that it can call.
-    """
+    """Reads the structure of the trees of one file into raw nodes."""
 
     def __init__(
-        self, reading: TypedReader, vocabulary: SymbolTable, subtrees: Collection[str] = ()
+        self, reading: TypedReader, symbols: SymbolTable, subtrees: Collection[str] = ()
     ) -> None:
         self._reading = reading
         self._subtrees = subtrees
-        self._skills = vocabulary.skills
-        self._types = vocabulary.node_types
-        self._words = {*vocabulary.node_types, *vocabulary.skills}
-        self._incomplete = vocabulary.incomplete
+        self._skills = symbols.skills
+        self._types = symbols.node_types
+        self._words = {*symbols.node_types, *symbols.skills}
+        self._incomplete = symbols.incomplete
 
     def read(self, node: Node, where: str, parent: NodeType | None = None) -> RawNode | None:
-        """Return the structure of a node; None when it is none, which is then reported.
-
-        Args:
-            node: What is written.
-            where: What the node is for, for messages: ``the tree``.
-            parent: Type of the composite that it is a child of.
-        """
+        """Return the structure of a node; None when it is none, which is then reported."""
         if not isinstance(node, MappingNode) or not node.entries:
             self._not_a_node(node, where)
             return None
@@ -102,7 +90,6 @@ class RawNodeReader:
         parent: NodeType | None,
         loose_children: bool = False,
     ) -> RawNode:
-        """Return a raw node."""
         node_type = self._types.get(word)
         skill = None if node_type is not None else self._skills[word]
         label = known.pop("name", None)

@@ -21,7 +21,6 @@ class Expansion:
     """Puts subtrees in place.
 
     Args:
-        reading: The file, for problems.
         bodies: The tree of each subtree that can be called, imported ones with their own
             subtrees in place already; its paths start with the subtree's name.
         calls: Place of each ``subtree`` node → name of the subtree.

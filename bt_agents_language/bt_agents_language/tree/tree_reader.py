@@ -33,39 +33,26 @@ _NOT_IN_PATH = re.compile(r"[^\w-]+")
 class TreeReader:
     """Reads the trees of one file; a :class:`NodeReader` to the types of their nodes.
 
-    Args:
-        reading: The file.
-        vocabulary: What it may speak of.
-        subtrees: What its trees can call, by name.
-
     Attributes:
-        interfaces: The installed ROS types; None leaves types unchecked.
+        calls: Place of each ``subtree`` node read so far → name of the subtree.
     """
 
     def __init__(
-        self, reading: TypedReader, vocabulary: SymbolTable, subtrees: Mapping[str, SubtreeSpec]
+        self, reading: TypedReader, symbols: SymbolTable, subtrees: Mapping[str, SubtreeSpec]
     ) -> None:
         self.reading = reading
-        self.interfaces = vocabulary.interfaces
-        self._fields = FieldReader(reading, vocabulary)
-        self._calls = CallReader(reading, subtrees, vocabulary)
-        self._written = AssignedNames(reading, subtrees, vocabulary.interfaces)
-
-    @property
-    def calls(self) -> Mapping[Position, str]:
-        """Place of each ``subtree`` node read so far → name of the subtree."""
-        return self._calls.calls
+        self.interfaces = symbols.interfaces
+        self._fields = FieldReader(reading, symbols)
+        self._calls = CallReader(reading, subtrees, symbols)
+        self.calls: Mapping[Position, str] = self._calls.calls
+        self._written = AssignedNames(reading, subtrees, symbols.interfaces)
 
     def read(
         self, raw: RawNode, path: str, names: NameScope, *, parent: NodeType | None = None
     ) -> NodeSpec | None:
         """Return a node with everything below it; None when it is wrong, which is then reported.
 
-        Args:
-            raw: The node as written.
-            path: Its path.
-            names: What its values and conditions may name; learns what the node writes.
-            parent: Type of the composite that it is a child of.
+        What it writes is given to ``names``; ``parent`` is the composite that it is a child of.
         """
         if not raw.decorators:
             spec = self._node(raw, path, names)

@@ -43,10 +43,6 @@ class TreesReader:
     """Reads all trees of one file.
 
     Args:
-        reading: The file.
-        entries: What stands under ``subtrees``.
-        vocabulary: What the trees may speak of, imports included.
-        imported: Subtrees of imported libraries by name.
         tunables: Type of each tunable; None when their declaration could not be read.
 
     Attributes:
@@ -57,7 +53,7 @@ class TreesReader:
         self,
         reading: TypedReader,
         entries: tuple[MappingEntry, ...],
-        vocabulary: SymbolTable,
+        symbols: SymbolTable,
         imported: Mapping[str, SubtreeSpec],
         tunables: Mapping[str, FieldType] | None,
     ) -> None:
@@ -73,24 +69,19 @@ class TreesReader:
         for entry in entries:
             self._declare(entry)
         known = {**imported, **self._subtrees}
-        self._structure = RawNodeReader(reading, vocabulary, known)
-        self._reader = TreeReader(reading, vocabulary, known)
-        self._written = AssignedNames(reading, known, vocabulary.interfaces)
+        self._structure = RawNodeReader(reading, symbols, known)
+        self._reader = TreeReader(reading, symbols, known)
+        self._written = AssignedNames(reading, known, symbols.interfaces)
         self._types = {
-            **scene_names(vocabulary.space, ("scene", "live", "profile")),
-            **mood_names(vocabulary.space),
+            **scene_names(symbols.space, ("scene", "live", "profile")),
+            **mood_names(symbols.space),
             **self._tunables,
         }
 
     def trees(
         self, tree: Node | None, on_cancel: Node | None
     ) -> tuple[NodeSpec | None, NodeSpec | None]:
-        """Return an agent's trees with their subtrees in place; None for one that is wrong.
-
-        Args:
-            tree: What is written behind ``tree``.
-            on_cancel: What is written behind ``on_cancel``.
-        """
+        """Return an agent's trees with their subtrees in place; None for one that is wrong."""
         first, last = self._raw(tree, "the tree"), self._raw(on_cancel, "'on_cancel'")
         taken = dict.fromkeys(self._tunables, "a tunable")
         bodies = self._raw_bodies()

@@ -24,31 +24,24 @@ AT_ONCE = {"succeed": "true", "fail": "false"}
 
 
 class ReplacementReader:
-    """Reads what stands in for nodes of one agent.
-
-    Args:
-        reading: The test file.
-        vocabulary: What a node may speak of.
-        nodes: The nodes of the agent.
-        tunables: Those of the agent.
-    """
+    """Reads what stands in for nodes of one agent."""
 
     def __init__(
         self,
         reading: TypedReader,
-        vocabulary: SymbolTable,
+        symbols: SymbolTable,
         nodes: Sequence[NodeSpec],
         tunables: Iterable[Tunable],
     ) -> None:
         self._reading = reading
         self._nodes = nodes
-        self._structure = RawNodeReader(reading, vocabulary)
-        self._trees = TreeReader(reading, vocabulary, {})
-        self._written = AssignedNames(reading, {}, vocabulary.interfaces)
+        self._structure = RawNodeReader(reading, symbols)
+        self._trees = TreeReader(reading, symbols, {})
+        self._written = AssignedNames(reading, {}, symbols.interfaces)
         self._tunables = {one.name: one.type for one in tunables}
         self._types = {
-            **scene_names(vocabulary.space, ("scene", "live", "profile")),
-            **mood_names(vocabulary.space),
+            **scene_names(symbols.space, ("scene", "live", "profile")),
+            **mood_names(symbols.space),
             **self._tunables,
         }
 

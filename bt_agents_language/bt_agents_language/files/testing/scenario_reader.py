@@ -119,19 +119,14 @@ SCENARIO = KeyTable(
 class ScenarioReader:
     """Reads scenarios for one agent.
 
-    Args:
-        reading: The file.
-        agent: Whom it is about.
-        vocabulary: What a node may speak of that takes the place of others.
-
     Attributes:
         skills: The skills that the agent's trees use, by name.
         known_skills: These, and the others that there are.
     """
 
-    def __init__(self, reading: TypedReader, agent: AgentSpec, vocabulary: SymbolTable) -> None:
+    def __init__(self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable) -> None:
         self._reading = reading
-        self._space = vocabulary.space
+        self._space = symbols.space
         self._nodes = tuple(nodes_of(agent))
         self._tunables = {tunable.name: tunable for tunable in agent.tunables}
         self.skills: dict[str, SkillSpec] = {}
@@ -139,9 +134,9 @@ class ScenarioReader:
             if node.skill is not None:
                 self.skills.setdefault(node.kind, node.skill)
         named = {name: one for name, one in self.skills.items() if name not in NODE_TYPES}
-        self.known_skills = {**vocabulary.skills, **named}
+        self.known_skills = {**symbols.skills, **named}
         self._replacements = ReplacementReader(
-            reading, vocabulary.with_skills(named), self._nodes, self._tunables.values()
+            reading, symbols.with_skills(named), self._nodes, self._tunables.values()
         )
 
     def read(self, fields: MappingReader) -> Scenario:
@@ -182,10 +177,7 @@ class ScenarioReader:
     def path(self, node: Node, what: str, *, skills: bool = False) -> str | None:
         """Return a path or pattern that fits a node of the agent; None when it fits none.
 
-        Args:
-            node: What is written.
-            what: The place, for messages.
-            skills: Only nodes that use a skill count.
+        With ``skills`` only nodes count that use a skill.
         """
         text = self._reading.text(node, what)
         if text is None:

@@ -36,7 +36,6 @@ class ScriptedAnswer:
     Attributes:
         outputs: Values of outputs by name; the others get a likely value.
         end: How it ends.
-        reason: Why, in words.
         after_s: How long it takes [s]; None for as long as it usually does.
     """
 
@@ -79,12 +78,9 @@ class ScriptedEvent:
     Attributes:
         after_s: Time since the start of the run, or of the first start of the node ``at`` [s].
         at: Path of a node; empty counts from the start of the run.
-        values: Scene parameters and their new values.
         person: Whether the person is there from now on; None for unchanged.
         silent: Whether the scene layer is silent from now on; None for unchanged.
-        tunables: New values of tunables.
         topic: Where a message arrives; empty for none.
-        message: Its fields.
         cancel: Why the run is cancelled; empty when it is not.
     """
 
@@ -105,7 +101,6 @@ class Scenario:
 
     Attributes:
         scene: Values of scene parameters as awarded; the others are missing.
-        person: Whether a person is there.
         tunables: Values that differ from the defaults.
         seed: Seed of everything random.
         answers: Those of paths count before those of skills, else the first that fits.

@@ -124,31 +124,24 @@ TEST = FileKind(
 )
 
 
-def read_test(path: Path, agents: Iterable[AgentSpec], vocabulary: SymbolTable) -> AgentTest:
-    """Return the cases of a file.
-
-    Args:
-        path: The file.
-        agents: Those it may be about.
-        vocabulary: What they may speak of.
+def read_test(path: Path, agents: Iterable[AgentSpec], symbols: SymbolTable) -> AgentTest:
+    """Return the cases of a file, which may be about one of some agents.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _TestFile(TypedReader.of(path), agents, vocabulary, path.parent).read()
+    return _TestFile(TypedReader.of(path), agents, symbols, path.parent).read()
 
 
 def read_test_text(
-    text: str, file: str, agents: Iterable[AgentSpec], vocabulary: SymbolTable
+    text: str, file: str, agents: Iterable[AgentSpec], symbols: SymbolTable
 ) -> AgentTest:
     """Return the cases of a text; as :func:`read_test`."""
     reading = TypedReader(Source(file, text))
-    return _TestFile(reading, agents, vocabulary, Path(file).parent).read()
+    return _TestFile(reading, agents, symbols, Path(file).parent).read()
 
 
-def read_scenario_text(
-    text: str, file: str, agent: AgentSpec, vocabulary: SymbolTable
-) -> Scenario:
+def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTable) -> Scenario:
     """Return the scenario of a text with the keys that a case has, apart from name and expect.
 
     Raises:
@@ -156,7 +149,7 @@ def read_scenario_text(
     """
     reading = TypedReader(Source(file, text))
     fields = reading.file(SCENARIO)
-    scenario = ScenarioReader(reading, agent, vocabulary).read(fields)
+    scenario = ScenarioReader(reading, agent, symbols).read(fields)
     reading.problems.raise_if_any()
     return scenario
 
@@ -165,15 +158,11 @@ class _TestFile:
     """One test file while it is read."""
 
     def __init__(
-        self,
-        reading: TypedReader,
-        agents: Iterable[AgentSpec],
-        vocabulary: SymbolTable,
-        folder: Path,
+        self, reading: TypedReader, agents: Iterable[AgentSpec], symbols: SymbolTable, folder: Path
     ) -> None:
         self._reading = reading
         self._agents = tuple(agents)
-        self._vocabulary = vocabulary
+        self._symbols = symbols
         self._folder = folder
 
     def read(self) -> AgentTest:
@@ -182,7 +171,7 @@ class _TestFile:
         nodes = fields.items("cases")
         cases: dict[str, AgentTestCase] = {}
         if agent is not None:
-            scenarios = ScenarioReader(self._reading, agent, self._vocabulary)
+            scenarios = ScenarioReader(self._reading, agent, self._symbols)
             for node in nodes:
                 self._case(node, agent, scenarios, cases)
         self._reading.problems.raise_if_any()
