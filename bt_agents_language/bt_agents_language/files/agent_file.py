@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import Library
@@ -52,7 +52,7 @@ def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> Ag
         source = read_source(path)
         text = source.text
         symbols = replace(libraries.vocabulary, libraries=asked)
-        agent = read_agent_text(text, source.file, symbols)
+        agent = read_agent(source, symbols)
     except ReadError as problem:
         error = problem
     return AgentFile(

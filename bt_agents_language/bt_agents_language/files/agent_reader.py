@@ -71,20 +71,14 @@ AGENT = FileKind(
 )
 
 
-def read_agent(path: Path, symbols: SymbolTable) -> AgentSpec:
+def read_agent(file: Path | Source, symbols: SymbolTable) -> AgentSpec:
     """Return the agent of a file.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
     with gc_paused():
-        return _AgentFile(TypedReader.of(path), symbols).read()
-
-
-def read_agent_text(text: str, file: str, symbols: SymbolTable) -> AgentSpec:
-    """Return the agent of a text; ``file`` is what messages call it. As :func:`read_agent`."""
-    with gc_paused():
-        return _AgentFile(TypedReader(Source(file, text)), symbols).read()
+        return _AgentFile(TypedReader.of(file), symbols).read()
 
 
 class _AgentFile:

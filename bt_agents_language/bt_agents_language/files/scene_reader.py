@@ -116,21 +116,13 @@ _TAKEN = {
 }
 
 
-def read_scene(path: Path, interfaces: Interfaces | None = None) -> SceneSpec:
+def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> SceneSpec:
     """Return the scene parameters and sources of a file.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _read(TypedReader.of(path), interfaces)
-
-
-def read_scene_text(text: str, file: str, interfaces: Interfaces | None = None) -> SceneSpec:
-    """Return the scene parameters and sources of a text; as :func:`read_scene`."""
-    return _read(TypedReader(Source(file, text)), interfaces)
-
-
-def _read(reading: TypedReader, interfaces: Interfaces | None) -> SceneSpec:
+    reading = TypedReader.of(file)
     fields = reading.file(SCENE)
     entries = fields.entries("parameters")
     missing: dict[str, MissingRule] = {}

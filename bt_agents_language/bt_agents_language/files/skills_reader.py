@@ -90,12 +90,12 @@ SKILLS = KeyTable(
 
 
 def read_skills(
-    paths: Iterable[Path], interfaces: Interfaces | None = None, robot: str = ""
+    files: Iterable[Path | Source], interfaces: Interfaces | None = None, robot: str = ""
 ) -> Mapping[str, SkillSpec]:
     """Return the skills of all files by name, each bound to the robot that counts.
 
     Args:
-        paths: Files with skills; a file may bind the skills of another one.
+        files: Files with skills; one may bind the skills of another.
         interfaces: The installed ROS types; None takes every type as installed.
         robot: Robot whose bindings are preferred; else the first in the order of the files is
             taken whose ROS types are installed.
@@ -105,23 +105,21 @@ def read_skills(
     """
     reader = SkillsReader(interfaces, robot)
     errors: list[ReadError] = []
-    files: list[tuple[TypedReader, MappingReader]] = []
-    for path in paths:
+    opened: list[tuple[TypedReader, MappingReader]] = []
+    for file in files:
         try:
-            reading = TypedReader.of(path)
-            files.append((reading, reading.file(SKILLS)))
+            reading = TypedReader.of(file)
+            opened.append((reading, reading.file(SKILLS)))
         except ReadError as error:
             errors.append(error)
-    return reader.read(files, errors)
-
-
-def read_skills_text(
-    text: str, file: str, interfaces: Interfaces | None = None
-) -> Mapping[str, SkillSpec]:
-    """Return the skills of one text; as :func:`read_skills`."""
-    reading = TypedReader(Source(file, text))
-    fields = reading.file(SKILLS)
-    return SkillsReader(interfaces).read([(reading, fields)])
+    for reading, fields in opened:
+        reader.declare(reading, fields)
+    for reading, fields in opened:
+        reader.bind(reading, fields)
+    errors += (reading.problems.error() for reading, _ in opened if reading.problems)
+    if errors:
+        raise joined(errors)
+    return reader.skills()
 
 
 @dataclass(frozen=True)
@@ -139,24 +137,6 @@ class SkillsReader:
         self._interfaces = interfaces
         self._robot = robot
         self._declared: dict[str, _Declared] = {}
-
-    def read(
-        self, files: Iterable[tuple[TypedReader, MappingReader]], errors: Iterable[ReadError] = ()
-    ) -> dict[str, SkillSpec]:
-        """Return the skills of files by name; ``errors`` are of files that could not be opened.
-
-        Raises:
-            ReadError: There is a problem; it lists those of all files.
-        """
-        every = list(files)
-        for reading, fields in every:
-            self.declare(reading, fields)
-        for reading, fields in every:
-            self.bind(reading, fields)
-        refused = [*errors, *(r.problems.error() for r, _ in every if r.problems)]
-        if refused:
-            raise joined(refused)
-        return self.skills()
 
     def declare(self, reading: TypedReader, fields: MappingReader) -> None:
         """Read what stands under ``skills``."""

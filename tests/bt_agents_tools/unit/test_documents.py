@@ -14,13 +14,11 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
-from bt_agents_language.files.scene_reader import SCENE, read_scene_text
+from bt_agents_language.files.scene_reader import SCENE
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.files.testing.test_reader import read_test_text
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.nodes.plugin_discovery import GROUP, read_plugins
 from bt_agents_language.tools.schema.generator import file_schema
@@ -28,6 +26,7 @@ from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from bt_agents_tools.rehearsal.suite import failure, run_case
+from file_texts import read_agent_text, read_scene_text, read_test_text
 from journal_fixture import morning
 from marketplace_node.strategies import StrategySpec
 from rehearsal_harness import scenario

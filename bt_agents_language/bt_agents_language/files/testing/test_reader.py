@@ -124,21 +124,13 @@ TEST = FileKind(
 )
 
 
-def read_test(path: Path, agents: Iterable[AgentSpec], symbols: SymbolTable) -> AgentTest:
+def read_test(file: Path | Source, agents: Iterable[AgentSpec], symbols: SymbolTable) -> AgentTest:
     """Return the cases of a file, which may be about one of some agents.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _TestFile(TypedReader.of(path), agents, symbols, path.parent).read()
-
-
-def read_test_text(
-    text: str, file: str, agents: Iterable[AgentSpec], symbols: SymbolTable
-) -> AgentTest:
-    """Return the cases of a text; as :func:`read_test`."""
-    reading = TypedReader(Source(file, text))
-    return _TestFile(reading, agents, symbols, Path(file).parent).read()
+    return _TestFile(TypedReader.of(file), agents, symbols).read()
 
 
 def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTable) -> Scenario:
@@ -158,12 +150,12 @@ class _TestFile:
     """One test file while it is read."""
 
     def __init__(
-        self, reading: TypedReader, agents: Iterable[AgentSpec], symbols: SymbolTable, folder: Path
+        self, reading: TypedReader, agents: Iterable[AgentSpec], symbols: SymbolTable
     ) -> None:
         self._reading = reading
         self._agents = tuple(agents)
         self._symbols = symbols
-        self._folder = folder
+        self._folder = Path(reading.source.file).parent
 
     def read(self) -> AgentTest:
         fields = self._reading.file(TEST)
