@@ -86,10 +86,9 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
     rounds = fields.integer("rounds", maximum=MAX_ROUNDS)
     seed = fields.integer("seed")
     scenes = [read_vector(reading, node, "a scene", space) for node in fields.items("scenes")]
-    feedback_node = fields.get("feedback")
-    feedback = (
-        _feedback(reading, feedback_node, space, seed or 0) if feedback_node is not None else None
-    )
+    feedback = None
+    if (node := fields.get("feedback")) is not None:
+        feedback = _feedback(reading, node, space, seed or 0)
     reading.problems.raise_if_any()
     assert rounds is not None
     assert seed is not None
@@ -101,11 +100,6 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
         scenes=tuple(scene for scene in scenes if scene is not None),
         feedback=feedback,
     )
-
-
-def read_simulated_feedback(path: Path, space: SceneSpace) -> PreparedFeedback:
-    """Return the feedback of an experiment alone; as :func:`read_experiment`."""
-    return read_experiment(path, space).feedback
 
 
 def _feedback(

@@ -151,14 +151,11 @@ def yaml_files(folder: Path, *, tests: bool = False) -> list[Path]:
     """Return the YAML files of a folder by name, without hidden ones; with tests if asked for."""
     if not folder.is_dir():
         return []
-    return sorted(path for path in folder.iterdir() if _is_yaml(path, tests))
-
-
-def _is_yaml(path: Path, tests: bool) -> bool:
-    return (
-        path.suffix in SUFFIXES
-        and not path.name.startswith(".")
-        and (tests or not path.name.endswith(TEST_SUFFIXES))
+    return sorted(
+        path
+        for path in folder.iterdir()
+        if path.suffix in SUFFIXES and not path.name.startswith(".")
+        if tests or not path.name.endswith(TEST_SUFFIXES)
     )
 
 

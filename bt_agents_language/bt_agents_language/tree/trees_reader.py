@@ -98,23 +98,20 @@ class TreesReader:
         expansion = self._expansion(bodies)
         if expansion is None:
             return None, None
-        expanded = expansion.expand(first_spec) if first_spec is not None else None
-        left = MAX_NODES - (expanded[1] if expanded is not None else 0)
-        cleaning = expansion.expand(last_spec, left) if last_spec is not None else None
-        return (
-            expanded[0] if expanded is not None else None,
-            cleaning[0] if cleaning is not None else None,
-        )
+        expanded, size = expansion.expand(first_spec)
+        return expanded, expansion.expand(last_spec, MAX_NODES - size)[0]
 
     def library(self) -> dict[str, SubtreeSpec]:
         """Return the file's own subtrees with those that they call in place."""
         expansion = self._expansion(self._raw_bodies())
-        found: dict[str, SubtreeSpec] = {}
-        for name, body in self._bodies.items() if expansion is not None else ():
-            expanded = expansion.expand(body) if expansion is not None else None
-            if expanded is not None:
-                found[name] = replace(self._subtrees[name], body=expanded[0])
-        return found
+        if expansion is None:
+            return {}
+        bodies = {name: expansion.expand(body)[0] for name, body in self._bodies.items()}
+        return {
+            name: replace(self._subtrees[name], body=body)
+            for name, body in bodies.items()
+            if body is not None
+        }
 
     def _declare(self, entry: MappingEntry) -> None:
         name = self._reading.name(entry.key, "the name of a subtree")
@@ -122,15 +119,16 @@ class TreesReader:
         fields = self._reading.keys(entry.value, _SUBTREE, what)
         if name is None:
             return
+        subtree = SubtreeSpec(
+            name=name,
+            inputs=(),
+            outputs=(),
+            body=None,
+            position=entry.key.position,
+            complete=False,
+        )
+        self._subtrees[name] = subtree
         if fields is None:
-            self._subtrees[name] = SubtreeSpec(
-                name=name,
-                inputs=(),
-                outputs=(),
-                body=None,
-                position=entry.key.position,
-                complete=False,
-            )
             return
         description = fields.text("description")
         before = len(self._reading.problems)
@@ -145,12 +143,10 @@ class TreesReader:
         self._fields[name] = fields
         inputs = self._declared(fields, "inputs", what)
         outputs = self._declared(fields, "outputs", what)
-        self._subtrees[name] = SubtreeSpec(
-            name=name,
+        self._subtrees[name] = replace(
+            subtree,
             inputs=inputs,
             outputs=outputs,
-            body=None,
-            position=entry.key.position,
             complete=len(self._reading.problems) == before,
             description=" ".join(description.split()),
         )
