@@ -126,14 +126,16 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
     fields = reading.file(SCENE)
     entries = fields.entries("parameters")
     missing: dict[str, MissingRule] = {}
-    read = [(entry.key.text, _parameter(reading, entry, missing)) for entry in entries]
-    parameters = {name: parameter for name, parameter in read if parameter is not None}
-    names = [name for name, _ in read]
+    read = {entry.key.text: _parameter(reading, entry, missing) for entry in entries}
+    parameters = {name: parameter for name, parameter in read.items() if parameter is not None}
+    names = [*read]
     space = SceneSpace(parameters=tuple(parameters.values()), mood=_mood(reading, fields, names))
     persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
     place = _place(reading, fields, source_reader)
     sources, person = _sources(reading, fields, names, parameters, source_reader, persons)
-    no_person = _no_person(reading, fields, space, names)
+    no_person: dict[str, float] = {}
+    if (node := fields.get("no_person")) is not None and len(space) == len(names):
+        no_person = read_values(reading, node, "'no_person'", space)
     spec = SceneSpec(
         space=space,
         sources=tuple(sources),
@@ -225,15 +227,6 @@ def _place(
     return place
 
 
-def _no_person(
-    reading: TypedReader, fields: MappingReader, space: SceneSpace, names: list[str]
-) -> dict[str, float]:
-    node = fields.get("no_person")
-    if node is None or len(space) < len(names):
-        return {}
-    return read_values(reading, node, "'no_person'", space)
-
-
 def _parameter(
     reading: TypedReader, entry: MappingEntry, missing: dict[str, MissingRule]
 ) -> SceneParameter | None:
@@ -288,14 +281,9 @@ def _labels(
 
 
 def _mood(reading: TypedReader, fields: MappingReader, names: list[str]) -> str | None:
-    node = fields.get("mood")
-    mood = reading.text(node, "'mood'") if node is not None else None
-    if node is None or mood is None or mood in names:
-        return mood
-    reading.error(
-        "unknown-name",
-        node,
-        f"there is no scene parameter {quote(mood)}",
-        did_you_mean(mood, names),
-    )
-    return None
+    mood = fields.text("mood")
+    if mood and mood not in names:
+        message = f"there is no scene parameter {quote(mood)}"
+        reading.error("unknown-name", fields.nodes["mood"], message, did_you_mean(mood, names))
+        return None
+    return mood or None

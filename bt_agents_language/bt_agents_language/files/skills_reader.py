@@ -256,15 +256,13 @@ def _robot(reading: TypedReader, fields: MappingReader) -> str:
 def _main(
     reading: TypedReader, fields: MappingReader, inputs: tuple[FieldSpec, ...]
 ) -> str | None:
-    node = fields.get("main")
-    main = reading.text(node, "'main'") if node is not None else None
+    main = fields.text("main")
     known = [one.name for one in inputs]
-    if node is None or main is None or main in known:
-        return main
-    reading.error(
-        "unknown-name", node, f"there is no input {quote(main)}", did_you_mean(main, known)
-    )
-    return None
+    if main and main not in known:
+        message = f"there is no input {quote(main)}"
+        reading.error("unknown-name", fields.nodes["main"], message, did_you_mean(main, known))
+        return None
+    return main or None
 
 
 def _outputs(reading: TypedReader, fields: MappingReader) -> tuple[FieldSpec, ...]:

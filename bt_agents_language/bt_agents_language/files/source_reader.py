@@ -205,13 +205,17 @@ class SourceReader:
         fields = self.topic_fields(node, wanted.what, table)
         if fields is None:
             return None
-        origin = _Origin(
+        type_name = self.type_name(fields)
+        return self._spec(
+            fields,
+            where,
+            wanted,
+            self.message(type_name),
             topic=self.topic(fields, wanted),
-            type_name=self.type_name(fields),
+            type_name=type_name,
             stale_after_s=self.stale_after(fields),
             latched=fields.boolean("latched") or False,
         )
-        return self._spec(fields, where, wanted, origin, self.message(origin.type_name))
 
     def _of_tracked(self, node: Mapping, where: Node, wanted: SourceContext) -> SourceSpec | None:
         """Return a source that reads the item of a person in the list of tracked persons."""
@@ -221,35 +225,37 @@ class SourceReader:
             return None
         tracked = self._tracked
         if tracked is None or not tracked.id or not wanted.may_be_per_person:
-            self._reading.error(
-                "unknown-name",
-                fields.nodes["from"],
-                "there is no list of tracked persons with an item for each"
-                if wanted.may_be_per_person
-                else f"{wanted.what} is not about one person",
-                "name a topic, or say in 'persons: tracked' what the 'id' in each item is"
-                if wanted.may_be_per_person
-                else "name a topic",
-            )
+            message, hint = f"{wanted.what} is not about one person", "name a topic"
+            if wanted.may_be_per_person:
+                message = "there is no list of tracked persons with an item for each"
+                hint += ", or say in 'persons: tracked' what the 'id' in each item is"
+            self._reading.error("unknown-name", fields.nodes["from"], message, hint)
             return None
         own = "stale_after" in fields.nodes
-        origin = _Origin(
+        return self._spec(
+            fields,
+            where,
+            wanted,
+            self.message(tracked.type, f"{tracked.field}.0"),
             topic=tracked.topic,
             type_name=tracked.type,
             stale_after_s=self.stale_after(fields) if own else tracked.stale_after_s,
             latched=tracked.latched,
             of_item=True,
         )
-        message = self.message(tracked.type, f"{tracked.field}.0")
-        return self._spec(fields, where, wanted, origin, message)
 
     def _spec(
         self,
         fields: MappingReader,
         where: Node,
         wanted: SourceContext,
-        origin: _Origin,
         message: MessageFields,
+        *,
+        topic: str | None,
+        type_name: str | None,
+        stale_after_s: float | None,
+        latched: bool,
+        of_item: bool = False,
     ) -> SourceSpec | None:
         reads = self._field(fields, wanted, message)
         points = read_points(self._reading, fields, wanted.parameter)
@@ -258,26 +264,21 @@ class SourceReader:
         confidence = self._certainty(fields, "confidence", message, 1.0)
         std = self._certainty(fields, "std", message, LARGEST_STD)
         smoothing_s = fields.duration("smoothing") or 0.0
-        if (
-            reads is None
-            or origin.topic is None
-            or origin.type_name is None
-            or origin.stale_after_s is None
-        ):
+        if reads is None or topic is None or type_name is None or stale_after_s is None:
             return None
         return SourceSpec(
             parameter=wanted.name,
-            topic=origin.topic,
-            type=origin.type_name,
+            topic=topic,
+            type=type_name,
             field=reads,
             points=points,
             table=table,
-            stale_after_s=origin.stale_after_s,
-            latched=origin.latched,
+            stale_after_s=stale_after_s,
+            latched=latched,
             confidence=confidence,
             std=std,
             smoothing_s=smoothing_s,
-            of_item=origin.of_item,
+            of_item=of_item,
             position=where.position,
         )
 
@@ -472,17 +473,6 @@ class SourceReader:
                     "write a number above 0, up to 1",
                 )
         return expression
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Origin:
-    """Where messages come from; None for what is wrong."""
-
-    topic: str | None
-    type_name: str | None
-    stale_after_s: float | None
-    latched: bool
-    of_item: bool = False
 
 
 def is_latched(node: Node) -> bool:
