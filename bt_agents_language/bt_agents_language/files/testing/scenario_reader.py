@@ -145,33 +145,27 @@ class ScenarioReader:
         values: dict[str, float] = {}
         person = fields.boolean("person")
         if isinstance(scene, MappingNode):
-            inner = self._person_of(scene)
+            node = None if "person" in self._space.names else scene.get("person")
+            inner = None if node is None else self._reading.boolean(node, "'person'")
             person = inner if inner is not None else person
-            values = read_values(self._reading, _without_person(scene), "'scene'", self._space)
+            entries = tuple(entry for entry in scene.entries if entry.key.text != "person")
+            rest = replace(scene, entries=entries)
+            values = read_values(self._reading, rest, "'scene'", self._space)
         elif scene is not None:
             self._reading.wrong_type(
                 scene, "'scene'", "a mapping such as {age: 4, mood: 3}", Shape.MAPPING
             )
+        rules = map(self._rule, fields.entries("answers"))
+        replacements = map(self._replacement, fields.entries("replace"))
+        happenings = map(self._happening, fields.items("during"))
         return Scenario(
             scene=values,
             person=True if person is None else person,
             tunables=self._tuned(fields.entries("tunables")),
             seed=fields.integer("seed", maximum=_LARGEST_SEED) or 0,
-            answers=tuple(
-                rule
-                for entry in fields.entries("answers")
-                if (rule := self._rule(entry)) is not None
-            ),
-            replace=tuple(
-                one
-                for entry in fields.entries("replace")
-                if (one := self._replacement(entry)) is not None
-            ),
-            during=tuple(
-                happening
-                for node in fields.items("during")
-                if (happening := self._happening(node)) is not None
-            ),
+            answers=tuple(one for one in rules if one is not None),
+            replace=tuple(one for one in replacements if one is not None),
+            during=tuple(one for one in happenings if one is not None),
         )
 
     def path(self, node: Node, what: str, *, skills: bool = False) -> str | None:
@@ -209,10 +203,6 @@ class ScenarioReader:
         )
         return None
 
-    def _person_of(self, scene: MappingNode) -> bool | None:
-        node = None if "person" in self._space.names else scene.get("person")
-        return None if node is None else self._reading.boolean(node, "'person'")
-
     def _tuned(self, entries: Iterable[MappingEntry]) -> dict[str, Plain]:
         values: dict[str, Plain] = {}
         for entry in entries:
@@ -225,12 +215,12 @@ class ScenarioReader:
                     did_you_mean(entry.key.text, self._tunables),
                 )
                 continue
-            value = self.plain(entry.value, tunable.type, f"'{tunable.name}'")
+            what = f"'{tunable.name}'"
+            value = self.plain(entry.value, tunable.type, what)
             if value is None or (
                 isinstance(value, int | float)
-                and not isinstance(value, bool)
                 and not self._reading.in_range(
-                    entry.value, f"'{tunable.name}'", value, tunable.minimum, tunable.maximum
+                    entry.value, what, value, tunable.minimum, tunable.maximum
                 )
             ):
                 continue
@@ -239,15 +229,13 @@ class ScenarioReader:
 
     def _rule(self, entry: MappingEntry) -> AnswerRule | None:
         key = entry.key.text
+        users = [one for one in self._nodes if one.skill is not None]
         if is_path(key):
             if self.path(entry.key, "the path of an answer", skills=True) is None:
                 return None
-            nodes = [
-                one for one in self._nodes if one.skill is not None and matches(key, one.path)
-            ]
-            outputs = _outputs(nodes[0])
+            outputs = _outputs(next(one for one in users if matches(key, one.path)))
         elif key in self.skills:
-            outputs = _outputs(next(one for one in self._nodes if one.kind == key and one.skill))
+            outputs = _outputs(next(one for one in users if one.kind == key))
         else:
             self._reading.error(
                 "unknown-name",
@@ -296,10 +284,11 @@ class ScenarioReader:
 
     def _given(self, node: Node, outputs: _Outputs, what: str) -> dict[str, Plain] | None:
         if outputs.main is None:
+            text = node.text if isinstance(node, Scalar) else "this"
             self._reading.error(
                 "wrong-type",
                 node,
-                f"{what}: it gives nothing back that could be {quote(_text(node))}",
+                f"{what}: it gives nothing back that could be {quote(text)}",
                 "write {after: 3 s}, {fails: why} or {ends: never}",
             )
             return None
@@ -376,20 +365,17 @@ class ScenarioReader:
         if node is None:
             return "", {}
         fields = self._reading.keys(node, _MESSAGE)
-        topic_node = fields.get("topic") if fields is not None else None
-        if fields is None or topic_node is None:
+        if fields is None or (topic_node := fields.get("topic")) is None:
             return "", {}
         topic = read_ros_name(self._reading, topic_node, "'topic'") or ""
         self._refuse_unused_topic(topic_node, topic)
-        message_node = fields.get("message")
-        if message_node is None:
-            return topic, {}
-        if not isinstance(message_node, MappingNode):
+        message: Plain = {}
+        if isinstance(written := fields.get("message"), MappingNode):
+            message = self.plain(written, FieldType.ANY, "'message'")
+        elif written is not None:
             self._reading.wrong_type(
-                message_node, "'message'", "a mapping such as {data: true}", Shape.MAPPING
+                written, "'message'", "a mapping such as {data: true}", Shape.MAPPING
             )
-            return topic, {}
-        message = self.plain(message_node, FieldType.ANY, "'message'")
         return topic, message if isinstance(message, Mapping) else {}
 
     def _refuse_unused_topic(self, node: Node, topic: str) -> None:
@@ -425,12 +411,3 @@ def _outputs(node: NodeSpec) -> _Outputs:
     types = types or dict.fromkeys((*node.outputs, *node.feedback), FieldType.ANY)
     last = {name: types[name] for name in types if name not in early}
     return _Outputs(types=types, main=next(iter(last.items()), None))
-
-
-def _without_person(scene: MappingNode) -> MappingNode:
-    entries = tuple(entry for entry in scene.entries if entry.key.text != "person")
-    return replace(scene, entries=entries)
-
-
-def _text(node: Node) -> str:
-    return node.text if isinstance(node, Scalar) else "this"

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from bt_agents_core.diagnostic import Position
@@ -178,33 +178,21 @@ class _TestFile:
         for agent in self._agents:
             if text == agent.name or (file is not None and file == Path(agent.file).resolve()):
                 return agent
-        broken = self._broken(text)
-        if broken is not None:
-            self._reading.error(
-                "unknown-agent",
-                node,
-                f"agent {quote(text)} cannot be tested, as its file has errors",
-                f"'bt-agents check {broken}' lists them",
-            )
-            return None
-        self._reading.error(
-            "unknown-agent",
-            node,
-            f"there is no agent {quote(text)} without errors",
-            did_you_mean(text, [agent.name for agent in self._agents])
-            or "'bt-agents check' lists the errors of all agents",
-        )
+        message = f"there is no agent {quote(text)} without errors"
+        hint = did_you_mean(text, [agent.name for agent in self._agents])
+        if (broken := self._broken(text)) is not None:
+            message = f"agent {quote(text)} cannot be tested, as its file has errors"
+            hint = f"'bt-agents check {broken}' lists them"
+        hint = hint or "'bt-agents check' lists the errors of all agents"
+        self._reading.error("unknown-agent", node, message, hint)
         return None
 
     def _broken(self, text: str) -> Path | None:
         """Return the file of an agent that is there but could not be read."""
         if not _FILE.fullmatch(text):
             return None
-        for name in (text, f"{text}.yaml", f"{text}.yml"):
-            path = self._folder / name
-            if "." in name and path.is_file():
-                return path
-        return None
+        names = (name for name in (text, f"{text}.yaml", f"{text}.yml") if "." in name)
+        return next((path for name in names if (path := self._folder / name).is_file()), None)
 
     def _case(
         self,
@@ -225,11 +213,9 @@ class _TestFile:
                 "say what is different in this one",
             )
         scenario = scenarios.read(fields)
-        expect = fields.get("expect")
         expectations: tuple[Expectation, ...] = ()
-        if expect is not None:
-            reader = _Expectations(self._reading, agent, scenarios, scenario)
-            expectations = reader.read(expect)
+        if (expect := fields.get("expect")) is not None:
+            expectations = _Expectations(self._reading, agent, scenarios, scenario).read(expect)
         cases[name] = AgentTestCase(
             name=name, scenario=scenario, expectations=expectations, position=node.position
         )
@@ -255,50 +241,7 @@ class _Expectations:
         fields = self._reading.keys(node, _EXPECT)
         if fields is None:
             return ()
-        found: list[Expectation | None] = []
-        for key in fields.nodes:
-            found += self._one(key, fields, fields.keys[key].position)
-        expectations = tuple(one for one in found if one is not None)
-        self._refuse_more_than_bids(fields, expectations)
-        return expectations
-
-    def _one(
-        self, key: str, fields: MappingReader, position: Position
-    ) -> list[Expectation | None]:
-        node = fields.nodes[key]
-        match key:
-            case "bids":
-                wanted = fields.boolean(key)
-                return [None if wanted is None else ExpectedBids(wanted=wanted, position=position)]
-            case "says":
-                return [self._says(node, position)]
-            case "does":
-                return [self._does(node, position)]
-            case "does_not":
-                uses = (self._use(item, any_skill=True) for item in _several(node))
-                some = tuple(use for use in uses if use is not None)
-                return [DoesNot(uses=some, position=position)]
-            case "visited" | "not_visited":
-                return self._visits(node, key)
-            case "ends":
-                outcome = fields.choice(key)
-                return [None if outcome is None else Ends(outcome=outcome, position=position)]
-            case "because":
-                words = fields.text(key)
-                return [Because(words=words, position=position)]
-            case "within":
-                seconds = fields.duration(key)
-                return [None if seconds is None else Within(seconds=seconds, position=position)]
-            case "feedback":
-                words_ = (self._reading.choice(one, "feedback", _KINDS) for one in _several(node))
-                kinds = tuple(_KINDS[word] for word in words_ if word is not None)
-                return [Teaches(kinds=kinds, position=position)]
-            case _:
-                return [self._cancelled_by(node, position)]
-
-    def _refuse_more_than_bids(
-        self, fields: MappingReader, expectations: Iterable[Expectation]
-    ) -> None:
+        expectations = tuple(one for key in fields.nodes for one in self._of_key(key, fields))
         silent = any(isinstance(one, ExpectedBids) and not one.wanted for one in expectations)
         other = next((key for key in fields.nodes if key != "bids"), None)
         if silent and other is not None:
@@ -308,6 +251,42 @@ class _Expectations:
                 f"an agent that does not bid does not run, so that '{other}' means nothing",
                 "remove it, or write 'bids: true'",
             )
+        return expectations
+
+    def _of_key(self, key: str, fields: MappingReader) -> Iterator[Expectation]:
+        node, position = fields.nodes[key], fields.keys[key].position
+        match key:
+            case "bids":
+                if (wanted := fields.boolean(key)) is not None:
+                    yield ExpectedBids(wanted=wanted, position=position)
+            case "says":
+                yield self._says(node, position)
+            case "does":
+                items, exact = self._listed(node, "'does'")
+                yield Does(uses=self._uses(items), exact=exact, position=position)
+            case "does_not":
+                uses = self._uses(_several(node), any_skill=True)
+                yield DoesNot(uses=uses, position=position)
+            case "visited" | "not_visited":
+                for item in _several(node):
+                    if (pattern := self._scenarios.path(item, f"'{key}'")) is not None:
+                        wanted = key == "visited"
+                        yield Visits(pattern=pattern, wanted=wanted, position=item.position)
+            case "ends":
+                if (outcome := fields.choice(key)) is not None:
+                    yield Ends(outcome=outcome, position=position)
+            case "because":
+                yield Because(words=fields.text(key), position=position)
+            case "within":
+                if (seconds := fields.duration(key)) is not None:
+                    yield Within(seconds=seconds, position=position)
+            case "feedback":
+                words = (self._reading.choice(one, "feedback", _KINDS) for one in _several(node))
+                kinds = tuple(_KINDS[word] for word in words if word is not None)
+                yield Teaches(kinds=kinds, position=position)
+            case "cancelled_by":
+                if (cause := self._cause(node)) is not None:
+                    yield CancelledBy(cause=cause, position=position)
 
     def _listed(self, node: Node, what: str) -> tuple[tuple[Node, ...], bool]:
         """Return the items of a list and whether they are meant to be all."""
@@ -331,15 +310,12 @@ class _Expectations:
             texts=tuple(text for text in texts if text is not None), exact=exact, position=position
         )
 
-    def _does(self, node: Node, position: Position) -> Does:
-        items, exact = self._listed(node, "'does'")
-        uses = (self._use(item) for item in items)
-        return Does(
-            uses=tuple(use for use in uses if use is not None), exact=exact, position=position
-        )
+    def _uses(self, items: Iterable[Node], *, any_skill: bool = False) -> tuple[SkillUse, ...]:
+        """Return uses of skills; of those that the agent's tree does not have if ``any_skill``."""
+        uses = (self._use(item, any_skill) for item in items)
+        return tuple(use for use in uses if use is not None)
 
-    def _use(self, node: Node, *, any_skill: bool = False) -> SkillUse | None:
-        """Return a use of a skill; of one that the agent's tree does not have if ``any_skill``."""
+    def _use(self, node: Node, any_skill: bool) -> SkillUse | None:
         if isinstance(node, Scalar):
             text = self._reading.text(node, "a skill that is used")
             skill = self._skill(node, text, any_skill) if text is not None else None
@@ -395,17 +371,8 @@ class _Expectations:
             )
         return skill
 
-    def _visits(self, node: Node, key: str) -> list[Expectation | None]:
-        found: list[Expectation | None] = []
-        for item in _several(node):
-            pattern = self._scenarios.path(item, f"'{key}'")
-            if pattern is not None:
-                found.append(
-                    Visits(pattern=pattern, wanted=key == "visited", position=item.position)
-                )
-        return found
-
-    def _cancelled_by(self, node: Node, position: Position) -> CancelledBy | None:
+    def _cause(self, node: Node) -> str | None:
+        """Return what cancels the run, the condition of a mood rule or a reason."""
         text = self._reading.text(node, "'cancelled_by'")
         if text is None:
             return None
@@ -421,8 +388,7 @@ class _Expectations:
                 or "give a rule under 'feedback' of the agent 'then: cancel', or cancel under "
                 "'during'",
             )
-            return None
-        return CancelledBy(cause=cause, position=position)
+        return cause
 
 
 def _several(node: Node) -> tuple[Node, ...]:
