@@ -73,14 +73,11 @@ class _Asked:
         self._libraries = libraries
 
     def load(self, path: str) -> Library:
-        """Return a library; see :class:`Libraries`."""
         self.paths_loaded.add(path)
         return self._libraries.load(path)
 
     def paths(self) -> list[str]:
-        """Return the paths of all libraries; see :class:`Libraries`."""
         return self._libraries.paths()
 
     def with_subtree(self, name: str) -> list[str]:
-        """Return the libraries with a subtree; see :class:`Libraries`."""
         return self._libraries.with_subtree(name)

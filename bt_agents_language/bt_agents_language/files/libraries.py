@@ -57,7 +57,6 @@ class FolderLibraries:
         self._circles: dict[str, tuple[str, ...]] = {}
 
     def load(self, path: str) -> Library:
-        """Return the library of a path; see :class:`Libraries`."""
         if self._chain:
             self.imports.setdefault(self._chain[-1], set()).add(path)
         if path in self._read:
@@ -139,12 +138,10 @@ class FolderLibraries:
         return file
 
     def paths(self) -> list[str]:
-        """Return the paths of all files under ``libraries``; see :class:`Libraries`."""
         found = sorted((self._folder / "libraries").glob("*"))
         return [f"libraries/{path.name}" for path in found if path.suffix in SUFFIXES]
 
     def with_subtree(self, name: str) -> list[str]:
-        """Return the paths of the libraries with a subtree of a name; see :class:`Libraries`."""
         found = []
         for path in self.paths():
             # What is being read now may be imported by the others, which would look like a circle.

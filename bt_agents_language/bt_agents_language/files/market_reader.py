@@ -22,7 +22,7 @@ from bt_agents_language.yaml.field_tables import (
     KeyTable,
 )
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
 MARKET_FILE = "market.yaml"
@@ -126,18 +126,13 @@ def _rule(reading: TypedReader, node: Node, names: NameScope) -> MarketRule | No
     condition = None
     if (when := fields.get("when")) is not None:
         condition = read_condition(reading, when, names, "'when'")
-    agents = _agents(reading, fields)
+    agents: dict[str, Position] = {}
+    for item in fields.items("agents"):
+        agent = reading.name(item, "the name of an agent")
+        if agent in agents:
+            reading.error("duplicate-key", item, f"'{agent}' stands here twice", "name it once")
+        elif agent is not None:
+            agents[agent] = item.position
     if condition is None or not agents:
         return None
     return MarketRule(condition=condition, agents=tuple(agents), positions=tuple(agents.values()))
-
-
-def _agents(reading: TypedReader, fields: MappingReader) -> dict[str, Position]:
-    agents: dict[str, Position] = {}
-    for node in fields.items("agents"):
-        agent = reading.name(node, "the name of an agent")
-        if agent in agents:
-            reading.error("duplicate-key", node, f"'{agent}' stands here twice", "name it once")
-        elif agent is not None:
-            agents[agent] = node.position
-    return agents

@@ -66,9 +66,7 @@ def read_candidate(
         )
         return None
     kind = kinds[0]
-    node = fields.get(kind.value)
-    assert node is not None
-    bound = reading.keys(node, INTERFACES[kind])
+    bound = reading.keys(fields.nodes[kind.value], INTERFACES[kind])
     if bound is None:
         return None
     type_node = bound.get("type")
@@ -114,14 +112,8 @@ def _outputs(
         )
         return Outputs()
     received = received_messages(kind, type_name, interfaces)
-    if inline:
-        return _declared_outputs(reading, fields, received)
-    return _bound_outputs(reading, fields, received, skill, what)
-
-
-def _declared_outputs(
-    reading: TypedReader, fields: MappingReader, received: ReceivedMessages
-) -> Outputs:
+    if not inline:
+        return _bound_outputs(reading, fields, received, skill, what)
     outputs = Outputs()
     for entry in fields.entries("outputs"):
         source: Node = entry.key
@@ -141,16 +133,13 @@ def _bound_outputs(
     declared = [one.name for one in skill.outputs]
     outputs = Outputs()
     for entry in fields.entries("outputs"):
-        if entry.key.text not in declared:
-            reading.error(
-                "unknown-name",
-                entry.key,
-                f"skill '{skill.name}' has no output {quote(entry.key.text)}",
-                did_you_mean(entry.key.text, declared) or "remove it",
-            )
-            continue
         name = entry.key.text
-        outputs.read(reading, name, entry.value, f"output '{name}'", received)
+        if name in declared:
+            outputs.read(reading, name, entry.value, f"output '{name}'", received)
+            continue
+        message = f"skill '{skill.name}' has no output {quote(name)}"
+        hint = did_you_mean(name, declared) or "remove it"
+        reading.error("unknown-name", entry.key, message, hint)
     written = {entry.key.text for entry in entries_of(fields.get("outputs"))}
     missing = [name for name in declared if name not in written]
     if missing and written <= {*declared}:

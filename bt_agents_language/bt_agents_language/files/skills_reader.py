@@ -31,8 +31,6 @@ from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Scalar
 
-BINDINGS = tuple(kind.value for kind in BindingKind)
-
 _OUTPUT = KeyTable(
     fields=(
         FieldDecl("type", WordChoice(TYPES), "Its type."),
@@ -232,7 +230,7 @@ class SkillsReader:
             position=entry.key.position,
         )
         declared = _Declared(skill, [])
-        if any(fields.get(kind) is not None for kind in BINDINGS):
+        if any(fields.get(kind.value) is not None for kind in BindingKind):
             offer = read_candidate(
                 reading,
                 fields,

@@ -169,19 +169,14 @@ def _range(
     what: str,
     field_type: FieldType,
 ) -> tuple[float | None, float | None, float] | None:
-    """Return the smallest and largest value and the step, 0 for none.
-
-    Returns:
-        None when they are wrong, which is then reported.
-    """
+    """Return minimum, maximum and step, 0 for none; None when they are wrong, and reported."""
     before = len(reading.problems)
     needed = [key for key in ("min", "max") if fields.get(key) is None]
-    limits: dict[str, float | None] = {}
-    for key in _RANGE:
-        node = fields.get(key)
-        limits[key] = (
-            _amount(reading, node, field_type, f"'{key}' of {what}") if node is not None else None
-        )
+    limits = {
+        key: _amount(reading, node, field_type, f"'{key}' of {what}")
+        for key in _RANGE
+        if (node := fields.get(key)) is not None
+    }
     # A quantity alone can do without a range; half a range helps nobody, though.
     if needed and (field_type not in _QUANTITIES or len(needed) == 1):
         reading.error(
@@ -192,7 +187,7 @@ def _range(
         )
     if len(reading.problems) > before:
         return None
-    minimum, maximum, step = limits["min"], limits["max"], limits["step"]
+    minimum, maximum, step = (limits.get(key) for key in _RANGE)
     if not fields.check_range(what, minimum, maximum, field_type):
         return None
     if step is not None and (step <= 0 or minimum is None):

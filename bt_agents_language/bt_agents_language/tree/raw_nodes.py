@@ -79,9 +79,6 @@ class RawNodeReader:
         loose = bool(unknown) and any(entry.key.text == "children" for entry in unknown)
         return self._raw_node(nodes[0], nodes[0].key.text, known, parent, loose_children=loose)
 
-    def _is_word(self, text: str) -> bool:
-        return text in self._words
-
     def _raw_node(
         self,
         entry: MappingEntry,
@@ -192,7 +189,7 @@ class RawNodeReader:
         written: Node = entry.value
         options: dict[str, MappingEntry] = {}
         if isinstance(written, MappingNode):
-            if any(self._is_word(e.key.text) for e in written.entries):
+            if any(e.key.text in self._words for e in written.entries):
                 self._reading.error(
                     "wrong-type",
                     written.entries[0].key,
@@ -276,7 +273,7 @@ class RawNodeReader:
     def _meant_pair(self, text: str) -> str:
         """Return a hint for a node key and its value that are not written as such."""
         match = re.match(r"\s*([^\W\d]\w*)\s*([:\uff1a]?)(.*)", text, re.DOTALL)
-        if match is None or not self._is_word(match[1]):
+        if match is None or match[1] not in self._words:
             return ""
         word, colon, rest = match.groups()
         strange = next((c for c in colon + rest[:1] if not c.isascii() and not c.isalpha()), "")
@@ -329,13 +326,11 @@ class RawNodeReader:
         """Return a hint for a key that is no node but means something."""
         text = entry.key.text
         word, colon, rest = text.partition(":")
-        if colon and self._is_word(word):
+        if colon and word in self._words:
             return f"write '{word}: {rest[:30]}', a space behind the ':'"
         if text in self._subtrees:
-            with_inputs = (
-                ", and 'with: …' beside it" if not isinstance(entry.value, Scalar) else ""
-            )
-            return f"it is a subtree: write 'subtree: {text}'{with_inputs}"
+            more = "" if isinstance(entry.value, Scalar) else ", and 'with: …' beside it"
+            return f"it is a subtree: write 'subtree: {text}'{more}"
         return _OTHER_LANGUAGES.get(text.lower(), "")
 
     def _unknown_beside(self, entry: MappingEntry, node: MappingEntry) -> None:
