@@ -11,11 +11,7 @@ from bt_agents_core.scene import MISSING, Scene, SceneSpace, SceneValue, mood_of
 
 
 class Addressee:
-    """Person whom a run is about; live scenes about another person count as nobody there.
-
-    Args:
-        awarded: Scene as awarded; when it does not say who it is, the first live one does.
-    """
+    """Whom a run is about, the first one named; scenes about others count as nobody there."""
 
     def __init__(self, awarded: Scene) -> None:
         self._person_id = awarded.person_id

@@ -141,11 +141,7 @@ class Scene:
         return tuple(value.std for value in self.values)
 
     def get(self, name: str) -> float:
-        """Return the value of a parameter, NaN when missing.
-
-        Raises:
-            KeyError: The scene has no such parameter.
-        """
+        """Return the value of a parameter, NaN when missing; ``KeyError`` without such a one."""
         for value in self.values:
             if value.name == name:
                 return value.value
@@ -230,11 +226,7 @@ class SceneSpace:
         return {name: value for name, value in pairs if not math.isnan(value)}
 
     def parameter(self, name: str, *, what: str = "") -> SceneParameter:
-        """Return the parameter of a name.
-
-        Raises:
-            Refused: ``UNKNOWN_PARAMETER``.
-        """
+        """Return the parameter of a name, or refuse it with ``UNKNOWN_PARAMETER``."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
@@ -306,11 +298,7 @@ def finite_or_none(value: float) -> float | None:
 
 
 def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> float:
-    """Return ``value`` when it is finite and inside the parameter's range.
-
-    Raises:
-        Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
-    """
+    """Return ``value`` if it is in range; refuse others: ``NOT_FINITE``, ``OUT_OF_RANGE``."""
     if not math.isfinite(value):
         raise Refused(
             "NOT_FINITE",

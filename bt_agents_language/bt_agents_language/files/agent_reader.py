@@ -71,11 +71,7 @@ AGENT = FileKind(
 
 
 def read_agent(file: Path | Source, symbols: SymbolTable) -> AgentSpec:
-    """Return the agent of a file.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return the agent of a file, or raise a ``ReadError`` with all problems."""
     with gc_paused():
         return _read(TypedReader.of(file), symbols)
 

@@ -75,11 +75,7 @@ EXPERIMENT = FileKind(
 
 
 def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
-    """Return the experiment of a file.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return the experiment of a file, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(EXPERIMENT)
     title = fields.text("title")

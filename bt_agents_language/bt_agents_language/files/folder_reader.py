@@ -40,7 +40,7 @@ class Trees:
     """A trees folder.
 
     Attributes:
-        symbols: What its agents may speak of.
+        vocabulary: What its agents may speak of.
         agents: The agents that could be read, by name.
         broken: The files of agents and libraries that could not.
         plugin_problems: Why some nodes of installed packages cannot be used, in words.
@@ -68,7 +68,7 @@ class Trees:
     def tagged(self, tags: str) -> Trees:
         """Return the folder with those agents only that have one of some tags, all without any.
 
-        The tags have commas between them.
+        There are commas between the tags.
 
         Raises:
             BtAgentsError: No agent has a tag of this name.
@@ -176,10 +176,6 @@ def named(
     files: list[AgentFile], before: Mapping[str, Path]
 ) -> tuple[tuple[AgentSpec, ...], list[AgentFile], dict[str, Path]]:
     """Give each name to one file; who had it keeps it, also while its file is broken.
-
-    Args:
-        files: As they were read.
-        before: Name → the file that has had it so far.
 
     Returns:
         The agents by name; the files, where those that came too late are broken; the new holders.

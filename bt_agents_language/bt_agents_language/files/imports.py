@@ -20,13 +20,12 @@ SUFFIXES = (".yaml", ".yml")
 IMPORTS = FieldDecl(
     "imports", Items(TEXT), "Libraries, by their paths from the trees folder: libraries/x.yaml"
 )
-"""The key of what a file imports."""
 
 
 def read_imports(
     reading: TypedReader, fields: MappingReader, symbols: SymbolTable
 ) -> tuple[SymbolTable, Mapping[str, SubtreeSpec]]:
-    """Return the vocabulary with imported skills, and the imported subtrees by name.
+    """Return the symbols with imported skills, and the imported subtrees by name.
 
     What cannot be imported is reported where its path stands.
     """

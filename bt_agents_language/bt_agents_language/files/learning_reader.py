@@ -33,7 +33,6 @@ MAX_WINDOW = 100
 """Most feedbacks of which the median is taken."""
 
 MAX_ANNEAL = 100
-"""Largest annealing."""
 
 _ALL = "all"
 
@@ -89,7 +88,6 @@ LEARNING = KeyTable(
         ),
     ),
 )
-"""The keys of ``learning``."""
 
 LEARNING_FIELDS = (
     FieldDecl(
@@ -182,7 +180,6 @@ def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> Lea
 
 
 def _frozen(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> tuple[str, ...]:
-    """Return the parameters that do not learn."""
     node = fields.get("freeze")
     if node is None:
         return ()

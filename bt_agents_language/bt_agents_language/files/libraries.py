@@ -41,7 +41,7 @@ class FolderLibraries:
         folder: The trees folder; nothing outside of it is read.
 
     Attributes:
-        vocabulary: The same, with these libraries.
+        vocabulary: What the files of the folder may speak of, with these libraries.
         broken: The libraries that could not be read, by path.
         imports: Path of a library → what it imports itself.
     """

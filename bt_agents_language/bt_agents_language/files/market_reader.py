@@ -58,11 +58,7 @@ MARKET = FileKind(
 
 @dataclass(frozen=True, kw_only=True)
 class MarketRule:
-    """Who wins when a condition holds.
-
-    Attributes:
-        positions: Where each of the agents is named.
-    """
+    """Who wins when a condition holds: the first of the agents that bids."""
 
     condition: Expression
     agents: tuple[str, ...]
@@ -82,21 +78,13 @@ class MarketSpec:
 
 
 def market_of(folder: Path, space: SceneSpace) -> MarketSpec:
-    """Return what the market file of a trees folder says; one without any has no rules.
-
-    Raises:
-        ReadError: As :func:`read_market`.
-    """
+    """Return what the market file of a folder says; without any there are no rules."""
     file = folder / MARKET_FILE
     return read_market(file, space) if file.exists() else MarketSpec()
 
 
 def read_market(file: Path | Source, space: SceneSpace) -> MarketSpec:
-    """Return what a market file says.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return what a market file says, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(MARKET)
     names = NameScope(scene_names(space, ("scene",)))

@@ -60,7 +60,6 @@ MOOD_RULE = KeyTable(
         FieldDecl("confidence", SHARE, "A mood of which the source is less sure is not known."),
     ),
 )
-"""The keys of an entry of ``feedback``."""
 
 _CHANGE = "mood.change"
 _REPEATING = ("release", "cooldown")
@@ -141,11 +140,7 @@ def restore_mood_rule(
     cooldown_s: float = 0.0,
     confidence: float = 0.0,
 ) -> MoodRule:
-    """Return the mood rule that a host's card holds; the values are those of ``MoodRule.msg``.
-
-    Raises:
-        Refused: ``BAD_RULE``.
-    """
+    """Return a mood rule from the values of ``MoodRule.msg``; refuse others with ``BAD_RULE``."""
     for seconds, text in (
         (hold_s, "held"),
         (baseline_s, "a baseline of"),

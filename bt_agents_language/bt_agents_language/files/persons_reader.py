@@ -87,7 +87,6 @@ PERSONS = KeyTable(
         ),
     ),
 )
-"""The keys of ``persons``."""
 
 
 def read_persons(

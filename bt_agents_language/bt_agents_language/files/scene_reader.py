@@ -117,11 +117,7 @@ _TAKEN = {
 
 
 def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> SceneSpec:
-    """Return the scene parameters and sources of a file.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return what a scene file says, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(SCENE)
     entries = fields.entries("parameters")
@@ -177,7 +173,6 @@ def _sources(
     source_reader: SourceReader,
     persons: PersonsSpec | None,
 ) -> tuple[list[SourceSpec], SourceSpec | None]:
-    """Return the sources of parameters, and the one that says whether somebody is there."""
     sources: list[SourceSpec] = []
     person = None
     for entry in fields.entries("sources"):

@@ -76,11 +76,7 @@ SCRIPT = FileKind(
 
 
 def read_script(file: Path | Source, space: SceneSpace) -> Script:
-    """Return the script of a file.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return the script of a file, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(SCRIPT)
     title = fields.text("title")

@@ -26,12 +26,7 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
 
 @dataclass(frozen=True, kw_only=True)
 class BindingCandidate:
-    """What a robot has for a skill.
-
-    Attributes:
-        binding: None when its ROS types are not installed here.
-        problem: Why there is no binding, in words.
-    """
+    """What a robot has for a skill; without a binding the problem, in words."""
 
     robot: str
     binding: Binding | None
@@ -102,7 +97,6 @@ def _outputs(
     what: str,
     inline: bool,
 ) -> Outputs:
-    """Return where the outputs come from."""
     if fields.get("outputs") is not None and kind not in RECEIVED:
         reading.error(
             "unknown-key",

@@ -84,7 +84,6 @@ SKILLS = KeyTable(
         ),
     ),
 )
-"""The keys of a file with skills."""
 
 
 def read_skills(

@@ -50,10 +50,7 @@ def read_table(
     parameter: SceneParameter | None,
     kind: ValueKind | None,
 ) -> tuple[tuple[str, float], ...]:
-    """Return the words behind ``table`` and their values.
-
-    Words that readings of a kind can never be are reported.
-    """
+    """Return the words behind ``table``, as readings of a kind are, and their values."""
     node = fields.get("table")
     if node is None:
         return ()

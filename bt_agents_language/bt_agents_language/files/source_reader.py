@@ -150,7 +150,6 @@ class SourceContext:
         what: The source in words, for messages.
         keys: Keys beside those of the topic.
         parameter: The scene parameter that it feeds; None for any value.
-        text: True when the reading is a text.
         may_be_per_person: Whether its topic may name a person, or ``from`` the list of them.
         must_be_per_person: Whether it has to.
     """
@@ -218,7 +217,6 @@ class SourceReader:
         )
 
     def _of_tracked(self, node: Mapping, where: Node, wanted: SourceContext) -> SourceSpec | None:
-        """Return a source that reads the item of a person in the list of tracked persons."""
         known = SOURCE.only(("from", "field", "stale_after", *wanted.keys))
         fields = self._reading.keys(node, known, wanted.what, required=("from", "field"))
         if fields is None or fields.choice("from") is None:

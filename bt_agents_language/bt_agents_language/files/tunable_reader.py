@@ -27,7 +27,6 @@ TUNABLE = KeyTable(
         FieldDecl("description", TEXT, "What it changes, in words."),
     )
 )
-"""The keys of a tunable."""
 
 _RANGE = ("min", "max", "step")
 _QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)

@@ -125,13 +125,9 @@ class SourceSpec:
         return path_of(self.field)
 
     def topic_of(self, ids: Mapping[str, str]) -> str | None:
-        """Return the topic with ids in place of the names in brackets.
+        """Return the topic with ids in place of the names in brackets, ``person`` and parts.
 
-        Args:
-            ids: Id of the person under ``person``, those of parts under their names.
-
-        Returns:
-            None when an id is not known or cannot stand in the name of a topic.
+        It is None when an id is not known or cannot stand in the name of a topic.
         """
         found = [ids.get(name, "") for name in self.placeholders]
         if not all(map(_TOPIC_WORD.fullmatch, found)):

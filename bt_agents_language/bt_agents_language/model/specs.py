@@ -25,11 +25,7 @@ def _nothing() -> Mapping[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Literal:
-    """A value as written, in SI units.
-
-    Attributes:
-        type: Type of its place as far as it has one; decides its unit in texts.
-    """
+    """A value as written, in SI units; the type of its place decides its unit in texts."""
 
     value: Plain
     type: FieldType = field(default=FieldType.ANY, compare=False)
@@ -37,11 +33,7 @@ class Literal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reference:
-    """``${name}``: the value of a name, at the moment it is needed.
-
-    Attributes:
-        type: Type of the name as far as it is known; says how the value is formatted in a text.
-    """
+    """``${name}``: the value of a name when it is needed; its type formats it in a text."""
 
     name: str
     type: FieldType = field(default=FieldType.ANY, compare=False)
@@ -116,11 +108,7 @@ REPLY_LIMIT_S = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class HeartbeatSpec:
-    """What a server publishes for as long as it is alive.
-
-    Attributes:
-        within_s: A server that has not been heard for so long is dead [s].
-    """
+    """What a server publishes while it is alive; when silent for ``within_s`` it is dead [s]."""
 
     topic: str
     type: str

@@ -164,7 +164,6 @@ class CallReader:
         return fields
 
     def _given(self, raw: RawNode, subtree: SubtreeSpec) -> Mapping[str, Node]:
-        """Return what is written behind ``with``."""
         required = [one.name for one in subtree.inputs if one.required]
         entry = raw.siblings.get("with")
         if entry is None:

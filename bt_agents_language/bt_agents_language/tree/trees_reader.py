@@ -36,7 +36,6 @@ SUBTREES = FieldDecl(
     Entries(_SUBTREE, "names and subtrees", keys=Key.ANY),
     "Trees that 'subtree' nodes do.",
 )
-"""The key of a file's subtrees."""
 
 
 class TreesReader:

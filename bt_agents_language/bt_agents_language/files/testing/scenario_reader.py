@@ -169,10 +169,7 @@ class ScenarioReader:
         )
 
     def path(self, node: Node, what: str, *, skills: bool = False) -> str | None:
-        """Return a path or pattern that fits a node of the agent; None when it fits none.
-
-        With ``skills`` only nodes count that use a skill.
-        """
+        """Return a path or pattern that fits a node, with ``skills`` one of a skill; else None."""
         text = self._reading.text(node, what)
         if text is None:
             return None
@@ -392,19 +389,13 @@ class ScenarioReader:
 
 @dataclass(frozen=True, kw_only=True)
 class _Outputs:
-    """What a skill gives back.
-
-    Attributes:
-        types: Output → its type.
-        main: The first that comes with the result; None when only feedback gives any.
-    """
+    """What a skill gives back; ``main`` comes first with the result, not only with feedback."""
 
     types: Mapping[str, FieldType]
     main: tuple[str, FieldType] | None
 
 
 def _outputs(node: NodeSpec) -> _Outputs:
-    """Return what a node's skill gives back."""
     assert node.skill is not None
     early = node.skill.binding.feedback if node.skill.binding is not None else {}
     types = {output.name: output.type for output in node.skill.outputs}

@@ -119,11 +119,7 @@ class Scenario:
 
 @dataclass(frozen=True, kw_only=True)
 class SkillUse:
-    """A skill and the inputs that are looked at; none means that any will do.
-
-    Attributes:
-        main: The skill's main input, which its name stands before.
-    """
+    """A skill, its main input, and the inputs that are looked at; none means any will do."""
 
     skill: str
     inputs: Mapping[str, Plain] = field(default_factory=dict)

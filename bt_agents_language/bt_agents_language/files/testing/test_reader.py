@@ -125,20 +125,12 @@ TEST = FileKind(
 
 
 def read_test(file: Path | Source, agents: Iterable[AgentSpec], symbols: SymbolTable) -> AgentTest:
-    """Return the cases of a file, which may be about one of some agents.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return the cases of a test file, or raise a ``ReadError`` with all problems."""
     return _TestFile(TypedReader.of(file), agents, symbols).read()
 
 
 def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTable) -> Scenario:
-    """Return the scenario of a text with the keys that a case has, apart from name and expect.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return the scenario of a text, a case without name and expect; as :func:`read_test`."""
     reading = TypedReader(Source(file, text))
     fields = reading.file(SCENARIO)
     scenario = ScenarioReader(reading, agent, symbols).read(fields)
@@ -147,8 +139,6 @@ def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTa
 
 
 class _TestFile:
-    """One test file while it is read."""
-
     def __init__(
         self, reading: TypedReader, agents: Iterable[AgentSpec], symbols: SymbolTable
     ) -> None:
@@ -222,8 +212,6 @@ class _TestFile:
 
 
 class _Expectations:
-    """What is expected of one case."""
-
     def __init__(
         self, reading: TypedReader, agent: AgentSpec, scenarios: ScenarioReader, scenario: Scenario
     ) -> None:
