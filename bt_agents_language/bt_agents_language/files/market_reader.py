@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -70,32 +70,25 @@ class MarketRule:
         return self.condition.text
 
 
-@dataclass(frozen=True, kw_only=True)
-class MarketSpec:
-    """What ``market.yaml`` says; ``rules`` in their order."""
-
-    rules: tuple[MarketRule, ...] = ()
-
-
-def market_of(folder: Path, space: SceneSpace) -> MarketSpec:
-    """Return what the market file of a folder says; without any there are no rules."""
+def market_of(folder: Path, space: SceneSpace) -> tuple[MarketRule, ...]:
+    """Return the rules of a folder's market file, none without any; as :func:`read_market`."""
     file = folder / MARKET_FILE
-    return read_market(file, space) if file.exists() else MarketSpec()
+    return read_market(file, space) if file.exists() else ()
 
 
-def read_market(file: Path | Source, space: SceneSpace) -> MarketSpec:
-    """Return what a market file says, or raise a ``ReadError`` with all problems."""
+def read_market(file: Path | Source, space: SceneSpace) -> tuple[MarketRule, ...]:
+    """Return the rules of a market file, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(MARKET)
     names = NameScope(scene_names(space, ("scene",)))
     rules = [_rule(reading, node, names) for node in fields.items("rules")]
     reading.problems.raise_if_any()
-    return MarketSpec(rules=tuple(rule for rule in rules if rule is not None))
+    return tuple(rule for rule in rules if rule is not None)
 
 
-def unknown_agents(market: MarketSpec, known: Collection[str]) -> Iterator[Diagnostic]:
+def unknown_agents(rules: Iterable[MarketRule], known: Collection[str]) -> Iterator[Diagnostic]:
     """Yield a warning for each agent of a rule that is not among the known ones."""
-    for rule in market.rules:
+    for rule in rules:
         for agent, position in zip(rule.agents, rule.positions, strict=True):
             if agent not in known:
                 yield Diagnostic(

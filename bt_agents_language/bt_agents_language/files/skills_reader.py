@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from bt_agents_core.errors import ReadError
@@ -119,21 +119,14 @@ def read_skills(
     return reader.skills()
 
 
-@dataclass(frozen=True)
-class _Declared:
-    """A skill that is declared, and the robots that offer it, in order."""
-
-    skill: SkillSpec
-    offers: list[BindingCandidate]
-
-
 class SkillsReader:
     """Collects declarations and bindings of skills over several files."""
 
     def __init__(self, interfaces: Interfaces | None, robot: str = "") -> None:
         self._interfaces = interfaces
         self._robot = robot
-        self._declared: dict[str, _Declared] = {}
+        self._declared: dict[str, SkillSpec] = {}
+        self._offers: dict[str, list[BindingCandidate]] = {}
 
     def declare(self, reading: TypedReader, fields: MappingReader) -> None:
         """Read what stands under ``skills``."""
@@ -148,17 +141,17 @@ class SkillsReader:
         for entry in fields.entries("skills"):
             name = read_new_name(reading, entry.key, "a skill")
             free = name is not None and self._is_free(reading, entry)
-            declared = self._declaration(reading, entry, name or "skill", robot)
-            if free and name is not None and declared is not None:
-                self._declared[name] = declared
+            skill, offers = self._declaration(reading, entry, name or "skill", robot)
+            if free and name is not None and skill is not None:
+                self._declared[name], self._offers[name] = skill, offers
 
     def bind(self, reading: TypedReader, fields: MappingReader) -> None:
         """Read what stands under ``bindings``, for skills that are declared in any file."""
         robot = _robot(reading, fields)
         for entry in fields.entries("bindings"):
             name = entry.key.text
-            declared = self._declared.get(name)
-            if declared is None:
+            skill = self._declared.get(name)
+            if skill is None:
                 reading.error(
                     "unknown-name",
                     entry.key,
@@ -170,22 +163,21 @@ class SkillsReader:
             bound = reading.keys(entry.value, _BINDING, what)
             if bound is None:
                 continue
-            offer = read_candidate(
-                reading, bound, entry.key, what, declared.skill, robot, self._interfaces
-            )
+            offer = read_candidate(reading, bound, entry.key, what, skill, robot, self._interfaces)
             if offer is not None:
-                declared.offers.append(offer)
+                self._offers[name].append(offer)
 
     def skills(self) -> dict[str, SkillSpec]:
         """Return the declared skills by name, each with the binding that counts."""
-        return {name: self._chosen(one) for name, one in self._declared.items()}
+        return {name: self._bound(skill) for name, skill in self._declared.items()}
 
-    def _chosen(self, declared: _Declared) -> SkillSpec:
-        installed = [offer for offer in declared.offers if offer.binding is not None]
+    def _bound(self, skill: SkillSpec) -> SkillSpec:
+        offers = self._offers[skill.name]
+        installed = [offer for offer in offers if offer.binding is not None]
         for offer in sorted(installed, key=lambda one: one.robot != self._robot):
-            return replace(declared.skill, binding=offer.binding)
-        why = "; ".join(f"{one.robot}: {one.problem}" for one in declared.offers)
-        return replace(declared.skill, unoffered=why or "no robot is bound to it")
+            return replace(skill, binding=offer.binding)
+        why = "; ".join(f"{one.robot}: {one.problem}" for one in offers)
+        return replace(skill, unoffered=why or "no robot is bound to it")
 
     def _is_free(self, reading: TypedReader, entry: MappingEntry) -> bool:
         name = entry.key.text
@@ -201,7 +193,7 @@ class SkillsReader:
             reading.error(
                 "duplicate-skill",
                 entry.key,
-                f"there is a skill '{name}' already: {self._declared[name].skill.position}",
+                f"there is a skill '{name}' already: {self._declared[name].position}",
                 "rename or remove one of them; another robot's interface for the same skill "
                 "goes under 'bindings:'",
             )
@@ -210,11 +202,11 @@ class SkillsReader:
 
     def _declaration(
         self, reading: TypedReader, entry: MappingEntry, name: str, robot: str
-    ) -> _Declared | None:
+    ) -> tuple[SkillSpec | None, list[BindingCandidate]]:
         what = f"skill '{name}'"
         fields = reading.keys(entry.value, _SKILL, what)
         if fields is None:
-            return None
+            return None, []
         node = fields.get("inputs")
         before = len(reading.problems)
         inputs = read_inputs(reading, node, what) if node is not None else ()
@@ -228,7 +220,7 @@ class SkillsReader:
             binding=None,
             position=entry.key.position,
         )
-        declared = _Declared(skill, [])
+        offer = None
         if any(fields.get(kind.value) is not None for kind in BindingKind):
             offer = read_candidate(
                 reading,
@@ -241,9 +233,7 @@ class SkillsReader:
                 inline=True,
                 lenient=lenient,
             )
-            if offer is not None:
-                declared.offers.append(offer)
-        return declared
+        return skill, [offer] if offer is not None else []
 
 
 def _robot(reading: TypedReader, fields: MappingReader) -> str:

@@ -35,6 +35,7 @@ class TreeReader:
 
     Attributes:
         calls: Place of each ``subtree`` node read so far → name of the subtree.
+        written: What each node writes.
     """
 
     def __init__(
@@ -45,7 +46,7 @@ class TreeReader:
         self._fields = FieldReader(reading, symbols)
         self._calls = CallReader(reading, subtrees, symbols)
         self.calls: Mapping[Position, str] = self._calls.calls
-        self._written = AssignedNames(reading, subtrees, symbols.interfaces)
+        self.written = AssignedNames(reading, subtrees, symbols.interfaces)
 
     def read(
         self, raw: RawNode, path: str, names: NameScope, *, parent: NodeType | None = None
@@ -57,7 +58,7 @@ class TreeReader:
         if not raw.decorators:
             spec = self._node(raw, path, names)
             if may_write(raw):
-                names.give(self._written.by(raw))
+                names.give(self.written.by(raw))
             return spec
         part_of_parent = parent.child_keys if parent is not None else ()
         around = [
@@ -67,13 +68,13 @@ class TreeReader:
         ]
         if any(one.rounds for one in around):
             # A later round can use what an earlier one has written.
-            names.give(self._written.below(raw))
+            names.give(self.written.below(raw))
         wrapping = [
             None if one.handler else self._decorator_fields(one, raw, names, parent)
             for one in around
         ]
         spec = self._node(raw, path, names)
-        names.give(self._written.by(raw))
+        names.give(self.written.by(raw))
         for one, fields in zip(reversed(around), reversed(wrapping), strict=True):
             entry = raw.decorators[one.key]
             if one.handler:
@@ -154,7 +155,7 @@ class TreeReader:
         again = isinstance(memory, Literal) and memory.value is False
         if node_type.concurrent or again:
             # Any child may run after any other.
-            names.give(self._written.below(raw))
+            names.give(self.written.below(raw))
         own = len(raw.children)
         in_fields = [raw.nodes[one.name] for one in node_type.fields if one.name in raw.nodes]
         at_start = set(names.given) if node_type.exclusive else set()

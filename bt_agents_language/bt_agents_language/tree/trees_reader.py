@@ -12,7 +12,6 @@ from bt_agents_language.fields.scope import Assigned, NameScope, mood_names, sce
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes.node_type import RawNode
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.tree.assigned_names import AssignedNames
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES, Expansion
 from bt_agents_language.tree.tree_reader import TreeReader
@@ -70,7 +69,6 @@ class TreesReader:
         known = {**imported, **self._subtrees}
         self._structure = RawNodeReader(reading, symbols, known)
         self._reader = TreeReader(reading, symbols, known)
-        self._written = AssignedNames(reading, known, symbols.interfaces)
         self._types = {
             **scene_names(symbols.space, ("scene", "live", "profile")),
             **mood_names(symbols.space),
@@ -84,11 +82,11 @@ class TreesReader:
         first, last = self._raw(tree, "the tree"), self._raw(on_cancel, "'on_cancel'")
         taken = dict.fromkeys(self._tunables, "a tunable")
         bodies = self._raw_bodies()
-        self._of_trees = self._written.of_trees([first, last], taken, self._types)
+        self._of_trees = self._reader.written.of_trees([first, last], taken, self._types)
         hidden = {
             name: f"subtree '{subtree}' writes it; add 'outputs: {{{name}: any}}' to that"
             for subtree, raw in bodies.items()
-            for name in (self._written.below(raw) if raw is not None else ())
+            for name in (self._reader.written.below(raw) if raw is not None else ())
         }
         names = NameScope(self._types, self._of_trees, hidden=hidden, lenient=self._lenient)
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
@@ -170,7 +168,7 @@ class TreesReader:
             **dict.fromkeys(self._tunables, "a tunable"),
             **dict.fromkeys(inputs, "an input of this subtree"),
         }
-        written = self._written.of_trees([raw], taken, {**self._types, **inputs})
+        written = self._reader.written.of_trees([raw], taken, {**self._types, **inputs})
         hidden = dict.fromkeys(
             self._of_trees,
             f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "
@@ -184,7 +182,12 @@ class TreesReader:
         )
         body = self._reader.read(raw, name, names)
         if len(self._reading.problems) == before:
-            self._note_unused(subtree, fields, names)
+            keys = {entry.key.text: entry.key for entry in entries_of(fields.get("inputs"))}
+            self.unused_inputs += (
+                UnusedInput(name=one, subtree=name, position=keys[one].position)
+                for one in inputs
+                if one not in names.used
+            )
             self._refuse_unwritten(subtree, fields, written)
         return body
 
@@ -197,14 +200,6 @@ class TreesReader:
                     f"there is a tunable '{entry.key.text}' already",
                     "rename the input",
                 )
-
-    def _note_unused(self, subtree: SubtreeSpec, fields: MappingReader, names: NameScope) -> None:
-        keys = {entry.key.text: entry.key for entry in entries_of(fields.get("inputs"))}
-        self.unused_inputs += (
-            UnusedInput(name=one.name, subtree=subtree.name, position=keys[one.name].position)
-            for one in subtree.inputs
-            if one.name not in names.used
-        )
 
     def _refuse_unwritten(
         self, subtree: SubtreeSpec, fields: MappingReader, written: Mapping[str, object]

@@ -12,7 +12,6 @@ from bt_agents_language.files.testing.scenarios import REPLACED
 from bt_agents_language.model.specs import NodeSpec, Tunable, iter_nodes
 from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.tree.assigned_names import AssignedNames
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES
 from bt_agents_language.tree.tree_reader import TreeReader
@@ -37,7 +36,6 @@ class ReplacementReader:
         self._nodes = nodes
         self._structure = RawNodeReader(reading, symbols)
         self._trees = TreeReader(reading, symbols, {})
-        self._written = AssignedNames(reading, {}, symbols.interfaces)
         self._tunables = {one.name: one.type for one in tunables}
         self._types = {
             **scene_names(symbols.space, ("scene", "live", "profile")),
@@ -57,7 +55,7 @@ class ReplacementReader:
         if raw is None:
             return None
         taken = dict.fromkeys(self._tunables, "a tunable")
-        written = self._written.of_trees([raw], taken, self._types)
+        written = self._trees.written.of_trees([raw], taken, self._types)
         spec = self._trees.read(raw, REPLACED, NameScope(self._types, written))
         if spec is None or len(self._reading.problems) > before:
             return None

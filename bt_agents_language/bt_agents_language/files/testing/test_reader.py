@@ -126,7 +126,18 @@ TEST = FileKind(
 
 def read_test(file: Path | Source, agents: Iterable[AgentSpec], symbols: SymbolTable) -> AgentTest:
     """Return the cases of a test file, or raise a ``ReadError`` with all problems."""
-    return _TestFile(TypedReader.of(file), agents, symbols).read()
+    reading = TypedReader.of(file)
+    fields = reading.file(TEST)
+    agent = _agent(reading, fields.get("test"), agents)
+    nodes = fields.items("cases")
+    cases: dict[str, AgentTestCase] = {}
+    if agent is not None:
+        scenarios = ScenarioReader(reading, agent, symbols)
+        for node in nodes:
+            _case(reading, node, agent, scenarios, cases)
+    reading.problems.raise_if_any()
+    assert agent is not None
+    return AgentTest(file=reading.source.file, agent=agent, cases=tuple(cases.values()))
 
 
 def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTable) -> Scenario:
@@ -138,77 +149,61 @@ def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTa
     return scenario
 
 
-class _TestFile:
-    def __init__(
-        self, reading: TypedReader, agents: Iterable[AgentSpec], symbols: SymbolTable
-    ) -> None:
-        self._reading = reading
-        self._agents = tuple(agents)
-        self._symbols = symbols
-        self._folder = Path(reading.source.file).parent
-
-    def read(self) -> AgentTest:
-        fields = self._reading.file(TEST)
-        agent = self._agent(fields.get("test"))
-        nodes = fields.items("cases")
-        cases: dict[str, AgentTestCase] = {}
-        if agent is not None:
-            scenarios = ScenarioReader(self._reading, agent, self._symbols)
-            for node in nodes:
-                self._case(node, agent, scenarios, cases)
-        self._reading.problems.raise_if_any()
-        assert agent is not None
-        return AgentTest(file=self._reading.source.file, agent=agent, cases=tuple(cases.values()))
-
-    def _agent(self, node: Node | None) -> AgentSpec | None:
-        text = self._reading.text(node, "'test'") if node is not None else None
-        if node is None or text is None:
-            return None
-        file = (self._folder / text).resolve() if "." in text else None
-        for agent in self._agents:
-            if text == agent.name or (file is not None and file == Path(agent.file).resolve()):
-                return agent
-        message = f"there is no agent {quote(text)} without errors"
-        hint = did_you_mean(text, [agent.name for agent in self._agents])
-        if (broken := self._broken(text)) is not None:
-            message = f"agent {quote(text)} cannot be tested, as its file has errors"
-            hint = f"'bt-agents check {broken}' lists them"
-        hint = hint or "'bt-agents check' lists the errors of all agents"
-        self._reading.error("unknown-agent", node, message, hint)
+def _agent(
+    reading: TypedReader, node: Node | None, agents: Iterable[AgentSpec]
+) -> AgentSpec | None:
+    text = reading.text(node, "'test'") if node is not None else None
+    if node is None or text is None:
         return None
+    every = tuple(agents)
+    folder = Path(reading.source.file).parent
+    file = (folder / text).resolve() if "." in text else None
+    for agent in every:
+        if text == agent.name or (file is not None and file == Path(agent.file).resolve()):
+            return agent
+    message = f"there is no agent {quote(text)} without errors"
+    hint = did_you_mean(text, [agent.name for agent in every])
+    if (broken := _broken(folder, text)) is not None:
+        message = f"agent {quote(text)} cannot be tested, as its file has errors"
+        hint = f"'bt-agents check {broken}' lists them"
+    hint = hint or "'bt-agents check' lists the errors of all agents"
+    reading.error("unknown-agent", node, message, hint)
+    return None
 
-    def _broken(self, text: str) -> Path | None:
-        """Return the file of an agent that is there but could not be read."""
-        if not _FILE.fullmatch(text):
-            return None
-        names = (name for name in (text, f"{text}.yaml", f"{text}.yml") if "." in name)
-        return next((path for name in names if (path := self._folder / name).is_file()), None)
 
-    def _case(
-        self,
-        node: Node,
-        agent: AgentSpec,
-        scenarios: ScenarioReader,
-        cases: dict[str, AgentTestCase],
-    ) -> None:
-        fields = self._reading.keys(node, _CASE)
-        if fields is None:
-            return
-        name = fields.text("name")
-        if name in cases:
-            self._reading.error(
-                "name-taken",
-                fields.nodes["name"],
-                f"there is a case {quote(name)} already (line {cases[name].position.line})",
-                "say what is different in this one",
-            )
-        scenario = scenarios.read(fields)
-        expectations: tuple[Expectation, ...] = ()
-        if (expect := fields.get("expect")) is not None:
-            expectations = _Expectations(self._reading, agent, scenarios, scenario).read(expect)
-        cases[name] = AgentTestCase(
-            name=name, scenario=scenario, expectations=expectations, position=node.position
+def _broken(folder: Path, text: str) -> Path | None:
+    """Return the file of an agent that is there but could not be read."""
+    if not _FILE.fullmatch(text):
+        return None
+    names = (name for name in (text, f"{text}.yaml", f"{text}.yml") if "." in name)
+    return next((path for name in names if (path := folder / name).is_file()), None)
+
+
+def _case(
+    reading: TypedReader,
+    node: Node,
+    agent: AgentSpec,
+    scenarios: ScenarioReader,
+    cases: dict[str, AgentTestCase],
+) -> None:
+    fields = reading.keys(node, _CASE)
+    if fields is None:
+        return
+    name = fields.text("name")
+    if name in cases:
+        reading.error(
+            "name-taken",
+            fields.nodes["name"],
+            f"there is a case {quote(name)} already (line {cases[name].position.line})",
+            "say what is different in this one",
         )
+    scenario = scenarios.read(fields)
+    expectations: tuple[Expectation, ...] = ()
+    if (expect := fields.get("expect")) is not None:
+        expectations = _Expectations(reading, agent, scenarios, scenario).read(expect)
+    cases[name] = AgentTestCase(
+        name=name, scenario=scenario, expectations=expectations, position=node.position
+    )
 
 
 class _Expectations:
