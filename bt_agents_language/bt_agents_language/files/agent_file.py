@@ -44,15 +44,12 @@ class AgentFile:
 
 def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> AgentFile:
     """Return an agent file, good or broken."""
-    text: str | None = None
-    agent: AgentSpec | None = None
-    error: ReadError | None = None
+    text = agent = error = None
     asked = _Asked(libraries)
     try:
         source = read_source(path)
         text = source.text
-        symbols = replace(libraries.vocabulary, libraries=asked)
-        agent = read_agent(source, symbols)
+        agent = read_agent(source, replace(libraries.vocabulary, libraries=asked))
     except ReadError as problem:
         error = problem
     return AgentFile(

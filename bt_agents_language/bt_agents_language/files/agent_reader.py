@@ -13,7 +13,11 @@ from bt_agents_language.fields.scene_values import read_vector
 from bt_agents_language.fields.scope import NameScope, scene_names
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.files.imports import IMPORTS, read_imports
-from bt_agents_language.files.learning_reader import LEARNING_FIELDS, read_learning, read_weights
+from bt_agents_language.files.learning_reader import (
+    LEARNING_FIELDS,
+    numbers_by_parameter,
+    read_learning,
+)
 from bt_agents_language.files.mood_rule_reader import MOOD_RULE, read_mood_rules
 from bt_agents_language.files.tunable_reader import TUNABLE, read_tunable
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, Tunable, iter_nodes
@@ -84,7 +88,7 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     if (node := fields.get("profile")) is not None:
         profile = read_vector(reading, node, "'profile'", space)
     rate, learning = read_learning(reading, fields, space)
-    weights = read_weights(reading, fields, space)
+    weights = numbers_by_parameter(reading, fields, "weights", space)
     tunables = _tunables(reading, fields)
     rules = read_mood_rules(reading, fields, space)
     if (node := fields.get("requires")) is not None:

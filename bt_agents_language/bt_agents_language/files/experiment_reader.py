@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace, Vector
@@ -166,4 +165,4 @@ def _opinion(reading: TypedReader, node: Node, space: SceneSpace) -> Vector | No
         )
     if len(reading.problems) > before:
         return None
-    return tuple(values.get(name, math.nan) for name in space.names)
+    return space.ordered(values)

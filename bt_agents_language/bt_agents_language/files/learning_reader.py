@@ -126,16 +126,9 @@ def read_learning(
     return usual if rate is None else rate, _rule(reading, fields, space)
 
 
-def read_weights(
-    reading: TypedReader, agent: MappingReader, space: SceneSpace
-) -> dict[str, float]:
-    """Return how much parameters count for an agent; problems are reported."""
-    return _by_parameter(reading, agent, "weights", space)
-
-
 def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> LearningRule:
     usual = LearningRule()
-    rates = _by_parameter(reading, fields, "rates", space)
+    rates = numbers_by_parameter(reading, fields, "rates", space)
     frozen = _frozen(reading, fields, space)
     both = [name for name in frozen if name in rates]
     if both:
@@ -151,7 +144,7 @@ def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> Lea
         for key, only in _ONLY_WITH.items():
             if fields.get(key) is not None and update is not only:
                 _report_idle(reading, fields, key, f"add 'update: {only}', or take it out")
-    width = _by_parameter(reading, fields, "width", space)
+    width = numbers_by_parameter(reading, fields, "width", space)
     stuck = ", ".join(name for name, value in width.items() if not value)
     if stuck:
         reading.error(
@@ -172,7 +165,7 @@ def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> Lea
         width=width,
         window=usual.window if window is None else window,
         anneal=usual.anneal if anneal is None else anneal,
-        drift=_by_parameter(reading, fields, "drift", space),
+        drift=numbers_by_parameter(reading, fields, "drift", space),
         weights=_weights(reading, fields),
         layers=tuple(dict.fromkeys(layer for layer in layers if layer is not None)),
         general=usual.general if general is None else general,
@@ -207,7 +200,7 @@ def _weights(reading: TypedReader, fields: MappingReader) -> dict[str, float]:
     return weights
 
 
-def _by_parameter(
+def numbers_by_parameter(
     reading: TypedReader, fields: MappingReader, key: str, space: SceneSpace
 ) -> dict[str, float]:
     """Return numbers for some scene parameters, each within the limits of the table."""

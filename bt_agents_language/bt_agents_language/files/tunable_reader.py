@@ -87,24 +87,24 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
 
 
 def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
-    written = [node.text for node in limits if isinstance(node, Scalar)]
+    texts = [node.text for node in limits if isinstance(node, Scalar)]
     text = default.text
     if not default.plain:
         return FieldType.TEXT
     if boolean(text) is not None:
         return FieldType.BOOLEAN
-    meant = [one for one in map(quantities.meant_type, (text, *written)) if one is not None]
+    meant = [one for one in map(quantities.meant_type, (text, *texts)) if one is not None]
     if meant[:1] == [FieldType.LENGTH] and {*meant[1:]} == {FieldType.DURATION}:
         # Metres beside limits in seconds are minutes, misspelt.
         return FieldType.DURATION
     if meant:
         return meant[0]
     # Without a range 1:30 can be a text.
-    if written and any(map(quantities.is_clock, (text, *written))):
+    if texts and any(map(quantities.is_clock, (text, *texts))):
         return FieldType.DURATION
     if not _is_numeric(text):
-        return FieldType.NUMBER if any(map(_is_numeric, written)) else FieldType.TEXT
-    whole = all(_is_whole(one) for one in (text, *filter(_is_numeric, written)))
+        return FieldType.NUMBER if any(map(_is_numeric, texts)) else FieldType.TEXT
+    whole = all(_is_whole(one) for one in (text, *filter(_is_numeric, texts)))
     return FieldType.INTEGER if whole else FieldType.NUMBER
 
 

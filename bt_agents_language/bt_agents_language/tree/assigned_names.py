@@ -48,7 +48,7 @@ class AssignedNames:
             types: Type of each name that has a value from the start.
         """
         self._types = types
-        written: dict[str, Assigned] = {}
+        assigned: dict[str, Assigned] = {}
         nodes = (node for tree in trees if tree is not None for node in tree.walk())
         for node in filter(may_write, nodes):
             for name, place, field_type in self._written_by(node):
@@ -62,13 +62,13 @@ class AssignedNames:
                         f"'{node.key.text}' gives '{name}' a value, but '{name}' is {taken[name]}",
                         f"rename the one or the other: {name}_2",
                     )
-                first = written.get(name)
+                first = assigned.get(name)
                 if first is None:
                     line = place.position.line
-                    written[name] = Assigned(type=field_type, node=node.key.text, line=line)
+                    assigned[name] = Assigned(type=field_type, node=node.key.text, line=line)
                 elif first.type is not field_type:
-                    written[name] = replace(first, type=FieldType.ANY)
-        return written
+                    assigned[name] = replace(first, type=FieldType.ANY)
+        return assigned
 
     def below(self, raw: RawNode) -> set[str]:
         """Return the names that a node and all below it write."""

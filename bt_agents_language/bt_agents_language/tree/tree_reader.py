@@ -35,7 +35,7 @@ class TreeReader:
 
     Attributes:
         calls: Place of each ``subtree`` node read so far → name of the subtree.
-        written: What each node writes.
+        assigned: What each node writes.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class TreeReader:
         self._fields = FieldReader(reading, symbols)
         self._calls = CallReader(reading, subtrees, symbols)
         self.calls: Mapping[Position, str] = self._calls.calls
-        self.written = AssignedNames(reading, subtrees, symbols.interfaces)
+        self.assigned = AssignedNames(reading, subtrees, symbols.interfaces)
 
     def read(
         self, raw: RawNode, path: str, names: NameScope, *, parent: NodeType | None = None
@@ -58,7 +58,7 @@ class TreeReader:
         if not raw.decorators:
             spec = self._node(raw, path, names)
             if may_write(raw):
-                names.give(self.written.by(raw))
+                names.give(self.assigned.by(raw))
             return spec
         part_of_parent = parent.child_keys if parent is not None else ()
         around = [
@@ -68,17 +68,17 @@ class TreeReader:
         ]
         if any(one.rounds for one in around):
             # A later round can use what an earlier one has written.
-            names.give(self.written.below(raw))
+            names.give(self.assigned.below(raw))
         wrapping = [
             None if one.handler else self._decorator_fields(one, raw, names, parent)
             for one in around
         ]
         spec = self._node(raw, path, names)
-        names.give(self.written.by(raw))
+        names.give(self.assigned.by(raw))
         for one, fields in zip(reversed(around), reversed(wrapping), strict=True):
             entry = raw.decorators[one.key]
             if one.handler:
-                spec = self._handled(one, raw, entry.key.position, path, names, spec)
+                spec = self._handled(one, raw, path, names, spec)
             elif fields is not None:
                 label = f"{one.key} {short(entry.value)}" if one.fields else one.key
                 spec = wrapped(spec, one.key, entry.key.position, path, fields, label)
@@ -106,13 +106,7 @@ class TreeReader:
         return fields
 
     def _handled(
-        self,
-        decorator: NodeType,
-        raw: RawNode,
-        position: Position,
-        path: str,
-        names: NameScope,
-        spec: NodeSpec | None,
+        self, decorator: NodeType, raw: RawNode, path: str, names: NameScope, spec: NodeSpec | None
     ) -> NodeSpec | None:
         written = raw.nodes.get(decorator.key)
         if written is None:
@@ -123,7 +117,7 @@ class TreeReader:
             return None
         return NodeSpec(
             path=here,
-            position=position,
+            position=raw.decorators[decorator.key].key.position,
             kind=decorator.key,
             name=decorator.key,
             children=(spec, handler),
@@ -155,7 +149,7 @@ class TreeReader:
         again = isinstance(memory, Literal) and memory.value is False
         if node_type.concurrent or again:
             # Any child may run after any other.
-            names.give(self.written.below(raw))
+            names.give(self.assigned.below(raw))
         own = len(raw.children)
         in_fields = [raw.nodes[one.name] for one in node_type.fields if one.name in raw.nodes]
         at_start = set(names.given) if node_type.exclusive else set()

@@ -82,11 +82,11 @@ class TreesReader:
         first, last = self._raw(tree, "the tree"), self._raw(on_cancel, "'on_cancel'")
         taken = dict.fromkeys(self._tunables, "a tunable")
         bodies = self._raw_bodies()
-        self._of_trees = self._reader.written.of_trees([first, last], taken, self._types)
+        self._of_trees = self._reader.assigned.of_trees([first, last], taken, self._types)
         hidden = {
             name: f"subtree '{subtree}' writes it; add 'outputs: {{{name}: any}}' to that"
             for subtree, raw in bodies.items()
-            for name in (self._reader.written.below(raw) if raw is not None else ())
+            for name in (self._reader.assigned.below(raw) if raw is not None else ())
         }
         names = NameScope(self._types, self._of_trees, hidden=hidden, lenient=self._lenient)
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
@@ -168,7 +168,7 @@ class TreesReader:
             **dict.fromkeys(self._tunables, "a tunable"),
             **dict.fromkeys(inputs, "an input of this subtree"),
         }
-        written = self._reader.written.of_trees([raw], taken, {**self._types, **inputs})
+        written = self._reader.assigned.of_trees([raw], taken, {**self._types, **inputs})
         hidden = dict.fromkeys(
             self._of_trees,
             f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "

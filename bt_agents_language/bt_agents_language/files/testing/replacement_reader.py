@@ -55,7 +55,7 @@ class ReplacementReader:
         if raw is None:
             return None
         taken = dict.fromkeys(self._tunables, "a tunable")
-        written = self._trees.written.of_trees([raw], taken, self._types)
+        written = self._trees.assigned.of_trees([raw], taken, self._types)
         spec = self._trees.read(raw, REPLACED, NameScope(self._types, written))
         if spec is None or len(self._reading.problems) > before:
             return None
