@@ -102,8 +102,6 @@ LEARNING_FIELDS = (
 )
 """The keys of an agent that say how it learns."""
 
-_ONLY_WITH = {"window": Update.MEDIAN, "width": Update.HUBER}
-
 
 def read_learning(
     reading: TypedReader, agent: MappingReader, space: SceneSpace
@@ -141,7 +139,7 @@ def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> Lea
     word = fields.choice("update")
     update = usual.update if word is None else Update(word)
     if word is not None or fields.get("update") is None:
-        for key, only in _ONLY_WITH.items():
+        for key, only in (("window", Update.MEDIAN), ("width", Update.HUBER)):
             if fields.get(key) is not None and update is not only:
                 _report_idle(reading, fields, key, f"add 'update: {only}', or take it out")
     width = numbers_by_parameter(reading, fields, "width", space)

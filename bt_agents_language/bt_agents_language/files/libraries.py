@@ -31,8 +31,6 @@ MAX_CHAIN = 16
 _OTHERS = ("agents/", "scripts/")
 """Folders whose files are read as something else, so that reading them here blames them."""
 
-_CONTENTS = ("skills", "bindings", "subtrees")
-
 
 class FolderLibraries:
     """The libraries of one trees folder.
@@ -154,7 +152,7 @@ class FolderLibraries:
 
     def _library(self, reading: TypedReader) -> Library:
         fields = reading.file(LIBRARY)
-        if not any(fields.get(key) is not None for key in _CONTENTS):
+        if not any(fields.get(key) is not None for key in ("skills", "bindings", "subtrees")):
             reading.error(
                 "missing-key",
                 fields.mapping.position,

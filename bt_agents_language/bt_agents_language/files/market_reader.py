@@ -64,11 +64,6 @@ class MarketRule:
     agents: tuple[str, ...]
     positions: tuple[Position, ...] = field(compare=False)
 
-    @property
-    def text(self) -> str:
-        """The condition as the author wrote it."""
-        return self.condition.text
-
 
 def market_of(folder: Path, space: SceneSpace) -> tuple[MarketRule, ...]:
     """Return the rules of a folder's market file, none without any; as :func:`read_market`."""

@@ -62,7 +62,6 @@ MOOD_RULE = KeyTable(
 )
 
 _CHANGE = "mood.change"
-_REPEATING = ("release", "cooldown")
 
 
 def read_mood_rules(
@@ -87,7 +86,7 @@ def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> MoodRule | Non
     then = fields.choice("then")
     action = MoodAction.NONE if then is None else ACTIONS[then][0]
     if action.ends_run:
-        for key in _REPEATING:
+        for key in ("release", "cooldown"):
             if fields.get(key) is not None:
                 reading.error(
                     "misplaced-key",

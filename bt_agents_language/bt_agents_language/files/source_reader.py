@@ -12,6 +12,7 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.expression import quantities
 from bt_agents_language.expression.expression_values import EvaluationError, ValueKind
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.interfaces import (
@@ -23,7 +24,6 @@ from bt_agents_language.fields.interfaces import (
 )
 from bt_agents_language.fields.references import read_expression
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.files.source_mapping import read_points, read_table
 from bt_agents_language.model.scene_specs import (
     LARGEST_STD,
     MESSAGE,
@@ -31,6 +31,7 @@ from bt_agents_language.model.scene_specs import (
     SourceSpec,
     TrackedSpec,
     path_of,
+    word_of,
 )
 from bt_agents_language.yaml.field_tables import (
     BOOLEAN,
@@ -256,9 +257,9 @@ class SourceReader:
         of_item: bool = False,
     ) -> SourceSpec | None:
         reads = self._field(fields, wanted, message)
-        points = read_points(self._reading, fields, wanted.parameter)
+        points = _points(self._reading, fields, wanted.parameter)
         kind = reads.kind if reads is not None else None
-        table = read_table(self._reading, fields, wanted.parameter, kind)
+        table = _table(self._reading, fields, wanted.parameter, kind)
         confidence = self._certainty(fields, "confidence", message, 1.0)
         std = self._certainty(fields, "std", message, LARGEST_STD)
         smoothing_s = fields.duration("smoothing") or 0.0
@@ -483,3 +484,79 @@ def is_latched(node: Node) -> bool:
 
 def _no_name(name: str) -> float:
     raise KeyError(name)
+
+
+def _points(
+    reading: TypedReader, fields: MappingReader, parameter: SceneParameter | None
+) -> tuple[tuple[float, float], ...]:
+    """Return the linear map behind ``map`` as (reading, value) pairs, readings rising."""
+    node = fields.get("map")
+    if node is None:
+        return ()
+    points: dict[float, float] = {}
+    entries = fields.entries("map")
+    for entry in entries:
+        value = reading.number(entry.value, "a value of 'map'", *_limits(parameter))
+        try:
+            at = quantities.number(entry.key.text)
+        except quantities.QuantityError as error:
+            hint = "words and their values stand behind 'table' instead of 'map'"
+            reading.error(
+                "bad-number", entry.key, f"a reading: {error.message}", error.hint or hint
+            )
+            continue
+        if at in points:
+            reading.error("duplicate-key", entry.key, f"the reading {at:g} stands here again")
+        if value is not None:
+            points[at] = value
+    if entries and len(entries) < 2:
+        reading.error(
+            "missing-value",
+            node,
+            "'map' needs two readings or more",
+            "add the other end of the range",
+        )
+    return tuple(sorted(points.items()))
+
+
+def _table(
+    reading: TypedReader,
+    fields: MappingReader,
+    parameter: SceneParameter | None,
+    kind: ValueKind | None,
+) -> tuple[tuple[str, float], ...]:
+    """Return the words behind ``table``, as readings of a kind are, and their values."""
+    node = fields.get("table")
+    if node is None:
+        return ()
+    if "map" in fields.nodes:
+        reading.error(
+            "unknown-key",
+            fields.keys["table"],
+            "beside 'map' there is no 'table'",
+            "keep 'map' for numbers or 'table' for words",
+        )
+    table: dict[str, float] = {}
+    for entry in fields.entries("table"):
+        value = reading.number(entry.value, "a value of 'table'", *_limits(parameter))
+        word = _word(reading, entry.key, kind)
+        if word in table and word != entry.key.text:
+            reading.error("duplicate-key", entry.key, f"the reading {word} stands here again")
+        if value is not None and word is not None:
+            table[word] = value
+    return tuple(table.items())
+
+
+def _word(reading: TypedReader, node: Scalar, kind: ValueKind | None) -> str | None:
+    """Return a word of a table as readings of a kind are looked up in it; None for a wrong one."""
+    if kind is ValueKind.BOOLEAN:
+        truth = reading.boolean(node, "a reading in 'table'")
+        return None if truth is None else str(truth).lower()
+    if kind is ValueKind.NUMBER:
+        number = reading.number(node, "a reading in 'table'")
+        return None if number is None else word_of(number)
+    return node.text
+
+
+def _limits(parameter: SceneParameter | None) -> tuple[float | None, float | None]:
+    return (parameter.minimum, parameter.maximum) if parameter is not None else (None, None)

@@ -27,7 +27,7 @@ class AssignedNames:
         self,
         reading: TypedReader,
         subtrees: Mapping[str, SubtreeSpec],
-        interfaces: Interfaces | None = None,
+        interfaces: Interfaces | None,
     ) -> None:
         self._reading = reading
         self._interfaces = interfaces

@@ -116,13 +116,9 @@ class TreesReader:
         fields = self._reading.keys(entry.value, _SUBTREE, what)
         if name is None:
             return
+        place = entry.key.position
         subtree = SubtreeSpec(
-            name=name,
-            inputs=(),
-            outputs=(),
-            body=None,
-            position=entry.key.position,
-            complete=False,
+            name=name, inputs=(), outputs=(), body=None, position=place, complete=False
         )
         self._subtrees[name] = subtree
         if fields is None:

@@ -50,7 +50,6 @@ from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequ
 
 _ENDS = tuple(end.value for end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE, GoalEnd.NEVER))
 _SILENT = {"silent": True, "back": False}
-_LARGEST_SEED = 2**63 - 1
 
 _ANSWER = KeyTable(
     fields=(
@@ -162,7 +161,7 @@ class ScenarioReader:
             scene=values,
             person=True if person is None else person,
             tunables=self._tuned(fields.entries("tunables")),
-            seed=fields.integer("seed", maximum=_LARGEST_SEED) or 0,
+            seed=fields.integer("seed", maximum=2**63 - 1) or 0,
             answers=tuple(one for one in rules if one is not None),
             replace=tuple(one for one in replacements if one is not None),
             during=tuple(one for one in happenings if one is not None),
@@ -185,6 +184,13 @@ class ScenarioReader:
         )
         return None
 
+    def refuse_name(
+        self, node: Node, problem: str, name: str, known: Iterable[str], hint: str = ""
+    ) -> None:
+        """Report a name that is not known; the hint is for one that is like none of the known."""
+        message = f"{problem} {quote(name)}"
+        self._reading.error("unknown-name", node, message, did_you_mean(name, known) or hint)
+
     def plain(self, node: Node, field_type: FieldType, what: str) -> Plain:
         """Return a value without names; None when it is wrong, which is then reported."""
         value = read_value(self._reading, node, field_type, NameScope({}), what)
@@ -203,14 +209,10 @@ class ScenarioReader:
     def _tuned(self, entries: Iterable[MappingEntry]) -> dict[str, Plain]:
         values: dict[str, Plain] = {}
         for entry in entries:
-            tunable = self._tunables.get(entry.key.text)
+            name = entry.key.text
+            tunable = self._tunables.get(name)
             if tunable is None:
-                self._reading.error(
-                    "unknown-name",
-                    entry.key,
-                    f"the agent has no tunable {quote(entry.key.text)}",
-                    did_you_mean(entry.key.text, self._tunables),
-                )
+                self.refuse_name(entry.key, "the agent has no tunable", name, self._tunables)
                 continue
             what = f"'{tunable.name}'"
             value = self.plain(entry.value, tunable.type, what)
@@ -234,12 +236,7 @@ class ScenarioReader:
         elif key in self.skills:
             outputs = _outputs(next(one for one in users if one.kind == key))
         else:
-            self._reading.error(
-                "unknown-name",
-                entry.key,
-                f"the agent's tree uses no skill {quote(key)}",
-                did_you_mean(key, self.skills),
-            )
+            self.refuse_name(entry.key, "the agent's tree uses no skill", key, self.skills)
             return None
         items = entry.value.items if isinstance(entry.value, Sequence) else (entry.value,)
         if not items:
@@ -298,12 +295,7 @@ class ScenarioReader:
         for entry in fields.entries("outputs"):
             name = entry.key.text
             if name not in outputs.types:
-                self._reading.error(
-                    "unknown-name",
-                    entry.key,
-                    f"there is no output {quote(name)}",
-                    did_you_mean(name, outputs.types),
-                )
+                self.refuse_name(entry.key, "there is no output", name, outputs.types)
                 return None
             values[name] = self.plain(entry.value, outputs.types[name], f"'{name}'")
         return values
@@ -379,17 +371,13 @@ class ScenarioReader:
         topics = [one.fields["topic"] for one in self._nodes if "topic" in one.fields]
         known = [str(value.value) for value in topics if isinstance(value, Literal)]
         if topic and topic not in known and len(known) == len(topics):
-            self._reading.error(
-                "unknown-name",
-                node,
-                f"no node of the agent waits for a message on {quote(topic)}",
-                did_you_mean(topic, known) or "remove it",
-            )
+            problem = "no node of the agent waits for a message on"
+            self.refuse_name(node, problem, topic, known, "remove it")
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Outputs:
-    """What a skill gives back; ``main`` comes first with the result, not only with feedback."""
+    """What a skill gives back; ``main`` is the first that comes with the result, if any does."""
 
     types: Mapping[str, FieldType]
     main: tuple[str, FieldType] | None

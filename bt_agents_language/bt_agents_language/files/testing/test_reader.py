@@ -55,8 +55,6 @@ from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedRead
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
 
-OUTCOMES = ("succeeded", "failed", "cancelled")
-
 _FILE = re.compile(r"[\w-]{1,100}(\.ya?ml)?")
 _KINDS = {kind.name.lower(): kind for kind in FeedbackKind}
 _USE = Either((TEXT, Entries(ANY, keys=Key.ANY, single=True)))
@@ -86,7 +84,7 @@ _EXPECT = KeyTable(
         FieldDecl("does_not", Several(_USE), "Skills that it does not use."),
         FieldDecl("visited", Several(TEXT), "Paths of nodes that are ticked."),
         FieldDecl("not_visited", Several(TEXT), "Paths of nodes that are never ticked."),
-        FieldDecl("ends", WordChoice(OUTCOMES), "How the run ends."),
+        FieldDecl("ends", WordChoice(("succeeded", "failed", "cancelled")), "How the run ends."),
         FieldDecl("because", TEXT, "Words of the reason why it ended."),
         FieldDecl("within", DURATION, "The longest time that it may take."),
         FieldDecl(
@@ -344,14 +342,8 @@ class _Expectations:
         known = self._scenarios.known_skills if any_skill else self._scenarios.skills
         skill = known.get(name)
         if skill is None:
-            self._reading.error(
-                "unknown-name",
-                node,
-                f"there is no skill {quote(name)}"
-                if any_skill
-                else f"the agent's tree uses no skill {quote(name)}",
-                did_you_mean(name, known),
-            )
+            problem = "there is no skill" if any_skill else "the agent's tree uses no skill"
+            self._scenarios.refuse_name(node, problem, name, known)
         return skill
 
     def _cause(self, node: Node) -> str | None:
@@ -363,14 +355,12 @@ class _Expectations:
         known = [*rules, *(one.cancel for one in self._scenario.during if one.cancel)]
         cause = next((one for one in known if one.split() == text.split()), None)
         if cause is None:
-            self._reading.error(
-                "unknown-name",
-                node,
-                f"nothing cancels this run for {quote(text)}",
-                did_you_mean(text, known)
-                or "give a rule under 'feedback' of the agent 'then: cancel', or cancel under "
-                "'during'",
+            problem = "nothing cancels this run for"
+            hint = (
+                "give a rule under 'feedback' of the agent 'then: cancel', or cancel under "
+                "'during'"
             )
+            self._scenarios.refuse_name(node, problem, text, known, hint)
         return cause
 
 
