@@ -173,12 +173,9 @@ class SceneSpace:
         return len(self.parameters)
 
     def vector(self, values: Iterable[float], *, missing: bool = False, what: str = "") -> Vector:
-        """Check a sequence of values from outside and return it as a vector.
+        """Return values from outside, one for each parameter in order, as a vector.
 
-        Args:
-            values: One finite number a parameter, in order, inside the range.
-            missing: True lets NaN stand for a missing value.
-            what: Subject of the error message, for example ``"bid of express"``.
+        With ``missing`` NaN stands for a missing value; ``what`` is the subject of error messages.
 
         Raises:
             Refused: ``WRONG_LENGTH``, ``NOT_A_NUMBER``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.

@@ -66,9 +66,7 @@ class Trees:
     texts: Mapping[Path, str | None] = field(default_factory=dict)
 
     def tagged(self, tags: str) -> Trees:
-        """Return the folder with those agents only that have one of some tags, all without any.
-
-        There are commas between the tags.
+        """Return the folder with those agents only that have one of some tags ``a, b``, if any.
 
         Raises:
             BtAgentsError: No agent has a tag of this name.

@@ -121,12 +121,9 @@ def _change(reading: TypedReader, node: Node, space: SceneSpace) -> SceneChange 
 
 
 def _answers(reading: TypedReader, fields: MappingReader) -> dict[str, str]:
-    answers: dict[str, str] = {}
-    for entry in fields.entries("answers"):
-        text = reading.text(entry.value, "an answer")
-        if text is not None:
-            answers[entry.key.text] = text
-    return answers
+    entries = fields.entries("answers")
+    answers = {entry.key.text: reading.text(entry.value, "an answer") for entry in entries}
+    return {words: answer for words, answer in answers.items() if answer is not None}
 
 
 def _buttons(reading: TypedReader, fields: MappingReader) -> dict[str, str]:

@@ -91,11 +91,8 @@ def read_skills(
 ) -> Mapping[str, SkillSpec]:
     """Return the skills of all files by name, each bound to the robot that counts.
 
-    Args:
-        files: Files with skills; one may bind the skills of another.
-        interfaces: The installed ROS types; None takes every type as installed.
-        robot: Robot whose bindings are preferred; else the first in the order of the files is
-            taken whose ROS types are installed.
+    That is ``robot``, or else the first in the order of the files whose ROS types are installed;
+    without ``interfaces`` all are. A file may bind the skills of another one.
 
     Raises:
         ReadError: There is a problem; it lists those of all files.

@@ -40,12 +40,10 @@ class AssignedNames:
         taken: Mapping[str, str],
         types: Mapping[str, FieldType],
     ) -> dict[str, Assigned]:
-        """Return every name that some node of the trees gives a value; a reserved one is reported.
+        """Return every name that some node of the trees gives a value.
 
-        Args:
-            trees: The trees.
-            taken: Names that no node may write → what they are, for reports.
-            types: Type of each name that has a value from the start.
+        What is reserved or ``taken`` (name → by what) is reported; ``types`` are those of names
+        that have a value from the start.
         """
         self._types = types
         assigned: dict[str, Assigned] = {}

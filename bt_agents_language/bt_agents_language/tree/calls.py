@@ -39,7 +39,7 @@ class CallReader:
         """Return the node of a skill; None when nothing can be made of it."""
         skill = raw.skill
         assert skill is not None
-        nodes = self._skill_fields(raw)
+        nodes = self._skill_fields(raw.value, skill)
         if nodes is None:
             return None
         outputs, feedback = self._skill_outputs(raw, skill)
@@ -47,7 +47,7 @@ class CallReader:
             path=path,
             position=raw.key.position,
             kind=skill.name,
-            name=raw.name or _skill_label(raw, nodes),
+            name=raw.name or _skill_label(skill, nodes),
             fields=self._inputs(skill.inputs, nodes, names, raw),
             skill=skill,
             outputs=outputs,
@@ -113,9 +113,7 @@ class CallReader:
             or "declare it under 'subtrees:', or import a library that has it"
         )
 
-    def _skill_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
-        skill, value = raw.skill, raw.value
-        assert skill is not None
+    def _skill_fields(self, value: Node, skill: SkillSpec) -> Mapping[str, Node] | None:
         required = skill.required
         if isinstance(value, MappingNode):
             fields = self._reading.fields(
@@ -203,9 +201,7 @@ class CallReader:
         return outputs
 
 
-def _skill_label(raw: RawNode, nodes: Mapping[str, Node]) -> str:
-    skill = raw.skill
-    assert skill is not None
+def _skill_label(skill: SkillSpec, nodes: Mapping[str, Node]) -> str:
     shortened = short(nodes.get(skill.main or ""))
     if shortened and skill.main_is_text:
         shortened = f'"{shortened}"'

@@ -47,12 +47,7 @@ class ScriptedAnswer:
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerRule:
-    """The answers to the uses of a skill, or of the nodes that a pattern fits.
-
-    Attributes:
-        key: Name of a skill, or a pattern of paths.
-        answers: In turn, at least one; the last is given for ever.
-    """
+    """The answers to a skill or to the nodes of a pattern, in turn, the last for ever."""
 
     key: str
     answers: tuple[ScriptedAnswer, ...]
@@ -60,12 +55,7 @@ class AnswerRule:
 
 @dataclass(frozen=True, kw_only=True)
 class Replacement:
-    """Another node in place of those that a pattern fits.
-
-    Attributes:
-        pattern: A pattern of paths.
-        node: What is done instead; its paths start with ``REPLACED``.
-    """
+    """Another node, with paths below ``REPLACED``, in place of those that a pattern fits."""
 
     pattern: str
     node: NodeSpec
