@@ -103,7 +103,6 @@ class Scene:
     Attributes:
         scene_id: Unique per analysed scene.
         label: Words for people; may be empty.
-        person: True when a person is there.
         values: Every parameter of the space once, in its order.
         urgent: True may stop a running tree at once, where new scenes preempt.
         person_id: Who it is, by name or as a tracker calls them; empty when nobody knows.

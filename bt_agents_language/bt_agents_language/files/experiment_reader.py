@@ -117,12 +117,11 @@ def _feedback(
         if agent is not None and vector is not None:
             each[agent] = vector
     sequence = [_opinion(reading, item, space) for item in fields.items("sequence")]
-    repeat = fields.boolean("repeat")
     errors_node = fields.get("errors")
     return PreparedFeedback(
         each=each,
         sequence=tuple(vector for vector in sequence if vector is not None),
-        repeat=bool(repeat),
+        repeat=bool(fields.boolean("repeat")),
         errors=None if errors_node is None else _errors(reading, errors_node, space, seed),
     )
 
@@ -143,14 +142,12 @@ def _errors(
             "write 'every: 3' for each third, or 'share: 0.05' for five of a hundred by chance",
         )
         return None
-    every = fields.integer("every", maximum=MAX_ROUNDS)
-    share = fields.number("share")
     value_node = fields.get("value")
     return FeedbackErrors(
         space=space,
         seed=seed,
-        every=every or 0,
-        share=share or 0.0,
+        every=fields.integer("every", maximum=MAX_ROUNDS) or 0,
+        share=fields.number("share") or 0.0,
         value=None if value_node is None else read_vector(reading, value_node, "a value", space),
     )
 

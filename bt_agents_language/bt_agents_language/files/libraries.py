@@ -114,8 +114,7 @@ class FolderLibraries:
     def _inside(self, path: str) -> Path:
         file = self._folder / path
         try:
-            real = file.resolve()
-            inside = real.is_relative_to(self._folder.resolve())
+            inside = file.resolve().is_relative_to(self._folder.resolve())
             there, link = file.exists(), file.is_symlink()
         except (OSError, RuntimeError, ValueError):
             inside, there, link = True, False, False
@@ -123,17 +122,13 @@ class FolderLibraries:
             raise ImportProblem(
                 "bad-import", f"{quote(path)} leads out of the trees folder", "copy the file here"
             )
-        if not there and link:
-            raise ImportProblem(
-                "no-file", f"the link {quote(path)} leads nowhere", "put the file in its place"
-            )
-        if not there:
-            raise ImportProblem(
-                "no-file",
-                f"there is no file {quote(path)} in the trees folder",
-                did_you_mean(path, self.paths()),
-            )
-        return file
+        if there:
+            return file
+        message, hint = f"the link {quote(path)} leads nowhere", "put the file in its place"
+        if not link:
+            message = f"there is no file {quote(path)} in the trees folder"
+            hint = did_you_mean(path, self.paths())
+        raise ImportProblem("no-file", message, hint)
 
     def paths(self) -> list[str]:
         found = sorted((self._folder / "libraries").glob("*"))

@@ -94,9 +94,7 @@ def read_persons(
 ) -> tuple[PersonsSpec | None, SourceReader]:
     """Return what ``persons`` says, and a reader of sources that may be about one person."""
     plain = SourceReader(reading, interfaces)
-    if node is None:
-        return None, plain
-    fields = reading.keys(node, PERSONS)
+    fields = reading.keys(node, PERSONS) if node is not None else None
     if fields is None:
         return None, plain
     tracked = _tracked(reading, fields.get(TRACKED), plain)

@@ -16,8 +16,6 @@ class FeedbackErrors:
     """Errors in prepared feedback: which of it is wrong, and its wrong value.
 
     Attributes:
-        space: The scene parameters.
-        seed: Seed of the chance.
         every: Each so-manyth feedback is wrong; 0 when chance decides.
         share: Probability that a feedback is wrong, 0..1; 0 when ``every`` decides.
         value: The wrong vector; None draws each value evenly from the range of its parameter.

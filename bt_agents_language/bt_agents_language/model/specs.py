@@ -120,7 +120,6 @@ class Binding:
     """How a skill reaches the robot.
 
     Attributes:
-        kind: Action, service or topic.
         name: ROS name, relative unless it starts with a slash.
         type: ROS type, for example ``bt_agents_interfaces/action/Say``.
         fields: Goal, request or message; its references name inputs of the skill.
@@ -185,7 +184,6 @@ class NodeSpec:
     Attributes:
         path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
         kind: Node key or decorator: ``sequence``, ``timeout``, ``say``.
-        name: Name for people.
         fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
         children: In order; of a decorator the decorated node first.
         skill: Set when ``kind`` is a skill.

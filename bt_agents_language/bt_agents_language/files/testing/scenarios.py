@@ -35,7 +35,6 @@ class ScriptedAnswer:
 
     Attributes:
         outputs: Values of outputs by name; the others get a likely value.
-        end: How it ends.
         after_s: How long it takes [s]; None for as long as it usually does.
     """
 
@@ -92,7 +91,6 @@ class Scenario:
     Attributes:
         scene: Values of scene parameters as awarded; the others are missing.
         tunables: Values that differ from the defaults.
-        seed: Seed of everything random.
         answers: Those of paths count before those of skills, else the first that fits.
         replace: The first that fits a node counts.
         during: What happens, in any order.
