@@ -235,9 +235,7 @@ class SceneSpace:
         """Return the vector moved into the ranges; NaN stays NaN."""
         return tuple(p.clamp(v) for p, v in zip(self.parameters, vector, strict=True))
 
-    def scene(
-        self, values: Iterable[SceneValue], *, what: str = "scene"
-    ) -> tuple[SceneValue, ...]:
+    def scene(self, values: Iterable[SceneValue]) -> tuple[SceneValue, ...]:
         """Check the values of a scene from outside and return them in the order of the space.
 
         Raises:
@@ -247,31 +245,28 @@ class SceneSpace:
         """
         found: dict[str, SceneValue] = {}
         for value in values:
-            parameter = self.parameter(value.name, what=what)
+            parameter = self.parameter(value.name, what="scene")
             if value.name in found:
-                raise Refused(
-                    "DUPLICATE_PARAMETER", f"{_subject(what)}'{value.name}' stands twice"
-                )
+                raise Refused("DUPLICATE_PARAMETER", f"scene: '{value.name}' stands twice")
             if value.origin is Origin.MISSING:
                 if not math.isnan(value.value):
                     raise Refused(
                         "ORIGIN_MISMATCH",
-                        f"{_subject(what)}'{value.name}' is marked missing but has the value "
+                        f"scene: '{value.name}' is marked missing but has the value "
                         f"{value.value:g}; a missing value is NaN",
                     )
                 value = replace(SceneValue.missing(value.name), source=value.source)
             else:
-                check_value(parameter, value.value, what=what)
-                _check_certainty(value, what)
+                check_value(parameter, value.value, what="scene")
+                _check_certainty(value)
             found[value.name] = value
         if not found:
-            raise Refused("EMPTY", f"{_subject(what)}no values; expected {', '.join(self.names)}")
+            raise Refused("EMPTY", f"scene: no values; expected {', '.join(self.names)}")
         absent = [name for name in self.names if name not in found]
         if absent:
             raise Refused(
                 "WRONG_LENGTH",
-                f"{_subject(what)}no entry for {', '.join(absent)}; mark what is not "
-                "known as missing",
+                f"scene: no entry for {', '.join(absent)}; mark what is not known as missing",
             )
         return tuple(found[name] for name in self.names)
 
@@ -310,18 +305,16 @@ def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> f
     return value
 
 
-def _check_certainty(value: SceneValue, what: str) -> None:
+def _check_certainty(value: SceneValue) -> None:
     if not 0.0 <= value.std < math.inf:
         raise Refused(
             "BAD_STD",
-            f"{_subject(what)}the standard deviation of {value.name} is {value.std:g}, expected "
-            "0 or more",
+            f"scene: the standard deviation of {value.name} is {value.std:g}, expected 0 or more",
         )
     if not 0.0 <= value.confidence <= 1.0:
         raise Refused(
             "BAD_CONFIDENCE",
-            f"{_subject(what)}the confidence in {value.name} is {value.confidence:g}, expected "
-            "0 to 1",
+            f"scene: the confidence in {value.name} is {value.confidence:g}, expected 0 to 1",
         )
 
 

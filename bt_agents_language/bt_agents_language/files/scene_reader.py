@@ -21,7 +21,6 @@ from bt_agents_language.files.source_reader import (
 from bt_agents_language.model.scene_specs import (
     PERSON,
     MissingRule,
-    PersonsSpec,
     SceneSpec,
     SourceSpec,
     TrackedSpec,
@@ -128,7 +127,7 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
     space = SceneSpace(parameters=tuple(parameters.values()), mood=_mood(reading, fields, names))
     persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
     place = _place(reading, fields, source_reader)
-    sources, person = _sources(reading, fields, names, parameters, source_reader, persons)
+    sources, person = _sources(reading, fields, names, parameters, source_reader)
     no_person: dict[str, float] = {}
     if (node := fields.get("no_person")) is not None and len(space) == len(names):
         no_person = read_values(reading, node, "'no_person'", space)
@@ -171,7 +170,6 @@ def _sources(
     names: list[str],
     parameters: dict[str, SceneParameter],
     source_reader: SourceReader,
-    persons: PersonsSpec | None,
 ) -> tuple[list[SourceSpec], SourceSpec | None]:
     sources: list[SourceSpec] = []
     person = None
