@@ -24,7 +24,7 @@ from file_texts import read_agent_text
 
 TREES = Path(__file__).parents[2] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
-VOCABULARY: SymbolTable = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
+VOCABULARY: SymbolTable = read_vocabulary(TREES)
 
 
 def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:

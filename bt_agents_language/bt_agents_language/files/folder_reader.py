@@ -121,15 +121,9 @@ def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = 
     )
 
 
-def read_vocabulary(
-    folder: Path, scene: SceneSpec, interfaces: Interfaces | None = None, robot: str = ""
-) -> SymbolTable:
-    """Return what the agents of a folder may speak of; as :func:`read_trees`.
-
-    Raises:
-        ReadError: A skills file is broken.
-    """
-    return _libraries(folder, scene, interfaces, robot).vocabulary
+def read_vocabulary(folder: Path) -> SymbolTable:
+    """Return what agents of a folder may speak of, without ROS types; as :func:`read_trees`."""
+    return _libraries(folder, read_scene(folder / "scene.yaml"), None, "").vocabulary
 
 
 def _libraries(
