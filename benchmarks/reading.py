@@ -24,9 +24,8 @@ from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents_core.errors import ReadError
 from bt_agents_core.scene import Scene, SceneValue
 from bt_agents_language.fields import scope as names
-from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary, yaml_files
-from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
@@ -110,7 +109,7 @@ def measure(effort: Effort) -> Iterator[Row]:
     Raises:
         RuntimeError: A file means something else than it should.
     """
-    vocabulary = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
+    vocabulary = read_vocabulary(TREES)
     for nodes in SHORT_SIZES if effort.is_short else SIZES:
         goal = GOAL if nodes == LARGE else None
         yield from _compared(
@@ -257,7 +256,7 @@ def _whole(text: str, vocabulary: SymbolTable) -> Behaviour:
 
 def _read(text: str, vocabulary: SymbolTable) -> AgentSpec:
     _forget()
-    return read_agent_text(text, "benchmark.yaml", vocabulary)
+    return read_agent(Source("benchmark.yaml", text), vocabulary)
 
 
 def _forget() -> None:

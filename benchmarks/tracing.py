@@ -21,10 +21,10 @@ from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents.engine.ticker import Ticker
 from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_vocabulary
-from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.yaml.source import Source
 from engines import behaviours, light_behaviours
 from measuring import Effort, Row, in_turn, timed
 from reference_trees import RUNNING, SUCCESS, TREES, Shape, balanced, sequence
@@ -202,9 +202,8 @@ def _row(
 
 
 def _agent(tree: str) -> tuple[SceneSpace, AgentSpec]:
-    scene = read_scene(TREES_FOLDER / "scene.yaml")
-    vocabulary = read_vocabulary(TREES_FOLDER, scene)
-    return scene.space, read_agent_text(HEAD + tree, "benchmark.yaml", vocabulary)
+    vocabulary = read_vocabulary(TREES_FOLDER)
+    return vocabulary.space, read_agent(Source("benchmark.yaml", HEAD + tree), vocabulary)
 
 
 class _World(ScriptedEnvironment):

@@ -34,12 +34,9 @@ class NoSuchItem(NoSuchField):
 
 
 def value_at(data: Any, path: str, member: Member) -> Any:
-    """Return what a path leads to.
+    """Return what a path leads to: field names and numbers of items, from 0, joined by dots.
 
-    Args:
-        data: Nested data.
-        path: Field names and numbers of items, from 0, joined by dots.
-        member: How a field is taken; :func:`item_of` for plain data.
+    ``member`` takes a field; :func:`item_of` does so in plain data.
 
     Raises:
         NoSuchField: There is nothing; :class:`NoSuchItem` where a list is too short.

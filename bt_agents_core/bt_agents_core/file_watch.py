@@ -42,11 +42,8 @@ def differing(before: Mapping[str, Stamp], after: Mapping[str, Stamp]) -> tuple[
 def changes(poll_files: Poll, sleep: Callable[[float], None]) -> Iterator[tuple[str, ...]]:
     """Yield the names of changed files, whenever some differ from the poll before.
 
-    The first poll is made by this call.
-
-    Args:
-        poll_files: Returns the stamps of the files.
-        sleep: Waits so many seconds; ends the watch by raising ``KeyboardInterrupt``.
+    The first poll is made by this call. ``sleep`` waits so many seconds; it ends the watch by
+    raising ``KeyboardInterrupt``.
     """
     return _changes(poll_files(), poll_files, sleep)
 

@@ -13,13 +13,7 @@ LEASE_S = 1.0
 
 
 class LiveSceneView:
-    """Latest live scene of one run, at first the scene as awarded.
-
-    Args:
-        awarded: Scene as awarded.
-        clock: Steady time [s].
-        lease_s: A scene counts for so long after it has come [s].
-    """
+    """Latest live scene of one run, at first as awarded; each counts for ``lease_s`` [s]."""
 
     def __init__(
         self, awarded: Scene, clock: Callable[[], float], lease_s: float = LEASE_S

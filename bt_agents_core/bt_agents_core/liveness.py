@@ -10,13 +10,8 @@ STALL_S = 0.5
 def extended_after_stall(last_seen: float, lease_s: float, since: float, now: float) -> float:
     """Return the last sign of life of a peer, extended as this process has not listened since.
 
-    A lease that was valid then lasts for half its length from now at least.
-
-    Args:
-        last_seen: When a sign of life was heard last, on the steady clock [s].
-        lease_s: How long one counts [s].
-        since: When somebody listened last.
-        now: The time.
+    A lease that was valid then lasts for half its length from now at least. All times are on the
+    steady clock [s]; ``since`` is when somebody listened last.
     """
     return max(last_seen, now - lease_s / 2) if since - last_seen < lease_s else last_seen
 
@@ -25,7 +20,6 @@ class StallDetector:
     """Detects that this process was suspended; all times are on the steady clock [s].
 
     Args:
-        now: The time.
         limit_s: A longer gap between two polls is a stall.
         settle_s: How long afterwards to wait for news of what has happened meanwhile.
 

@@ -11,11 +11,7 @@ from bt_agents_core.scene import MISSING, Scene, SceneSpace, SceneValue, mood_of
 
 
 class Addressee:
-    """Person whom a run is about; live scenes about another person count as nobody there.
-
-    Args:
-        awarded: Scene as awarded; when it does not say who it is, the first live one does.
-    """
+    """Whom a run is about, the first one named; scenes about others count as nobody there."""
 
     def __init__(self, awarded: Scene) -> None:
         self._person_id = awarded.person_id
@@ -38,8 +34,6 @@ class Mood:
         now: Mood of the latest live scene; NaN when it is not known.
 
     Args:
-        awarded: Scene as awarded.
-        space: The scene parameters.
         clock: Steady time [s].
         baseline_s: Length of the baseline, from the first known mood on [s]; 0 for none.
         confidence: Moods with less are not known, 0..1.

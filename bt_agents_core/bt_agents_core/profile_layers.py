@@ -25,11 +25,7 @@ def layers_of(scene: Scene) -> dict[str, str]:
 
 
 def checked_layer(layer: str) -> str:
-    """Return the name of a layer of a person or a place.
-
-    Raises:
-        Refused: ``BAD_LAYER``.
-    """
+    """Return the name of a layer of a person or a place, or refuse it with ``BAD_LAYER``."""
     kind, slash, name = layer.partition("/")
     if not layer.isprintable():
         raise Refused(

@@ -38,11 +38,8 @@ class SceneParameter:
     """One named, ranged dimension of every scene and every profile.
 
     Attributes:
-        name: Identifier used in files, expressions and messages.
         minimum: Smallest value, in the parameter's own unit.
-        maximum: Largest value.
         default: Value in the range that stands for "nothing special"; never used as a measurement.
-        description: What the dimension means, in words.
         labels: Words for some values, for example ``{1.0: "child"}``.
         weight: How much it counts where distances are weighted, 0 or more.
     """
@@ -65,9 +62,7 @@ class SceneValue:
     """One value of a scene; ``value`` is NaN exactly when ``origin`` is ``MISSING``.
 
     Attributes:
-        name: Its parameter.
         value: In the unit of the parameter.
-        origin: Where it comes from.
         age_s: Time since the reading; 0 when given, NaN when missing [s].
         std: Standard deviation in the unit of the parameter; 0 when exact or not stated, NaN when
             missing.
@@ -108,7 +103,6 @@ class Scene:
     Attributes:
         scene_id: Unique per analysed scene.
         label: Words for people; may be empty.
-        person: True when a person is there.
         values: Every parameter of the space once, in its order.
         urgent: True may stop a running tree at once, where new scenes preempt.
         person_id: Who it is, by name or as a tracker calls them; empty when nobody knows.
@@ -146,11 +140,7 @@ class Scene:
         return tuple(value.std for value in self.values)
 
     def get(self, name: str) -> float:
-        """Return the value of a parameter, NaN when missing.
-
-        Raises:
-            KeyError: The scene has no such parameter.
-        """
+        """Return the value of a parameter, NaN when missing; ``KeyError`` without such a one."""
         for value in self.values:
             if value.name == name:
                 return value.value
@@ -182,12 +172,9 @@ class SceneSpace:
         return len(self.parameters)
 
     def vector(self, values: Iterable[float], *, missing: bool = False, what: str = "") -> Vector:
-        """Check a sequence of values from outside and return it as a vector.
+        """Return values from outside, one for each parameter in order, as a vector.
 
-        Args:
-            values: One finite number a parameter, in order, inside the range.
-            missing: True lets NaN stand for a missing value.
-            what: Subject of the error message, for example ``"bid of express"``.
+        With ``missing`` NaN stands for a missing value; ``what`` is the subject of error messages.
 
         Raises:
             Refused: ``WRONG_LENGTH``, ``NOT_A_NUMBER``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.
@@ -235,11 +222,7 @@ class SceneSpace:
         return {name: value for name, value in pairs if not math.isnan(value)}
 
     def parameter(self, name: str, *, what: str = "") -> SceneParameter:
-        """Return the parameter of a name.
-
-        Raises:
-            Refused: ``UNKNOWN_PARAMETER``.
-        """
+        """Return the parameter of a name, or refuse it with ``UNKNOWN_PARAMETER``."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
@@ -252,9 +235,7 @@ class SceneSpace:
         """Return the vector moved into the ranges; NaN stays NaN."""
         return tuple(p.clamp(v) for p, v in zip(self.parameters, vector, strict=True))
 
-    def scene(
-        self, values: Iterable[SceneValue], *, what: str = "scene"
-    ) -> tuple[SceneValue, ...]:
+    def scene(self, values: Iterable[SceneValue]) -> tuple[SceneValue, ...]:
         """Check the values of a scene from outside and return them in the order of the space.
 
         Raises:
@@ -264,31 +245,28 @@ class SceneSpace:
         """
         found: dict[str, SceneValue] = {}
         for value in values:
-            parameter = self.parameter(value.name, what=what)
+            parameter = self.parameter(value.name, what="scene")
             if value.name in found:
-                raise Refused(
-                    "DUPLICATE_PARAMETER", f"{_subject(what)}'{value.name}' stands twice"
-                )
+                raise Refused("DUPLICATE_PARAMETER", f"scene: '{value.name}' stands twice")
             if value.origin is Origin.MISSING:
                 if not math.isnan(value.value):
                     raise Refused(
                         "ORIGIN_MISMATCH",
-                        f"{_subject(what)}'{value.name}' is marked missing but has the value "
+                        f"scene: '{value.name}' is marked missing but has the value "
                         f"{value.value:g}; a missing value is NaN",
                     )
                 value = replace(SceneValue.missing(value.name), source=value.source)
             else:
-                check_value(parameter, value.value, what=what)
-                _check_certainty(value, what)
+                check_value(parameter, value.value, what="scene")
+                _check_certainty(value)
             found[value.name] = value
         if not found:
-            raise Refused("EMPTY", f"{_subject(what)}no values; expected {', '.join(self.names)}")
+            raise Refused("EMPTY", f"scene: no values; expected {', '.join(self.names)}")
         absent = [name for name in self.names if name not in found]
         if absent:
             raise Refused(
                 "WRONG_LENGTH",
-                f"{_subject(what)}no entry for {', '.join(absent)}; mark what is not "
-                "known as missing",
+                f"scene: no entry for {', '.join(absent)}; mark what is not known as missing",
             )
         return tuple(found[name] for name in self.names)
 
@@ -296,13 +274,8 @@ class SceneSpace:
 def mood_of(scene: Scene, space: SceneSpace, *, confidence: float = 0.0) -> float:
     """Return the mood of the person in a scene, NaN when it is not known.
 
-    It is known of a person who is there, when it was measured or given, with enough confidence: a
-    person who is lost is not unhappy, and neither is one whose mood is only assumed.
-
-    Args:
-        scene: The scene.
-        space: Says which parameter is the mood.
-        confidence: The least that counts, 0..1.
+    It is known of a person who is there, when it was measured or given, with ``confidence`` or
+    more: a person who is lost is not unhappy, and neither is one whose mood is only assumed.
     """
     if space.mood is None or not scene.person:
         return MISSING
@@ -316,11 +289,7 @@ def finite_or_none(value: float) -> float | None:
 
 
 def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> float:
-    """Return ``value`` when it is finite and inside the parameter's range.
-
-    Raises:
-        Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
-    """
+    """Return ``value`` if it is in range; refuse others: ``NOT_FINITE``, ``OUT_OF_RANGE``."""
     if not math.isfinite(value):
         raise Refused(
             "NOT_FINITE",
@@ -336,18 +305,16 @@ def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> f
     return value
 
 
-def _check_certainty(value: SceneValue, what: str) -> None:
+def _check_certainty(value: SceneValue) -> None:
     if not 0.0 <= value.std < math.inf:
         raise Refused(
             "BAD_STD",
-            f"{_subject(what)}the standard deviation of {value.name} is {value.std:g}, expected "
-            "0 or more",
+            f"scene: the standard deviation of {value.name} is {value.std:g}, expected 0 or more",
         )
     if not 0.0 <= value.confidence <= 1.0:
         raise Refused(
             "BAD_CONFIDENCE",
-            f"{_subject(what)}the confidence in {value.name} is {value.confidence:g}, expected "
-            "0 to 1",
+            f"scene: the confidence in {value.name} is {value.confidence:g}, expected 0 to 1",
         )
 
 

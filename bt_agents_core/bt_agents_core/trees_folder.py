@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lookup of data folders: the named one, else one in the current folder, else the installed."""
+"""Lookup of folders: of data the named one, else one in the current folder, else the installed."""
 
 from __future__ import annotations
 
@@ -45,9 +45,8 @@ def find_experiments(name: str) -> tuple[Path, ...]:
     Raises:
         BtAgentsError: There is no such experiment.
     """
-    explicit = name if "/" in name or (Path(name) / "experiment.yaml").exists() else ""
-    if explicit:
-        return (_find("", explicit, "", "experiment.yaml"),)
+    if "/" in name or (Path(name) / "experiment.yaml").exists():
+        return (_find("", name, "", "experiment.yaml"),)
     root = experiments_folder()
     known = sorted(path.parent for path in root.glob("*/experiment.yaml"))
     found = tuple(folder for folder in known if folder.name == name)
@@ -83,6 +82,17 @@ def experiments_folder() -> Path:
         BtAgentsError: There is none.
     """
     return _find("experiments", "", "bt_agents_experiments", "")
+
+
+def state_folder() -> Path:
+    """Return the folder of logs, journals and learned profiles, by the XDG rules."""
+    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(base) / "bt-agents"
+
+
+def journal_folder() -> Path:
+    """Return the folder of the journal when no other is named."""
+    return state_folder() / "journal"
 
 
 def _find(local: str, explicit: str, package: str, proof: str) -> Path:

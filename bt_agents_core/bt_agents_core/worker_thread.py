@@ -21,9 +21,6 @@ class WorkerThread(Executor):
 
     A process waits at its end for the threads of :mod:`concurrent.futures`, however long a disk or
     a network folder takes; for this one it does not.
-
-    Args:
-        name: Name of the thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -35,11 +32,6 @@ class WorkerThread(Executor):
         self._thread.start()
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
-        """Enqueue a call; return the future of its result.
-
-        Raises:
-            RuntimeError: After :meth:`shutdown`.
-        """
         future: Future[_T] = Future()
 
         def work() -> None:
@@ -57,12 +49,6 @@ class WorkerThread(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Accept no more calls.
-
-        Args:
-            wait: Wait until all are done, for :data:`LIMIT_S` at most.
-            cancel_futures: Cancel the calls that have not begun.
-        """
         with self._lock:
             self._closed = True
             while cancel_futures:

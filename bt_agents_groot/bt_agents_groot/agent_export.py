@@ -11,7 +11,7 @@ from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_export import TreeExport
 from bt_agents_groot.xml_files import Xml, xml_text
 from bt_agents_language.fields.inputs import read_inputs
-from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.imports import read_imports
 from bt_agents_language.model.specs import SubtreeSpec, Tunable
 from bt_agents_language.nodes.symbols import SymbolTable
@@ -43,7 +43,7 @@ def export_agent(source: Source, vocabulary: SymbolTable) -> ExportedAgent:
     Raises:
         ReadError: There is a problem in the file; it lists all of them.
     """
-    agent = read_agent_text(source.text, source.file, vocabulary)
+    agent = read_agent(source, vocabulary)
     return _Export(vocabulary).run(source, agent.name, agent.tunables)
 
 

@@ -15,11 +15,10 @@ from bt_agents_groot.agent_import import ImportedAgent, import_agent
 from bt_agents_groot.naming import snake
 from bt_agents_groot.translation import Remark, RemarkLevel
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
-from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.yaml.source import read_source
+from bt_agents_language.yaml.source import Source, read_source
 
 _OUT = click.option("-o", "--out", metavar="OUT", default="", help="The file to write.")
 _TREES = click.option("--dir", "directory", default="", help="The trees folder.")
@@ -48,7 +47,7 @@ def import_groot(file: str, out: str, agent: str, directory: str) -> None:
     """
     _refuse_existing(out)
     folder = find_trees(directory)
-    vocabulary = read_vocabulary(folder, read_scene(folder / "scene.yaml"))
+    vocabulary = read_vocabulary(folder)
     imported = import_agent(read_source(Path(file)), snake(agent or Path(file).stem), vocabulary)
     _write(out, imported.text)
     _print_remarks(imported.remarks)
@@ -83,7 +82,7 @@ def _find(agent: str, directory: str) -> tuple[Path, SymbolTable]:
     if agent.endswith((".yaml", ".yml")) or "/" in agent:
         above = (one for one in path.absolute().parents if (one / "scene.yaml").is_file())
         folder = find_trees(directory or str(next(above, "")))
-        return path, read_vocabulary(folder, read_scene(folder / "scene.yaml"))
+        return path, read_vocabulary(folder)
     trees = read_trees(find_trees(directory))
     files = {one.name: Path(one.file) for one in trees.agents}
     files |= {broken.file.stem: broken.file for broken in trees.broken}
@@ -121,6 +120,6 @@ def _print_remarks(remarks: Iterable[Remark]) -> None:
 def _check(imported: ImportedAgent, out: str, vocabulary: SymbolTable) -> None:
     """Print the errors that a file still has."""
     try:
-        read_agent_text(imported.text, out or "(the agent)", vocabulary)
+        read_agent(Source(out or "(the agent)", imported.text), vocabulary)
     except ReadError as error:
         click.echo(f"before it can run, mend this:\n{error.report}", err=True)

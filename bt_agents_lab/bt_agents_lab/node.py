@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.paths import journal_folder
+from bt_agents_core.trees_folder import journal_folder
 from bt_agents_interfaces.msg import (
     AgentFiles,
     Auction,

@@ -6,10 +6,11 @@ from __future__ import annotations
 import textwrap
 
 from bt_agents_language.files.testing.scenarios import AgentTest, Scenario
-from bt_agents_language.files.testing.test_reader import read_scenario_text, read_test_text
+from bt_agents_language.files.testing.test_reader import read_scenario_text
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
 from bt_agents_tools.rehearsal.rehearsal import rehearse
+from file_texts import read_test_text
 from tree_harness import SPACE, VOCABULARY, agent
 
 

@@ -16,15 +16,15 @@ from bt_agents.engine.run import Run, RunLimits, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.symbols import SymbolTable
+from file_texts import read_agent_text
 
 TREES = Path(__file__).parents[2] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
-VOCABULARY: SymbolTable = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
+VOCABULARY: SymbolTable = read_vocabulary(TREES)
 
 
 def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:

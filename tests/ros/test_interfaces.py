@@ -16,9 +16,9 @@ from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.field_types import BindingKind
 from bt_agents_interfaces.action import Say
 from bt_agents_interfaces.msg import Scene
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.types import fill, load_type, read_field, to_plain
+from file_texts import read_agent_text
 from tree_harness import VOCABULARY
 
 pytestmark = pytest.mark.ros

@@ -22,9 +22,9 @@ from bt_agents_interfaces.msg import (
     SceneValue,
 )
 from bt_agents_interfaces.srv import Analyze, ManageProfiles
-from bt_agents_language.files.scene_reader import read_scene_text
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
+from file_texts import read_scene_text
 from scene_layer.node import SceneLayerNode
 
 pytestmark = pytest.mark.ros

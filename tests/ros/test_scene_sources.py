@@ -22,10 +22,11 @@ from bt_agents_interfaces.msg import (
     SoftBiometrics,
 )
 from bt_agents_interfaces.srv import Analyze
-from bt_agents_language.files.scene_reader import read_scene, read_scene_text
+from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
+from file_texts import read_scene_text
 from scene_layer.node import SceneLayerNode
 from tree_harness import TREES
 

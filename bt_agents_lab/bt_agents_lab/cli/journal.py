@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.paths import journal_folder
+from bt_agents_core.trees_folder import journal_folder
 from bt_agents_ros.signals import loading
 
 try:

@@ -123,7 +123,7 @@ class TextFiles:
             try:
                 trees = read_trees(folder, interfaces, str(machine.get("robot", "")))
                 market = folder / MARKET
-                rules = read_market(market, trees.scene.space).rules if market.exists() else ()
+                rules = read_market(market, trees.scene.space) if market.exists() else ()
             except OSError as error:
                 raise BtAgentsError(f"the texts cannot be unpacked: {error}") from None
         return ParsedTexts(trees=trees, rules=rules, folder=str(folder))

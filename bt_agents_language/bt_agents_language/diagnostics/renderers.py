@@ -24,12 +24,10 @@ _BOLD, _DIM, _GREEN = "1", "2", "32"
 
 
 def wants_colour(stream: IO[str], environment: Mapping[str, str]) -> bool:
-    """Return whether colours may be written to a stream.
+    """Return whether colours may be written to a stream: only to a terminal.
 
-    Args:
-        stream: Where the text goes; only a terminal gets colours.
-        environment: Variables of the environment; a ``NO_COLOR`` that is not empty
-            (https://no-color.org) and ``TERM=dumb`` turn colours off.
+    In the environment a ``NO_COLOR`` that is not empty (https://no-color.org) and ``TERM=dumb``
+    turn them off.
     """
     if environment.get("NO_COLOR") or environment.get("TERM") == "dumb":
         return False
@@ -81,11 +79,7 @@ def as_hinted_line(diagnostic: Diagnostic) -> str:
 
 
 def as_json(diagnostics: Iterable[Diagnostic], about: Mapping[str, object]) -> str:
-    """Return problems as one JSON object.
-
-    Args:
-        diagnostics: The problems.
-        about: Further keys of the object.
+    """Return problems as one JSON object, with the further keys that ``about`` has.
 
     Returns:
         ``{"version": 1, …, "errors": 1, "warnings": 0, "truncated": false, "problems": [{"code",

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import Library
@@ -21,7 +21,6 @@ class AgentFile:
     """One agent file as it was read.
 
     Attributes:
-        file: Where it is.
         text: Its text; None when it could not be opened.
         agent: The agent; None when there are errors.
         error: The errors; None when there are none.
@@ -44,22 +43,13 @@ class AgentFile:
 
 
 def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> AgentFile:
-    """Return an agent file, good or broken.
-
-    Args:
-        path: Where it is.
-        libraries: Of its folder, with what it may speak of.
-        cause: Why it is read, in words.
-    """
-    text: str | None = None
-    agent: AgentSpec | None = None
-    error: ReadError | None = None
+    """Return an agent file, good or broken."""
+    text = agent = error = None
     asked = _Asked(libraries)
     try:
         source = read_source(path)
         text = source.text
-        vocabulary = replace(libraries.vocabulary, libraries=asked)
-        agent = read_agent_text(text, source.file, vocabulary)
+        agent = read_agent(source, replace(libraries.vocabulary, libraries=asked))
     except ReadError as problem:
         error = problem
     return AgentFile(
@@ -80,14 +70,11 @@ class _Asked:
         self._libraries = libraries
 
     def load(self, path: str) -> Library:
-        """Return a library; see :class:`Libraries`."""
         self.paths_loaded.add(path)
         return self._libraries.load(path)
 
     def paths(self) -> list[str]:
-        """Return the paths of all libraries; see :class:`Libraries`."""
         return self._libraries.paths()
 
     def with_subtree(self, name: str) -> list[str]:
-        """Return the libraries with a subtree; see :class:`Libraries`."""
         return self._libraries.with_subtree(name)

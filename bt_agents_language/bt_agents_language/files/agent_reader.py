@@ -8,16 +8,19 @@ from pathlib import Path
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.gc_pause import gc_paused
-from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.scene_values import read_vector
 from bt_agents_language.fields.scope import NameScope, scene_names
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.files.imports import IMPORTS, read_imports
-from bt_agents_language.files.learning_reader import LEARNING_FIELDS, read_learning, read_weights
+from bt_agents_language.files.learning_reader import (
+    LEARNING_FIELDS,
+    numbers_by_parameter,
+    read_learning,
+)
 from bt_agents_language.files.mood_rule_reader import MOOD_RULE, read_mood_rules
 from bt_agents_language.files.tunable_reader import TUNABLE, read_tunable
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Tunable, UnusedInput, iter_nodes
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, Tunable, iter_nodes
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.trees_reader import SUBTREES, TreesReader
 from bt_agents_language.yaml.field_tables import (
@@ -32,7 +35,7 @@ from bt_agents_language.yaml.field_tables import (
     SceneValues,
 )
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import entries_of
 
 AGENT = FileKind(
@@ -71,118 +74,87 @@ AGENT = FileKind(
 )
 
 
-def read_agent(path: Path, vocabulary: SymbolTable) -> AgentSpec:
-    """Return the agent of a file.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+def read_agent(file: Path | Source, symbols: SymbolTable) -> AgentSpec:
+    """Return the agent of a file, or raise a ``ReadError`` with all problems."""
     with gc_paused():
-        return _AgentFile(TypedReader.of(path), vocabulary).read()
+        return _read(TypedReader.of(file), symbols)
 
 
-def read_agent_text(text: str, file: str, vocabulary: SymbolTable) -> AgentSpec:
-    """Return the agent of a text; ``file`` is what messages call it. As :func:`read_agent`."""
-    with gc_paused():
-        return _AgentFile(TypedReader(Source(file, text)), vocabulary).read()
+def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
+    fields = reading.file(AGENT)
+    space = symbols.space
+    name = fields.name("agent")
+    profile = requires = None
+    if (node := fields.get("profile")) is not None:
+        profile = read_vector(reading, node, "'profile'", space)
+    rate, learning = read_learning(reading, fields, space)
+    weights = numbers_by_parameter(reading, fields, "weights", space)
+    tunables = _tunables(reading, fields)
+    rules = read_mood_rules(reading, fields, space)
+    if (node := fields.get("requires")) is not None:
+        names = NameScope(scene_names(space, ("scene",)))
+        requires = read_condition(reading, node, names, "'requires'")
+    tags = tuple(reading.text(tag, "a tag") or "" for tag in fields.items("tags"))
+    title, description = fields.text("title"), fields.text("description")
+    trees = _trees(reading, fields, symbols, tunables)
+    tree, on_cancel = trees.trees(fields.get("tree"), fields.get("on_cancel"))
+    reading.problems.raise_if_any()
+    assert name is not None
+    assert profile is not None
+    assert tree is not None
+    return AgentSpec(
+        name=name,
+        title=title or name,
+        description=" ".join(description.split()),
+        tags=tags,
+        profile=profile,
+        learning_rate=rate,
+        learning=learning,
+        weights=weights,
+        requires=requires,
+        tunables=tuple(tunable for tunable in tunables.values() if tunable is not None),
+        rules=rules,
+        tree=tree,
+        on_cancel=on_cancel,
+        file=reading.source.file,
+        unoffered=_unoffered(tree, on_cancel),
+        unused_inputs=tuple(trees.unused_inputs),
+    )
 
 
-class _AgentFile:
-    """One agent file while it is read."""
+def _tunables(reading: TypedReader, fields: MappingReader) -> dict[str, Tunable | None]:
+    """Return the tunables by name; of one that is wrong only the name is known."""
+    tunables: dict[str, Tunable | None] = {}
+    for entry in fields.entries("tunables"):
+        name = read_new_name(reading, entry.key, "a tunable")
+        if name == "learning_rate":
+            reading.error(
+                "name-taken",
+                entry.key,
+                "'learning_rate' is a key of the agent itself",
+                "choose another name for the tunable",
+            )
+        tunable = read_tunable(reading, entry, name or entry.key.text[:40])
+        if name is not None:
+            tunables[name] = tunable
+    return tunables
 
-    def __init__(self, reading: TypedReader, vocabulary: SymbolTable) -> None:
-        self._reading = reading
-        self._vocabulary = vocabulary
-        self._space = vocabulary.space
-        self._fields = reading.file(AGENT)
-        self._unused_inputs: tuple[UnusedInput, ...] = ()
 
-    def read(self) -> AgentSpec:
-        """Return the agent."""
-        fields = self._fields
-        name = fields.name("agent")
-        profile_node = fields.get("profile")
-        profile = (
-            read_vector(self._reading, profile_node, "'profile'", self._space)
-            if profile_node is not None
-            else None
-        )
-        rate, learning = read_learning(self._reading, fields, self._space)
-        weights = read_weights(self._reading, fields, self._space)
-        tunables = self._tunables()
-        rules = read_mood_rules(self._reading, fields, self._space)
-        requires = self._requires()
-        tags = tuple(self._reading.text(tag, "a tag") or "" for tag in fields.items("tags"))
-        title, description = fields.text("title"), fields.text("description")
-        tree, on_cancel = self._trees(tunables)
-        self._reading.problems.raise_if_any()
-        assert name is not None
-        assert profile is not None
-        assert tree is not None
-        return AgentSpec(
-            name=name,
-            title=title or name,
-            description=" ".join(description.split()),
-            tags=tags,
-            profile=profile,
-            learning_rate=rate,
-            learning=learning,
-            weights=weights,
-            requires=requires,
-            tunables=tuple(tunable for tunable in tunables.values() if tunable is not None),
-            rules=rules,
-            tree=tree,
-            on_cancel=on_cancel,
-            file=self._reading.source.file,
-            unoffered=_unoffered(tree, on_cancel),
-            unused_inputs=self._unused_inputs,
-        )
-
-    def _tunables(self) -> dict[str, Tunable | None]:
-        """Return the tunables by name; of one that is wrong only the name is known."""
-        tunables: dict[str, Tunable | None] = {}
-        for entry in self._fields.entries("tunables"):
-            name = read_new_name(self._reading, entry.key, "a tunable")
-            if name == "learning_rate":
-                self._reading.error(
-                    "name-taken",
-                    entry.key,
-                    "'learning_rate' is a key of the agent itself",
-                    "choose another name for the tunable",
-                )
-            tunable = read_tunable(self._reading, entry, name or entry.key.text[:40])
-            if name is not None:
-                tunables[name] = tunable
-        return tunables
-
-    def _requires(self) -> Expression | None:
-        node = self._fields.get("requires")
-        if node is None:
-            return None
-        names = NameScope(scene_names(self._space, ("scene",)))
-        return read_condition(self._reading, node, names, "'requires'")
-
-    def _trees(
-        self, tunables: Mapping[str, Tunable | None]
-    ) -> tuple[NodeSpec | None, NodeSpec | None]:
-        fields = self._fields
-        vocabulary, imported = read_imports(self._reading, fields, self._vocabulary)
+def _trees(
+    reading: TypedReader,
+    fields: MappingReader,
+    symbols: SymbolTable,
+    tunables: Mapping[str, Tunable | None],
+) -> TreesReader:
+    symbols, imported = read_imports(reading, fields, symbols)
+    declared = fields.get("tunables")
+    types = None
+    if declared is None or len(entries_of(declared)) == len(tunables) > 0:
         types = {
             name: tunable.type if tunable is not None else FieldType.ANY
             for name, tunable in tunables.items()
         }
-        declared = entries_of(fields.get("tunables"))
-        sound = fields.get("tunables") is None or len(declared) == len(tunables) > 0
-        trees = TreesReader(
-            self._reading,
-            fields.entries("subtrees"),
-            vocabulary,
-            imported,
-            types if sound else None,
-        )
-        specs = trees.trees(fields.get("tree"), fields.get("on_cancel"))
-        self._unused_inputs = tuple(trees.unused_inputs)
-        return specs
+    return TreesReader(reading, fields.entries("subtrees"), symbols, imported, types)
 
 
 def _unoffered(*trees: NodeSpec | None) -> tuple[str, ...]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace, Vector
@@ -75,25 +74,16 @@ EXPERIMENT = FileKind(
 
 
 def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
-    """Return the experiment of a file.
-
-    Args:
-        file: The file, or its text.
-        space: The scene parameters.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return the experiment of a file, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(EXPERIMENT)
     title = fields.text("title")
     rounds = fields.integer("rounds", maximum=MAX_ROUNDS)
     seed = fields.integer("seed")
     scenes = [read_vector(reading, node, "a scene", space) for node in fields.items("scenes")]
-    feedback_node = fields.get("feedback")
-    feedback = (
-        _feedback(reading, feedback_node, space, seed or 0) if feedback_node is not None else None
-    )
+    feedback = None
+    if (node := fields.get("feedback")) is not None:
+        feedback = _feedback(reading, node, space, seed or 0)
     reading.problems.raise_if_any()
     assert rounds is not None
     assert seed is not None
@@ -105,11 +95,6 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
         scenes=tuple(scene for scene in scenes if scene is not None),
         feedback=feedback,
     )
-
-
-def read_simulated_feedback(path: Path, space: SceneSpace) -> PreparedFeedback:
-    """Return the feedback of an experiment alone; as :func:`read_experiment`."""
-    return read_experiment(path, space).feedback
 
 
 def _feedback(
@@ -132,12 +117,11 @@ def _feedback(
         if agent is not None and vector is not None:
             each[agent] = vector
     sequence = [_opinion(reading, item, space) for item in fields.items("sequence")]
-    repeat = fields.boolean("repeat")
     errors_node = fields.get("errors")
     return PreparedFeedback(
         each=each,
         sequence=tuple(vector for vector in sequence if vector is not None),
-        repeat=bool(repeat),
+        repeat=bool(fields.boolean("repeat")),
         errors=None if errors_node is None else _errors(reading, errors_node, space, seed),
     )
 
@@ -158,14 +142,12 @@ def _errors(
             "write 'every: 3' for each third, or 'share: 0.05' for five of a hundred by chance",
         )
         return None
-    every = fields.integer("every", maximum=MAX_ROUNDS)
-    share = fields.number("share")
     value_node = fields.get("value")
     return FeedbackErrors(
         space=space,
         seed=seed,
-        every=every or 0,
-        share=share or 0.0,
+        every=fields.integer("every", maximum=MAX_ROUNDS) or 0,
+        share=fields.number("share") or 0.0,
         value=None if value_node is None else read_vector(reading, value_node, "a value", space),
     )
 
@@ -180,4 +162,4 @@ def _opinion(reading: TypedReader, node: Node, space: SceneSpace) -> Vector | No
         )
     if len(reading.problems) > before:
         return None
-    return tuple(values.get(name, math.nan) for name in space.names)
+    return space.ordered(values)

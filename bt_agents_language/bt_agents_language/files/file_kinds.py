@@ -17,4 +17,3 @@ from bt_agents_language.yaml.field_tables import FileKind
 FILE_KINDS: Mapping[str, FileKind] = {
     kind.name: kind for kind in (AGENT, LIBRARY, TEST, SCENE, MARKET, SCRIPT, EXPERIMENT)
 }
-"""Kinds of files by name."""

@@ -40,8 +40,6 @@ class Trees:
     """A trees folder.
 
     Attributes:
-        folder: Where it is.
-        scene: ``scene.yaml``.
         vocabulary: What its agents may speak of.
         agents: The agents that could be read, by name.
         broken: The files of agents and libraries that could not.
@@ -68,10 +66,7 @@ class Trees:
     texts: Mapping[Path, str | None] = field(default_factory=dict)
 
     def tagged(self, tags: str) -> Trees:
-        """Return the folder with those agents only that have one of some tags.
-
-        Args:
-            tags: Tags with commas between them; empty keeps every agent.
+        """Return the folder with those agents only that have one of some tags ``a, b``, if any.
 
         Raises:
             BtAgentsError: No agent has a tag of this name.
@@ -126,42 +121,33 @@ def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = 
     )
 
 
-def read_vocabulary(
-    folder: Path, scene: SceneSpec, interfaces: Interfaces | None = None, robot: str = ""
-) -> SymbolTable:
-    """Return what the agents of a folder may speak of; as :func:`read_trees`.
-
-    Raises:
-        ReadError: A skills file is broken.
-    """
-    return _libraries(folder, scene, interfaces, robot).vocabulary
+def read_vocabulary(folder: Path) -> SymbolTable:
+    """Return what agents of a folder may speak of, without ROS types; as :func:`read_trees`."""
+    return _libraries(folder, read_scene(folder / "scene.yaml"), None, "").vocabulary
 
 
 def _libraries(
     folder: Path, scene: SceneSpec, interfaces: Interfaces | None, robot: str
 ) -> FolderLibraries:
     skills = read_skills(yaml_files(folder / "skills"), interfaces, robot)
-    vocabulary = SymbolTable(
+    symbols = SymbolTable(
         space=scene.space,
         skills=skills,
         interfaces=interfaces,
         plugins=installed_plugins().without(skills).kinds,
     )
-    return FolderLibraries(folder, vocabulary, robot)
+    return FolderLibraries(folder, symbols, robot)
 
 
 def yaml_files(folder: Path, *, tests: bool = False) -> list[Path]:
     """Return the YAML files of a folder by name, without hidden ones; with tests if asked for."""
     if not folder.is_dir():
         return []
-    return sorted(path for path in folder.iterdir() if _is_yaml(path, tests))
-
-
-def _is_yaml(path: Path, tests: bool) -> bool:
-    return (
-        path.suffix in SUFFIXES
-        and not path.name.startswith(".")
-        and (tests or not path.name.endswith(TEST_SUFFIXES))
+    return sorted(
+        path
+        for path in folder.iterdir()
+        if path.suffix in SUFFIXES and not path.name.startswith(".")
+        if tests or not path.name.endswith(TEST_SUFFIXES)
     )
 
 
@@ -182,10 +168,6 @@ def named(
     files: list[AgentFile], before: Mapping[str, Path]
 ) -> tuple[tuple[AgentSpec, ...], list[AgentFile], dict[str, Path]]:
     """Give each name to one file; who had it keeps it, also while its file is broken.
-
-    Args:
-        files: As they were read.
-        before: Name → the file that has had it so far.
 
     Returns:
         The agents by name; the files, where those that came too late are broken; the new holders.

@@ -20,24 +20,23 @@ SUFFIXES = (".yaml", ".yml")
 IMPORTS = FieldDecl(
     "imports", Items(TEXT), "Libraries, by their paths from the trees folder: libraries/x.yaml"
 )
-"""The key of what a file imports."""
 
 
 def read_imports(
-    reading: TypedReader, fields: MappingReader, vocabulary: SymbolTable
+    reading: TypedReader, fields: MappingReader, symbols: SymbolTable
 ) -> tuple[SymbolTable, Mapping[str, SubtreeSpec]]:
-    """Return the vocabulary with imported skills, and the imported subtrees by name.
+    """Return the symbols with imported skills, and the imported subtrees by name.
 
     What cannot be imported is reported where its path stands.
     """
-    skills: dict[str, SkillSpec] = dict(vocabulary.skills)
+    skills: dict[str, SkillSpec] = dict(symbols.skills)
     subtrees: dict[str, SubtreeSpec] = {}
     seen: set[str] = set()
     imports = fields.get("imports")
     failed = imports is not None and not isinstance(imports, Sequence)
     for node in fields.items("imports"):
         path = reading.text(node, "an import")
-        library = _load(reading, node, path, vocabulary, seen) if path is not None else None
+        library = _load(reading, node, path, symbols, seen) if path is not None else None
         if library is None:
             failed = True
             continue
@@ -49,11 +48,11 @@ def read_imports(
             other = subtrees.setdefault(subtree.name, subtree)
             if other is not subtree:
                 _taken(reading, node, "subtree", subtree.name, other.position.file)
-    return replace(vocabulary.with_skills(skills), incomplete=failed), subtrees
+    return replace(symbols.with_skills(skills), incomplete=failed), subtrees
 
 
 def _load(
-    reading: TypedReader, node: Node, path: str, vocabulary: SymbolTable, seen: set[str]
+    reading: TypedReader, node: Node, path: str, symbols: SymbolTable, seen: set[str]
 ) -> Library | None:
     problem, hint = _path_problem(path)
     if problem:
@@ -63,13 +62,13 @@ def _load(
         reading.error("duplicate-key", node, f"{quote(path)} is imported twice", "remove one")
         return None
     seen.add(path)
-    if vocabulary.libraries is None:
+    if symbols.libraries is None:
         reading.error(
             "bad-import", node, "there is no trees folder to import from", "put the file into one"
         )
         return None
     try:
-        return vocabulary.libraries.load(path)
+        return symbols.libraries.load(path)
     except ImportProblem as error:
         reading.error(error.code, node, error.message, error.hint)
         return None

@@ -33,7 +33,6 @@ MAX_WINDOW = 100
 """Most feedbacks of which the median is taken."""
 
 MAX_ANNEAL = 100
-"""Largest annealing."""
 
 _ALL = "all"
 
@@ -89,7 +88,6 @@ LEARNING = KeyTable(
         ),
     ),
 )
-"""The keys of ``learning``."""
 
 LEARNING_FIELDS = (
     FieldDecl(
@@ -103,8 +101,6 @@ LEARNING_FIELDS = (
     ),
 )
 """The keys of an agent that say how it learns."""
-
-_ONLY_WITH = {"window": Update.MEDIAN, "width": Update.HUBER}
 
 
 def read_learning(
@@ -125,124 +121,84 @@ def read_learning(
             "keep one of both",
         )
     rate = fields.number("rate")
-    return usual if rate is None else rate, _Learning(reading, fields, space).rule()
+    return usual if rate is None else rate, _rule(reading, fields, space)
 
 
-def read_weights(
-    reading: TypedReader, agent: MappingReader, space: SceneSpace
-) -> dict[str, float]:
-    """Return how much parameters count for an agent; problems are reported."""
-    return _by_parameter(reading, agent, "weights", space)
-
-
-class _Learning:
-    """The keys of ``learning:`` while they are read."""
-
-    def __init__(self, reading: TypedReader, fields: MappingReader, space: SceneSpace) -> None:
-        self._reading = reading
-        self._fields = fields
-        self._space = space
-
-    def rule(self) -> LearningRule:
-        """Return what they say."""
-        fields = self._fields
-        usual = LearningRule()
-        rates = self._of_parameters("rates")
-        frozen = self._frozen()
-        self._refuse_both(rates, frozen)
-        word = fields.choice("update")
-        update = usual.update if word is None else Update(word)
-        if word is not None or fields.get("update") is None:
-            self._refuse_idle(update)
-        window = fields.integer("window")
-        anneal = fields.number("anneal")
-        general = fields.number("general")
-        layers = self._layers()
-        if general is not None and fields.get("layers") is None:
-            self._idle("general", "add 'layers: [person]'")
-        return LearningRule(
-            rates={**rates, **dict.fromkeys(frozen, 0.0)},
-            update=update,
-            width=self._width(),
-            window=usual.window if window is None else window,
-            anneal=usual.anneal if anneal is None else anneal,
-            drift=self._of_parameters("drift"),
-            weights=self._weights(),
-            layers=layers,
-            general=usual.general if general is None else general,
+def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> LearningRule:
+    usual = LearningRule()
+    rates = numbers_by_parameter(reading, fields, "rates", space)
+    frozen = _frozen(reading, fields, space)
+    both = [name for name in frozen if name in rates]
+    if both:
+        reading.error(
+            "contradiction",
+            fields.keys["freeze"],
+            f"'rates' says how fast {', '.join(both)} learns, 'freeze' that it does not",
+            "keep one of both",
         )
-
-    def _of_parameters(self, key: str) -> dict[str, float]:
-        return _by_parameter(self._reading, self._fields, key, self._space)
-
-    def _width(self) -> dict[str, float]:
-        width = self._of_parameters("width")
-        stuck = [name for name, value in width.items() if not value]
-        if stuck:
-            self._reading.error(
-                "out-of-range",
-                self._fields.keys["width"],
-                f"'width' of {', '.join(stuck)} is 0, expected more",
-                f"write 'freeze: [{', '.join(stuck)}]' for what is not to learn",
-            )
-        return width
-
-    def _frozen(self) -> tuple[str, ...]:
-        """Return the parameters that do not learn."""
-        node = self._fields.get("freeze")
-        if node is None:
-            return ()
-        if isinstance(node, Scalar) and node.text == _ALL:
-            return self._space.names
-        if isinstance(node, Scalar) and not node.empty:
-            self._reading.wrong_type(
-                node, "'freeze'", f"a list of parameters, or '{_ALL}'", Shape.LIST
-            )
-            return ()
-        found = (
-            read_parameter(self._reading, item, self._space)
-            for item in self._reading.items(node, "'freeze'")
+    word = fields.choice("update")
+    update = usual.update if word is None else Update(word)
+    if word is not None or fields.get("update") is None:
+        for key, only in (("window", Update.MEDIAN), ("width", Update.HUBER)):
+            if fields.get(key) is not None and update is not only:
+                _report_idle(reading, fields, key, f"add 'update: {only}', or take it out")
+    width = numbers_by_parameter(reading, fields, "width", space)
+    stuck = ", ".join(name for name, value in width.items() if not value)
+    if stuck:
+        reading.error(
+            "out-of-range",
+            fields.keys["width"],
+            f"'width' of {stuck} is 0, expected more",
+            f"write 'freeze: [{stuck}]' for what is not to learn",
         )
-        return tuple(parameter.name for parameter in found if parameter is not None)
-
-    def _refuse_both(self, rates: dict[str, float], frozen: tuple[str, ...]) -> None:
-        both = [name for name in frozen if name in rates]
-        if both:
-            self._reading.error(
-                "contradiction",
-                self._fields.keys["freeze"],
-                f"'rates' says how fast {', '.join(both)} learns, 'freeze' that it does not",
-                "keep one of both",
-            )
-
-    def _refuse_idle(self, update: Update) -> None:
-        for key, only in _ONLY_WITH.items():
-            if self._fields.get(key) is not None and update is not only:
-                self._idle(key, f"add 'update: {only}', or take it out")
-
-    def _idle(self, key: str, hint: str) -> None:
-        self._reading.error(
-            "misplaced-key", self._fields.keys[key], f"'{key}' has nothing to act on here", hint
-        )
-
-    def _weights(self) -> dict[str, float]:
-        weights: dict[str, float] = {}
-        for entry in self._fields.entries("weights"):
-            weight = self._reading.number(
-                entry.value, f"the weight of '{entry.key.text}'", 0.0, MAX_WEIGHT
-            )
-            if weight is not None:
-                weights[entry.key.text] = weight
-        return weights
-
-    def _layers(self) -> tuple[str, ...]:
-        found = (
-            self._reading.choice(item, "a layer", LAYERS) for item in self._fields.items("layers")
-        )
-        return tuple(dict.fromkeys(layer for layer in found if layer is not None))
+    window = fields.integer("window")
+    anneal = fields.number("anneal")
+    general = fields.number("general")
+    layers = (reading.choice(item, "a layer", LAYERS) for item in fields.items("layers"))
+    if general is not None and fields.get("layers") is None:
+        _report_idle(reading, fields, "general", "add 'layers: [person]'")
+    return LearningRule(
+        rates={**rates, **dict.fromkeys(frozen, 0.0)},
+        update=update,
+        width=width,
+        window=usual.window if window is None else window,
+        anneal=usual.anneal if anneal is None else anneal,
+        drift=numbers_by_parameter(reading, fields, "drift", space),
+        weights=_weights(reading, fields),
+        layers=tuple(dict.fromkeys(layer for layer in layers if layer is not None)),
+        general=usual.general if general is None else general,
+    )
 
 
-def _by_parameter(
+def _frozen(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> tuple[str, ...]:
+    node = fields.get("freeze")
+    if node is None:
+        return ()
+    if isinstance(node, Scalar) and node.text == _ALL:
+        return space.names
+    if isinstance(node, Scalar) and not node.empty:
+        reading.wrong_type(node, "'freeze'", f"a list of parameters, or '{_ALL}'", Shape.LIST)
+        return ()
+    found = (read_parameter(reading, item, space) for item in reading.items(node, "'freeze'"))
+    return tuple(parameter.name for parameter in found if parameter is not None)
+
+
+def _report_idle(reading: TypedReader, fields: MappingReader, key: str, hint: str) -> None:
+    message = f"'{key}' has nothing to act on here"
+    reading.error("misplaced-key", fields.keys[key], message, hint)
+
+
+def _weights(reading: TypedReader, fields: MappingReader) -> dict[str, float]:
+    weights: dict[str, float] = {}
+    for entry in fields.entries("weights"):
+        what = f"the weight of '{entry.key.text}'"
+        weight = reading.number(entry.value, what, 0.0, MAX_WEIGHT)
+        if weight is not None:
+            weights[entry.key.text] = weight
+    return weights
+
+
+def numbers_by_parameter(
     reading: TypedReader, fields: MappingReader, key: str, space: SceneSpace
 ) -> dict[str, float]:
     """Return numbers for some scene parameters, each within the limits of the table."""

@@ -31,35 +31,30 @@ MAX_CHAIN = 16
 _OTHERS = ("agents/", "scripts/")
 """Folders whose files are read as something else, so that reading them here blames them."""
 
-_CONTENTS = ("skills", "bindings", "subtrees")
-
 
 class FolderLibraries:
     """The libraries of one trees folder.
 
     Args:
         folder: The trees folder; nothing outside of it is read.
-        vocabulary: What libraries may speak of.
-        robot: Robot whose bindings of skills are preferred.
 
     Attributes:
-        vocabulary: The same, with these libraries.
+        vocabulary: What the files of the folder may speak of, with these libraries.
         broken: The libraries that could not be read, by path.
         imports: Path of a library → what it imports itself.
     """
 
-    def __init__(self, folder: Path, vocabulary: SymbolTable, robot: str = "") -> None:
+    def __init__(self, folder: Path, symbols: SymbolTable, robot: str = "") -> None:
         self.broken: dict[str, ReadError] = {}
         self.imports: dict[str, set[str]] = {}
         self._folder = folder
-        self.vocabulary = replace(vocabulary, libraries=self)
+        self.vocabulary = replace(symbols, libraries=self)
         self._robot = robot
         self._read: dict[str, Library] = {}
         self._chain: list[str] = []
         self._circles: dict[str, tuple[str, ...]] = {}
 
     def load(self, path: str) -> Library:
-        """Return the library of a path; see :class:`Libraries`."""
         if self._chain:
             self.imports.setdefault(self._chain[-1], set()).add(path)
         if path in self._read:
@@ -119,8 +114,7 @@ class FolderLibraries:
     def _inside(self, path: str) -> Path:
         file = self._folder / path
         try:
-            real = file.resolve()
-            inside = real.is_relative_to(self._folder.resolve())
+            inside = file.resolve().is_relative_to(self._folder.resolve())
             there, link = file.exists(), file.is_symlink()
         except (OSError, RuntimeError, ValueError):
             inside, there, link = True, False, False
@@ -128,25 +122,19 @@ class FolderLibraries:
             raise ImportProblem(
                 "bad-import", f"{quote(path)} leads out of the trees folder", "copy the file here"
             )
-        if not there and link:
-            raise ImportProblem(
-                "no-file", f"the link {quote(path)} leads nowhere", "put the file in its place"
-            )
-        if not there:
-            raise ImportProblem(
-                "no-file",
-                f"there is no file {quote(path)} in the trees folder",
-                did_you_mean(path, self.paths()),
-            )
-        return file
+        if there:
+            return file
+        message, hint = f"the link {quote(path)} leads nowhere", "put the file in its place"
+        if not link:
+            message = f"there is no file {quote(path)} in the trees folder"
+            hint = did_you_mean(path, self.paths())
+        raise ImportProblem("no-file", message, hint)
 
     def paths(self) -> list[str]:
-        """Return the paths of all files under ``libraries``; see :class:`Libraries`."""
         found = sorted((self._folder / "libraries").glob("*"))
         return [f"libraries/{path.name}" for path in found if path.suffix in SUFFIXES]
 
     def with_subtree(self, name: str) -> list[str]:
-        """Return the paths of the libraries with a subtree of a name; see :class:`Libraries`."""
         found = []
         for path in self.paths():
             # What is being read now may be imported by the others, which would look like a circle.
@@ -159,7 +147,7 @@ class FolderLibraries:
 
     def _library(self, reading: TypedReader) -> Library:
         fields = reading.file(LIBRARY)
-        if not any(fields.get(key) is not None for key in _CONTENTS):
+        if not any(fields.get(key) is not None for key in ("skills", "bindings", "subtrees")):
             reading.error(
                 "missing-key",
                 fields.mapping.position,
@@ -167,21 +155,21 @@ class FolderLibraries:
                 "add what it offers to the files that import it",
             )
         fields.text("description")
-        vocabulary, imported = read_imports(reading, fields, self.vocabulary)
-        skills = SkillsReader(vocabulary.interfaces, self._robot)
+        symbols, imported = read_imports(reading, fields, self.vocabulary)
+        skills = SkillsReader(symbols.interfaces, self._robot)
         if fields.get("skills") is not None or fields.get("bindings") is not None:
             skills.declare(reading, fields)
             skills.bind(reading, fields)
         own = skills.skills()
-        for name in own.keys() & vocabulary.skills.keys():
+        for name in own.keys() & symbols.skills.keys():
             reading.error(
                 "duplicate-skill",
                 own[name].position,
-                f"there is a skill '{name}' already: {vocabulary.skills[name].position}",
+                f"there is a skill '{name}' already: {symbols.skills[name].position}",
                 "rename or remove one of them",
             )
-        vocabulary = vocabulary.with_skills(own)
-        trees = TreesReader(reading, fields.entries("subtrees"), vocabulary, imported, {})
+        symbols = symbols.with_skills(own)
+        trees = TreesReader(reading, fields.entries("subtrees"), symbols, imported, {})
         subtrees = trees.library()
         reading.problems.raise_if_any()
         return Library(

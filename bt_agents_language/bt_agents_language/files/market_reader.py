@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from bt_agents_language.yaml.field_tables import (
     KeyTable,
 )
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
 MARKET_FILE = "market.yaml"
@@ -58,62 +58,32 @@ MARKET = FileKind(
 
 @dataclass(frozen=True, kw_only=True)
 class MarketRule:
-    """Who wins when a condition holds.
-
-    Attributes:
-        condition: Over ``scene.*``.
-        agents: Who wins, the first of them that bids.
-        positions: Where each of the agents is named.
-    """
+    """Who wins when a condition holds: the first of the agents that bids."""
 
     condition: Expression
     agents: tuple[str, ...]
     positions: tuple[Position, ...] = field(compare=False)
 
-    @property
-    def text(self) -> str:
-        """The condition as the author wrote it."""
-        return self.condition.text
 
-
-@dataclass(frozen=True, kw_only=True)
-class MarketSpec:
-    """What ``market.yaml`` says; ``rules`` in their order."""
-
-    rules: tuple[MarketRule, ...] = ()
-
-
-def market_of(folder: Path, space: SceneSpace) -> MarketSpec:
-    """Return what the market file of a trees folder says; one without any has no rules.
-
-    Raises:
-        ReadError: As :func:`read_market`.
-    """
+def market_of(folder: Path, space: SceneSpace) -> tuple[MarketRule, ...]:
+    """Return the rules of a folder's market file, none without any; as :func:`read_market`."""
     file = folder / MARKET_FILE
-    return read_market(file, space) if file.exists() else MarketSpec()
+    return read_market(file, space) if file.exists() else ()
 
 
-def read_market(file: Path | Source, space: SceneSpace) -> MarketSpec:
-    """Return what a market file says.
-
-    Args:
-        file: The file, or its text.
-        space: The parameters that conditions may name.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+def read_market(file: Path | Source, space: SceneSpace) -> tuple[MarketRule, ...]:
+    """Return the rules of a market file, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(MARKET)
     names = NameScope(scene_names(space, ("scene",)))
     rules = [_rule(reading, node, names) for node in fields.items("rules")]
     reading.problems.raise_if_any()
-    return MarketSpec(rules=tuple(rule for rule in rules if rule is not None))
+    return tuple(rule for rule in rules if rule is not None)
 
 
-def unknown_agents(market: MarketSpec, known: Collection[str]) -> Iterator[Diagnostic]:
+def unknown_agents(rules: Iterable[MarketRule], known: Collection[str]) -> Iterator[Diagnostic]:
     """Yield a warning for each agent of a rule that is not among the known ones."""
-    for rule in market.rules:
+    for rule in rules:
         for agent, position in zip(rule.agents, rule.positions, strict=True):
             if agent not in known:
                 yield Diagnostic(
@@ -132,18 +102,13 @@ def _rule(reading: TypedReader, node: Node, names: NameScope) -> MarketRule | No
     condition = None
     if (when := fields.get("when")) is not None:
         condition = read_condition(reading, when, names, "'when'")
-    agents = _agents(reading, fields)
+    agents: dict[str, Position] = {}
+    for item in fields.items("agents"):
+        agent = reading.name(item, "the name of an agent")
+        if agent in agents:
+            reading.error("duplicate-key", item, f"'{agent}' stands here twice", "name it once")
+        elif agent is not None:
+            agents[agent] = item.position
     if condition is None or not agents:
         return None
     return MarketRule(condition=condition, agents=tuple(agents), positions=tuple(agents.values()))
-
-
-def _agents(reading: TypedReader, fields: MappingReader) -> dict[str, Position]:
-    agents: dict[str, Position] = {}
-    for node in fields.items("agents"):
-        agent = reading.name(node, "the name of an agent")
-        if agent in agents:
-            reading.error("duplicate-key", node, f"'{agent}' stands here twice", "name it once")
-        elif agent is not None:
-            agents[agent] = node.position
-    return agents

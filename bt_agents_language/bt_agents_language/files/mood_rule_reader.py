@@ -60,10 +60,8 @@ MOOD_RULE = KeyTable(
         FieldDecl("confidence", SHARE, "A mood of which the source is less sure is not known."),
     ),
 )
-"""The keys of an entry of ``feedback``."""
 
 _CHANGE = "mood.change"
-_REPEATING = ("release", "cooldown")
 
 
 def read_mood_rules(
@@ -88,7 +86,7 @@ def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> MoodRule | Non
     then = fields.choice("then")
     action = MoodAction.NONE if then is None else ACTIONS[then][0]
     if action.ends_run:
-        for key in _REPEATING:
+        for key in ("release", "cooldown"):
             if fields.get(key) is not None:
                 reading.error(
                     "misplaced-key",
@@ -141,22 +139,7 @@ def restore_mood_rule(
     cooldown_s: float = 0.0,
     confidence: float = 0.0,
 ) -> MoodRule:
-    """Return the mood rule that a host's card holds; the values are those of ``MoodRule.msg``.
-
-    Args:
-        space: The parameters that its conditions may name.
-        when: Condition over ``mood.change``, ``scene.*`` and ``live.*``.
-        hold_s: How long it must hold [s]; finite, not negative.
-        give: ``Kind.POSITIVE`` or ``Kind.NEGATIVE``.
-        action: A :class:`MoodAction`.
-        baseline_s: Length of the baseline [s]; finite, not negative.
-        release: Condition after which it is ready again; empty for none.
-        cooldown_s: It is ready again after so long [s]; finite, not negative.
-        confidence: The least confidence of a mood, 0..1.
-
-    Raises:
-        Refused: ``BAD_RULE``.
-    """
+    """Return a mood rule from the values of ``MoodRule.msg``; refuse others with ``BAD_RULE``."""
     for seconds, text in (
         (hold_s, "held"),
         (baseline_s, "a baseline of"),

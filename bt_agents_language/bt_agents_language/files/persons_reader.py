@@ -87,23 +87,14 @@ PERSONS = KeyTable(
         ),
     ),
 )
-"""The keys of ``persons``."""
 
 
 def read_persons(
     reading: TypedReader, node: Node | None, interfaces: Interfaces | None
 ) -> tuple[PersonsSpec | None, SourceReader]:
-    """Return what ``persons`` says, and a reader of sources that may be about one person.
-
-    Args:
-        reading: The file.
-        node: What stands behind ``persons``; None when there is no such key.
-        interfaces: The installed ROS types; None leaves types and fields unchecked.
-    """
+    """Return what ``persons`` says, and a reader of sources that may be about one person."""
     plain = SourceReader(reading, interfaces)
-    if node is None:
-        return None, plain
-    fields = reading.keys(node, PERSONS)
+    fields = reading.keys(node, PERSONS) if node is not None else None
     if fields is None:
         return None, plain
     tracked = _tracked(reading, fields.get(TRACKED), plain)
@@ -150,9 +141,8 @@ def _tracked(reading: TypedReader, node: Node | None, sources: SourceReader) -> 
     type_name = sources.type_name(fields)
     whole = sources.message(type_name)
     nodes = fields.nodes
-    field = id_path = None
-    if "field" in nodes:
-        field = sources.path(nodes["field"], "'field'", whole)
+    id_path = None
+    field = sources.path(nodes["field"], "'field'", whole) if "field" in nodes else None
     if field is not None:
         item = sources.message(type_name, f"{field}.0")
         problem = whole.problem(f"{field}.0")
@@ -210,17 +200,15 @@ def _addressee(reading: TypedReader, node: Node | None, sources: SourceReader) -
     first = AddresseeSpec(rule=AddresseeRule.FIRST)
     if node is None:
         return first
-    words = [rule.value for rule in AddresseeRule]
     if isinstance(node, Scalar):
-        word = reading.choice(node, "'addressee'", words)
-        if word in (None, AddresseeRule.FIRST.value):
-            return first
-        reading.error(
-            "missing-key",
-            node,
-            f"'addressee: {word}' needs a source that says how {_meaning(word)} a person is",
-            f"write addressee: {{rule: {word}, source: {{…}}}}",
-        )
+        word = reading.choice(node, "'addressee'", [rule.value for rule in AddresseeRule])
+        if word not in (None, AddresseeRule.FIRST.value):
+            reading.error(
+                "missing-key",
+                node,
+                f"'addressee: {word}' needs a source that says how {_meaning(word)} a person is",
+                f"write addressee: {{rule: {word}, source: {{…}}}}",
+            )
         return first
     fields = reading.keys(node, _ADDRESSEE)
     if fields is None:
@@ -278,9 +266,9 @@ def _better_by(reading: TypedReader, fields: MappingReader, rule: str | None) ->
         return fields.number("better_by", 0.0)
     what = "'better_by'"
     metres = reading.amount(node, what, FieldType.LENGTH)
-    sound = metres is not None and reading.in_range(
-        node, what, metres, 0.0, None, FieldType.LENGTH
-    )
+    if metres is None:
+        return None
+    sound = reading.in_range(node, what, metres, 0.0, None, FieldType.LENGTH)
     return metres if sound else None
 
 

@@ -21,7 +21,6 @@ from bt_agents_language.files.source_reader import (
 from bt_agents_language.model.scene_specs import (
     PERSON,
     MissingRule,
-    PersonsSpec,
     SceneSpec,
     SourceSpec,
     TrackedSpec,
@@ -116,32 +115,22 @@ _TAKEN = {
 }
 
 
-def read_scene(path: Path, interfaces: Interfaces | None = None) -> SceneSpec:
-    """Return the scene parameters and sources of a file.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
-    return _read(TypedReader.of(path), interfaces)
-
-
-def read_scene_text(text: str, file: str, interfaces: Interfaces | None = None) -> SceneSpec:
-    """Return the scene parameters and sources of a text; as :func:`read_scene`."""
-    return _read(TypedReader(Source(file, text)), interfaces)
-
-
-def _read(reading: TypedReader, interfaces: Interfaces | None) -> SceneSpec:
+def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> SceneSpec:
+    """Return what a scene file says, or raise a ``ReadError`` with all problems."""
+    reading = TypedReader.of(file)
     fields = reading.file(SCENE)
     entries = fields.entries("parameters")
     missing: dict[str, MissingRule] = {}
-    read = [(entry.key.text, _parameter(reading, entry, missing)) for entry in entries]
-    parameters = {name: parameter for name, parameter in read if parameter is not None}
-    names = [name for name, _ in read]
+    read = {entry.key.text: _parameter(reading, entry, missing) for entry in entries}
+    parameters = {name: parameter for name, parameter in read.items() if parameter is not None}
+    names = [*read]
     space = SceneSpace(parameters=tuple(parameters.values()), mood=_mood(reading, fields, names))
     persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
     place = _place(reading, fields, source_reader)
-    sources, person = _sources(reading, fields, names, parameters, source_reader, persons)
-    no_person = _no_person(reading, fields, space, names)
+    sources, person = _sources(reading, fields, names, parameters, source_reader)
+    no_person: dict[str, float] = {}
+    if (node := fields.get("no_person")) is not None and len(space) == len(names):
+        no_person = read_values(reading, node, "'no_person'", space)
     spec = SceneSpec(
         space=space,
         sources=tuple(sources),
@@ -181,9 +170,7 @@ def _sources(
     names: list[str],
     parameters: dict[str, SceneParameter],
     source_reader: SourceReader,
-    persons: PersonsSpec | None,
 ) -> tuple[list[SourceSpec], SourceSpec | None]:
-    """Return the sources of parameters, and the one that says whether somebody is there."""
     sources: list[SourceSpec] = []
     person = None
     for entry in fields.entries("sources"):
@@ -231,15 +218,6 @@ def _place(
             "write a shorter name",
         )
     return place
-
-
-def _no_person(
-    reading: TypedReader, fields: MappingReader, space: SceneSpace, names: list[str]
-) -> dict[str, float]:
-    node = fields.get("no_person")
-    if node is None or len(space) < len(names):
-        return {}
-    return read_values(reading, node, "'no_person'", space)
 
 
 def _parameter(
@@ -296,14 +274,9 @@ def _labels(
 
 
 def _mood(reading: TypedReader, fields: MappingReader, names: list[str]) -> str | None:
-    node = fields.get("mood")
-    mood = reading.text(node, "'mood'") if node is not None else None
-    if node is None or mood is None or mood in names:
-        return mood
-    reading.error(
-        "unknown-name",
-        node,
-        f"there is no scene parameter {quote(mood)}",
-        did_you_mean(mood, names),
-    )
-    return None
+    mood = fields.text("mood")
+    if mood and mood not in names:
+        message = f"there is no scene parameter {quote(mood)}"
+        reading.error("unknown-name", fields.nodes["mood"], message, did_you_mean(mood, names))
+        return None
+    return mood or None

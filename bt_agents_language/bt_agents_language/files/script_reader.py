@@ -76,15 +76,7 @@ SCRIPT = FileKind(
 
 
 def read_script(file: Path | Source, space: SceneSpace) -> Script:
-    """Return the script of a file.
-
-    Args:
-        file: The file, or its text.
-        space: The scene parameters.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+    """Return the script of a file, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(SCRIPT)
     title = fields.text("title")
@@ -129,12 +121,9 @@ def _change(reading: TypedReader, node: Node, space: SceneSpace) -> SceneChange 
 
 
 def _answers(reading: TypedReader, fields: MappingReader) -> dict[str, str]:
-    answers: dict[str, str] = {}
-    for entry in fields.entries("answers"):
-        text = reading.text(entry.value, "an answer")
-        if text is not None:
-            answers[entry.key.text] = text
-    return answers
+    entries = fields.entries("answers")
+    answers = {entry.key.text: reading.text(entry.value, "an answer") for entry in entries}
+    return {words: answer for words, answer in answers.items() if answer is not None}
 
 
 def _buttons(reading: TypedReader, fields: MappingReader) -> dict[str, str]:

@@ -19,13 +19,7 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
 
 @dataclass(frozen=True, kw_only=True)
 class BindingCandidate:
-    """What a robot has for a skill.
-
-    Attributes:
-        robot: Name of the robot.
-        binding: None when its ROS types are not installed here.
-        problem: Why there is no binding, in words.
-    """
+    """What a robot has for a skill; without a binding the problem, in words."""
 
     robot: str
     binding: Binding | None
@@ -45,17 +39,9 @@ def read_candidate(
 ) -> BindingCandidate | None:
     """Return the offer of one robot; None when it is wrong, which is then reported.
 
-    Args:
-        reading: The file.
-        fields: The keys of the binding.
-        key: What messages about the whole point at.
-        what: The binding, for messages.
-        skill: The skill as declared.
-        robot: Name of the robot.
-        interfaces: The installed ROS types; None takes every type as installed.
-        inline: Whether it stands in the declaration of the skill, whose outputs then say in
-            ``from`` where they come from.
-        lenient: Whether the inputs could not be read, so that any name may be one.
+    ``inline`` says that it stands in the declaration of the skill, whose outputs then say in
+    ``from`` where they come from; ``lenient`` that the inputs could not be read, so that any name
+    may be one.
     """
     kinds = [kind for kind in BindingKind if fields.get(kind.value) is not None]
     if len(kinds) != 1:
@@ -68,9 +54,7 @@ def read_candidate(
         )
         return None
     kind = kinds[0]
-    node = fields.get(kind.value)
-    assert node is not None
-    bound = reading.keys(node, INTERFACES[kind])
+    bound = reading.keys(fields.nodes[kind.value], INTERFACES[kind])
     if bound is None:
         return None
     type_node = bound.get("type")
@@ -106,7 +90,6 @@ def _outputs(
     what: str,
     inline: bool,
 ) -> Outputs:
-    """Return where the outputs come from."""
     outputs = Outputs(kind, type_name, interfaces)
     if fields.get("outputs") is not None and kind not in RECEIVED:
         reading.error(
@@ -135,16 +118,13 @@ def _read_bound(
 ) -> None:
     declared = [one.name for one in skill.outputs]
     for entry in fields.entries("outputs"):
-        if entry.key.text not in declared:
-            reading.error(
-                "unknown-name",
-                entry.key,
-                f"skill '{skill.name}' has no output {quote(entry.key.text)}",
-                did_you_mean(entry.key.text, declared) or "remove it",
-            )
-            continue
         name = entry.key.text
-        outputs.read(reading, name, entry.value, f"output '{name}'")
+        if name in declared:
+            outputs.read(reading, name, entry.value, f"output '{name}'")
+            continue
+        message = f"skill '{skill.name}' has no output {quote(name)}"
+        hint = did_you_mean(name, declared) or "remove it"
+        reading.error("unknown-name", entry.key, message, hint)
     written = {entry.key.text for entry in entries_of(fields.get("outputs"))}
     missing = [name for name in declared if name not in written]
     if missing and written <= {*declared}:

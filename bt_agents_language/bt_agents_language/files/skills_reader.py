@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from bt_agents_core.errors import ReadError
@@ -30,8 +30,6 @@ from bt_agents_language.yaml.field_tables import (
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Scalar
-
-BINDINGS = tuple(kind.value for kind in BindingKind)
 
 _OUTPUT = KeyTable(
     fields=(
@@ -86,86 +84,46 @@ SKILLS = KeyTable(
         ),
     ),
 )
-"""The keys of a file with skills."""
 
 
 def read_skills(
-    paths: Iterable[Path], interfaces: Interfaces | None = None, robot: str = ""
+    files: Iterable[Path | Source], interfaces: Interfaces | None = None, robot: str = ""
 ) -> Mapping[str, SkillSpec]:
     """Return the skills of all files by name, each bound to the robot that counts.
 
-    Args:
-        paths: Files with skills; a file may bind the skills of another one.
-        interfaces: The installed ROS types; None takes every type as installed.
-        robot: Robot whose bindings are preferred; else the first in the order of the files is
-            taken whose ROS types are installed.
+    That is ``robot``, or else the first in the order of the files whose ROS types are installed;
+    without ``interfaces`` all are. A file may bind the skills of another one.
 
     Raises:
         ReadError: There is a problem; it lists those of all files.
     """
     reader = SkillsReader(interfaces, robot)
     errors: list[ReadError] = []
-    files: list[tuple[TypedReader, MappingReader]] = []
-    for path in paths:
+    opened: list[tuple[TypedReader, MappingReader]] = []
+    for file in files:
         try:
-            reading = TypedReader.of(path)
-            files.append((reading, reading.file(SKILLS)))
+            reading = TypedReader.of(file)
+            opened.append((reading, reading.file(SKILLS)))
         except ReadError as error:
             errors.append(error)
-    return reader.read(files, errors)
-
-
-def read_skills_text(
-    text: str, file: str, interfaces: Interfaces | None = None
-) -> Mapping[str, SkillSpec]:
-    """Return the skills of one text; as :func:`read_skills`."""
-    reading = TypedReader(Source(file, text))
-    fields = reading.file(SKILLS)
-    return SkillsReader(interfaces).read([(reading, fields)])
-
-
-@dataclass(frozen=True)
-class _Declared:
-    """A skill that is declared, and the robots that offer it, in order."""
-
-    skill: SkillSpec
-    offers: list[BindingCandidate]
+    for reading, fields in opened:
+        reader.declare(reading, fields)
+    for reading, fields in opened:
+        reader.bind(reading, fields)
+    errors += (reading.problems.error() for reading, _ in opened if reading.problems)
+    if errors:
+        raise joined(errors)
+    return reader.skills()
 
 
 class SkillsReader:
-    """Collects declarations and bindings of skills over several files.
-
-    Args:
-        interfaces: The installed ROS types; None takes every type as installed.
-        robot: Robot whose bindings are preferred.
-    """
+    """Collects declarations and bindings of skills over several files."""
 
     def __init__(self, interfaces: Interfaces | None, robot: str = "") -> None:
         self._interfaces = interfaces
         self._robot = robot
-        self._declared: dict[str, _Declared] = {}
-
-    def read(
-        self, files: Iterable[tuple[TypedReader, MappingReader]], errors: Iterable[ReadError] = ()
-    ) -> dict[str, SkillSpec]:
-        """Return the skills of files by name.
-
-        Args:
-            files: The files, opened, with their keys.
-            errors: Problems of files that could not be opened.
-
-        Raises:
-            ReadError: There is a problem; it lists those of all files.
-        """
-        every = list(files)
-        for reading, fields in every:
-            self.declare(reading, fields)
-        for reading, fields in every:
-            self.bind(reading, fields)
-        refused = [*errors, *(r.problems.error() for r, _ in every if r.problems)]
-        if refused:
-            raise joined(refused)
-        return self.skills()
+        self._declared: dict[str, SkillSpec] = {}
+        self._offers: dict[str, list[BindingCandidate]] = {}
 
     def declare(self, reading: TypedReader, fields: MappingReader) -> None:
         """Read what stands under ``skills``."""
@@ -180,17 +138,17 @@ class SkillsReader:
         for entry in fields.entries("skills"):
             name = read_new_name(reading, entry.key, "a skill")
             free = name is not None and self._is_free(reading, entry)
-            declared = self._declaration(reading, entry, name or "skill", robot)
-            if free and name is not None and declared is not None:
-                self._declared[name] = declared
+            skill, offers = self._declaration(reading, entry, name or "skill", robot)
+            if free and name is not None and skill is not None:
+                self._declared[name], self._offers[name] = skill, offers
 
     def bind(self, reading: TypedReader, fields: MappingReader) -> None:
         """Read what stands under ``bindings``, for skills that are declared in any file."""
         robot = _robot(reading, fields)
         for entry in fields.entries("bindings"):
             name = entry.key.text
-            declared = self._declared.get(name)
-            if declared is None:
+            skill = self._declared.get(name)
+            if skill is None:
                 reading.error(
                     "unknown-name",
                     entry.key,
@@ -202,22 +160,21 @@ class SkillsReader:
             bound = reading.keys(entry.value, _BINDING, what)
             if bound is None:
                 continue
-            offer = read_candidate(
-                reading, bound, entry.key, what, declared.skill, robot, self._interfaces
-            )
+            offer = read_candidate(reading, bound, entry.key, what, skill, robot, self._interfaces)
             if offer is not None:
-                declared.offers.append(offer)
+                self._offers[name].append(offer)
 
     def skills(self) -> dict[str, SkillSpec]:
         """Return the declared skills by name, each with the binding that counts."""
-        return {name: self._chosen(one) for name, one in self._declared.items()}
+        return {name: self._bound(skill) for name, skill in self._declared.items()}
 
-    def _chosen(self, declared: _Declared) -> SkillSpec:
-        installed = [offer for offer in declared.offers if offer.binding is not None]
+    def _bound(self, skill: SkillSpec) -> SkillSpec:
+        offers = self._offers[skill.name]
+        installed = [offer for offer in offers if offer.binding is not None]
         for offer in sorted(installed, key=lambda one: one.robot != self._robot):
-            return replace(declared.skill, binding=offer.binding)
-        why = "; ".join(f"{one.robot}: {one.problem}" for one in declared.offers)
-        return replace(declared.skill, unoffered=why or "no robot is bound to it")
+            return replace(skill, binding=offer.binding)
+        why = "; ".join(f"{one.robot}: {one.problem}" for one in offers)
+        return replace(skill, unoffered=why or "no robot is bound to it")
 
     def _is_free(self, reading: TypedReader, entry: MappingEntry) -> bool:
         name = entry.key.text
@@ -233,7 +190,7 @@ class SkillsReader:
             reading.error(
                 "duplicate-skill",
                 entry.key,
-                f"there is a skill '{name}' already: {self._declared[name].skill.position}",
+                f"there is a skill '{name}' already: {self._declared[name].position}",
                 "rename or remove one of them; another robot's interface for the same skill "
                 "goes under 'bindings:'",
             )
@@ -242,11 +199,11 @@ class SkillsReader:
 
     def _declaration(
         self, reading: TypedReader, entry: MappingEntry, name: str, robot: str
-    ) -> _Declared | None:
+    ) -> tuple[SkillSpec | None, list[BindingCandidate]]:
         what = f"skill '{name}'"
         fields = reading.keys(entry.value, _SKILL, what)
         if fields is None:
-            return None
+            return None, []
         node = fields.get("inputs")
         before = len(reading.problems)
         inputs = read_inputs(reading, node, what) if node is not None else ()
@@ -260,8 +217,8 @@ class SkillsReader:
             binding=None,
             position=entry.key.position,
         )
-        declared = _Declared(skill, [])
-        if any(fields.get(kind) is not None for kind in BINDINGS):
+        offer = None
+        if any(fields.get(kind.value) is not None for kind in BindingKind):
             offer = read_candidate(
                 reading,
                 fields,
@@ -273,9 +230,7 @@ class SkillsReader:
                 inline=True,
                 lenient=lenient,
             )
-            if offer is not None:
-                declared.offers.append(offer)
-        return declared
+        return skill, [offer] if offer is not None else []
 
 
 def _robot(reading: TypedReader, fields: MappingReader) -> str:
@@ -285,15 +240,13 @@ def _robot(reading: TypedReader, fields: MappingReader) -> str:
 def _main(
     reading: TypedReader, fields: MappingReader, inputs: tuple[FieldSpec, ...]
 ) -> str | None:
-    node = fields.get("main")
-    main = reading.text(node, "'main'") if node is not None else None
+    main = fields.text("main")
     known = [one.name for one in inputs]
-    if node is None or main is None or main in known:
-        return main
-    reading.error(
-        "unknown-name", node, f"there is no input {quote(main)}", did_you_mean(main, known)
-    )
-    return None
+    if main and main not in known:
+        message = f"there is no input {quote(main)}"
+        reading.error("unknown-name", fields.nodes["main"], message, did_you_mean(main, known))
+        return None
+    return main or None
 
 
 def _outputs(reading: TypedReader, fields: MappingReader) -> tuple[FieldSpec, ...]:

@@ -12,6 +12,7 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.expression import quantities
 from bt_agents_language.expression.expression_values import EvaluationError, ValueKind
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.interfaces import (
@@ -23,7 +24,6 @@ from bt_agents_language.fields.interfaces import (
 )
 from bt_agents_language.fields.references import read_expression
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.files.source_mapping import read_points, read_table
 from bt_agents_language.model.scene_specs import (
     LARGEST_STD,
     MESSAGE,
@@ -31,6 +31,7 @@ from bt_agents_language.model.scene_specs import (
     SourceSpec,
     TrackedSpec,
     path_of,
+    word_of,
 )
 from bt_agents_language.yaml.field_tables import (
     BOOLEAN,
@@ -150,7 +151,6 @@ class SourceContext:
         what: The source in words, for messages.
         keys: Keys beside those of the topic.
         parameter: The scene parameter that it feeds; None for any value.
-        text: True when the reading is a text.
         may_be_per_person: Whether its topic may name a person, or ``from`` the list of them.
         must_be_per_person: Whether it has to.
     """
@@ -168,8 +168,6 @@ class SourceReader:
     """Reads the sources of one file.
 
     Args:
-        reading: The file.
-        interfaces: The installed ROS types; None leaves types and fields unchecked.
         tracked: Who is tracked; None where persons are not distinguished.
         placeholders: What may stand in angle brackets in a topic.
     """
@@ -189,10 +187,7 @@ class SourceReader:
     def read_all(self, node: Node, where: Node, wanted: SourceContext) -> list[SourceSpec]:
         """Return one source or a list of them; what is wrong is reported and left out.
 
-        Args:
-            node: What is written.
-            where: Stands for all sources in reports.
-            wanted: What they are for.
+        Reports about all of them point at ``where``.
         """
         if not isinstance(node, Sequence):
             source = self.read(node, where, wanted)
@@ -210,79 +205,79 @@ class SourceReader:
         fields = self.topic_fields(node, wanted.what, table)
         if fields is None:
             return None
-        origin = _Origin(
+        type_name = self.type_name(fields)
+        return self._spec(
+            fields,
+            where,
+            wanted,
+            self.message(type_name),
             topic=self.topic(fields, wanted),
-            type_name=self.type_name(fields),
+            type_name=type_name,
             stale_after_s=self.stale_after(fields),
             latched=fields.boolean("latched") or False,
         )
-        return self._spec(fields, where, wanted, origin, self.message(origin.type_name))
 
     def _of_tracked(self, node: Mapping, where: Node, wanted: SourceContext) -> SourceSpec | None:
-        """Return a source that reads the item of a person in the list of tracked persons."""
         known = SOURCE.only(("from", "field", "stale_after", *wanted.keys))
         fields = self._reading.keys(node, known, wanted.what, required=("from", "field"))
         if fields is None or fields.choice("from") is None:
             return None
         tracked = self._tracked
         if tracked is None or not tracked.id or not wanted.may_be_per_person:
-            self._reading.error(
-                "unknown-name",
-                fields.nodes["from"],
-                "there is no list of tracked persons with an item for each"
-                if wanted.may_be_per_person
-                else f"{wanted.what} is not about one person",
-                "name a topic, or say in 'persons: tracked' what the 'id' in each item is"
-                if wanted.may_be_per_person
-                else "name a topic",
-            )
+            message, hint = f"{wanted.what} is not about one person", "name a topic"
+            if wanted.may_be_per_person:
+                message = "there is no list of tracked persons with an item for each"
+                hint += ", or say in 'persons: tracked' what the 'id' in each item is"
+            self._reading.error("unknown-name", fields.nodes["from"], message, hint)
             return None
         own = "stale_after" in fields.nodes
-        origin = _Origin(
+        return self._spec(
+            fields,
+            where,
+            wanted,
+            self.message(tracked.type, f"{tracked.field}.0"),
             topic=tracked.topic,
             type_name=tracked.type,
             stale_after_s=self.stale_after(fields) if own else tracked.stale_after_s,
             latched=tracked.latched,
             of_item=True,
         )
-        message = self.message(tracked.type, f"{tracked.field}.0")
-        return self._spec(fields, where, wanted, origin, message)
 
     def _spec(
         self,
         fields: MappingReader,
         where: Node,
         wanted: SourceContext,
-        origin: _Origin,
         message: MessageFields,
+        *,
+        topic: str | None,
+        type_name: str | None,
+        stale_after_s: float | None,
+        latched: bool,
+        of_item: bool = False,
     ) -> SourceSpec | None:
         reads = self._field(fields, wanted, message)
-        points = read_points(self._reading, fields, wanted.parameter)
+        points = _points(self._reading, fields, wanted.parameter)
         kind = reads.kind if reads is not None else None
-        table = read_table(self._reading, fields, wanted.parameter, kind)
+        table = _table(self._reading, fields, wanted.parameter, kind)
         confidence = self._certainty(fields, "confidence", message, 1.0)
         std = self._certainty(fields, "std", message, LARGEST_STD)
         smoothing_s = fields.duration("smoothing") or 0.0
-        if (
-            reads is None
-            or origin.topic is None
-            or origin.type_name is None
-            or origin.stale_after_s is None
-        ):
+        if reads is None or topic is None or type_name is None or stale_after_s is None:
             return None
         return SourceSpec(
             parameter=wanted.name,
-            topic=origin.topic,
-            type=origin.type_name,
+            topic=topic,
+            type=type_name,
             field=reads,
             points=points,
             table=table,
-            stale_after_s=origin.stale_after_s,
-            latched=origin.latched,
+            stale_after_s=stale_after_s,
+            latched=latched,
             confidence=confidence,
             std=std,
             smoothing_s=smoothing_s,
-            of_item=origin.of_item,
+            of_item=of_item,
             position=where.position,
         )
 
@@ -479,17 +474,6 @@ class SourceReader:
         return expression
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Origin:
-    """Where messages come from; None for what is wrong."""
-
-    topic: str | None
-    type_name: str | None
-    stale_after_s: float | None
-    latched: bool
-    of_item: bool = False
-
-
 def is_latched(node: Node) -> bool:
     """Return whether a mapping says that its topic is latched; a wrong word there may mean it."""
     if not isinstance(node, Mapping):
@@ -500,3 +484,79 @@ def is_latched(node: Node) -> bool:
 
 def _no_name(name: str) -> float:
     raise KeyError(name)
+
+
+def _points(
+    reading: TypedReader, fields: MappingReader, parameter: SceneParameter | None
+) -> tuple[tuple[float, float], ...]:
+    """Return the linear map behind ``map`` as (reading, value) pairs, readings rising."""
+    node = fields.get("map")
+    if node is None:
+        return ()
+    points: dict[float, float] = {}
+    entries = fields.entries("map")
+    for entry in entries:
+        value = reading.number(entry.value, "a value of 'map'", *_limits(parameter))
+        try:
+            at = quantities.number(entry.key.text)
+        except quantities.QuantityError as error:
+            hint = "words and their values stand behind 'table' instead of 'map'"
+            reading.error(
+                "bad-number", entry.key, f"a reading: {error.message}", error.hint or hint
+            )
+            continue
+        if at in points:
+            reading.error("duplicate-key", entry.key, f"the reading {at:g} stands here again")
+        if value is not None:
+            points[at] = value
+    if entries and len(entries) < 2:
+        reading.error(
+            "missing-value",
+            node,
+            "'map' needs two readings or more",
+            "add the other end of the range",
+        )
+    return tuple(sorted(points.items()))
+
+
+def _table(
+    reading: TypedReader,
+    fields: MappingReader,
+    parameter: SceneParameter | None,
+    kind: ValueKind | None,
+) -> tuple[tuple[str, float], ...]:
+    """Return the words behind ``table``, as readings of a kind are, and their values."""
+    node = fields.get("table")
+    if node is None:
+        return ()
+    if "map" in fields.nodes:
+        reading.error(
+            "unknown-key",
+            fields.keys["table"],
+            "beside 'map' there is no 'table'",
+            "keep 'map' for numbers or 'table' for words",
+        )
+    table: dict[str, float] = {}
+    for entry in fields.entries("table"):
+        value = reading.number(entry.value, "a value of 'table'", *_limits(parameter))
+        word = _word(reading, entry.key, kind)
+        if word in table and word != entry.key.text:
+            reading.error("duplicate-key", entry.key, f"the reading {word} stands here again")
+        if value is not None and word is not None:
+            table[word] = value
+    return tuple(table.items())
+
+
+def _word(reading: TypedReader, node: Scalar, kind: ValueKind | None) -> str | None:
+    """Return a word of a table as readings of a kind are looked up in it; None for a wrong one."""
+    if kind is ValueKind.BOOLEAN:
+        truth = reading.boolean(node, "a reading in 'table'")
+        return None if truth is None else str(truth).lower()
+    if kind is ValueKind.NUMBER:
+        number = reading.number(node, "a reading in 'table'")
+        return None if number is None else word_of(number)
+    return node.text
+
+
+def _limits(parameter: SceneParameter | None) -> tuple[float | None, float | None]:
+    return (parameter.minimum, parameter.maximum) if parameter is not None else (None, None)

@@ -27,7 +27,6 @@ TUNABLE = KeyTable(
         FieldDecl("description", TEXT, "What it changes, in words."),
     )
 )
-"""The keys of a tunable."""
 
 _RANGE = ("min", "max", "step")
 _QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
@@ -88,13 +87,13 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
 
 
 def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
-    written = [node.text for node in limits if isinstance(node, Scalar)]
+    texts = [node.text for node in limits if isinstance(node, Scalar)]
     text = default.text
     if not default.plain:
         return FieldType.TEXT
     if boolean(text) is not None:
         return FieldType.BOOLEAN
-    types = [quantities.quantity_type(one, strict=False) for one in (text, *written)]
+    types = [quantities.quantity_type(one, strict=False) for one in (text, *texts)]
     meant = [one for one in types if one is not None]
     if meant[:1] == [FieldType.LENGTH] and {*meant[1:]} == {FieldType.DURATION}:
         # Metres beside limits in seconds are minutes, misspelt.
@@ -102,11 +101,11 @@ def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
     if meant:
         return meant[0]
     # Without a range 1:30 can be a text.
-    if written and any(map(quantities.is_clock, (text, *written))):
+    if texts and any(map(quantities.is_clock, (text, *texts))):
         return FieldType.DURATION
     if not _is_numeric(text):
-        return FieldType.NUMBER if any(map(_is_numeric, written)) else FieldType.TEXT
-    whole = all(_is_whole(one) for one in (text, *filter(_is_numeric, written)))
+        return FieldType.NUMBER if any(map(_is_numeric, texts)) else FieldType.TEXT
+    whole = all(_is_whole(one) for one in (text, *filter(_is_numeric, texts)))
     return FieldType.INTEGER if whole else FieldType.NUMBER
 
 
@@ -155,19 +154,14 @@ def _range(
     what: str,
     field_type: FieldType,
 ) -> tuple[float | None, float | None, float] | None:
-    """Return the smallest and largest value and the step, 0 for none.
-
-    Returns:
-        None when they are wrong, which is then reported.
-    """
+    """Return minimum, maximum and step, 0 for none; None when they are wrong, and reported."""
     before = len(reading.problems)
     needed = [key for key in ("min", "max") if fields.get(key) is None]
-    limits: dict[str, float | None] = {}
-    for key in _RANGE:
-        node = fields.get(key)
-        limits[key] = (
-            reading.amount(node, f"'{key}' of {what}", field_type) if node is not None else None
-        )
+    limits = {
+        key: reading.amount(node, f"'{key}' of {what}", field_type)
+        for key in _RANGE
+        if (node := fields.get(key)) is not None
+    }
     # A quantity alone can do without a range; half a range helps nobody, though.
     if needed and (field_type not in _QUANTITIES or len(needed) == 1):
         reading.error(
@@ -178,7 +172,7 @@ def _range(
         )
     if len(reading.problems) > before:
         return None
-    minimum, maximum, step = limits["min"], limits["max"], limits["step"]
+    minimum, maximum, step = (limits.get(key) for key in _RANGE)
     if not fields.check_range(what, minimum, maximum, field_type):
         return None
     if step is not None and (step <= 0 or minimum is None):

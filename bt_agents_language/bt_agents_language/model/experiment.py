@@ -16,8 +16,6 @@ class FeedbackErrors:
     """Errors in prepared feedback: which of it is wrong, and its wrong value.
 
     Attributes:
-        space: The scene parameters.
-        seed: Seed of the chance.
         every: Each so-manyth feedback is wrong; 0 when chance decides.
         share: Probability that a feedback is wrong, 0..1; 0 when ``every`` decides.
         value: The wrong vector; None draws each value evenly from the range of its parameter.
@@ -63,15 +61,7 @@ class PreparedFeedback:
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentSpec:
-    """Content of an ``experiment.yaml``.
-
-    Attributes:
-        title: For people.
-        rounds: How many scenes are put on the market.
-        seed: Seed of their order.
-        scenes: The scenes that are drawn from.
-        feedback: What the simulated person says after each run.
-    """
+    """Content of an ``experiment.yaml``; ``seed`` draws the scene of each round."""
 
     title: str
     rounds: int
@@ -105,13 +95,8 @@ def closed_form(
 ) -> Vector:
     """Return the profile after equal feedback: ``p_n = f + (p_0 − f)(1 − η)^n``.
 
-    The solution of the paper's update ``p ← p + η (f − p)`` for a constant ``f``.
-
-    Args:
-        start: Profile before the first feedback.
-        target: The feedback ``f``.
-        rate: Learning rate ``η``.
-        cycles: Number of times ``n`` the feedback was given.
+    The solution of the paper's update ``p ← p + η (f − p)`` for a constant ``f``: ``start`` is
+    ``p_0``, ``target`` ``f``, ``rate`` ``η``, and ``cycles`` ``n``.
     """
     keep = (1.0 - rate) ** cycles
     return tuple(f + (p - f) * keep for p, f in zip(start, target, strict=True))
@@ -125,11 +110,8 @@ def deviation(
 ) -> float:
     """Return the largest difference of a recorded profile from the closed form, round by round.
 
-    Args:
-        records: In the order of the rounds.
-        targets: Agent → its constant feedback.
-        starts: Agent → its profile before the first round.
-        rates: Agent → its learning rate.
+    Each agent has a constant feedback (target), a profile before the first round (start) and a
+    learning rate; the records are in the order of the rounds.
     """
     cycles = dict.fromkeys(targets, 0)
     largest = 0.0

@@ -37,7 +37,6 @@ class MoodRule:
         when: Condition over ``mood.change``, ``scene.*`` and ``live.*``.
         hold_s: How long it must hold without a break [s].
         give: ``POSITIVE`` moves the profile towards the scene, ``NEGATIVE`` away from it.
-        action: What happens besides.
         baseline_s: ``mood.change`` is against the mean mood of so long at the start [s]; 0 for
             the mood of the scene as awarded.
         release: Condition after which a rule that has fired is ready again; None for none.

@@ -93,7 +93,6 @@ class SourceSpec:
             None where none is stated.
         smoothing_s: Time constant of exponential smoothing; 0 for none [s].
         of_item: True when a message is the list of tracked persons and ``msg`` one of its items.
-        position: Where it stands.
     """
 
     parameter: str
@@ -126,13 +125,9 @@ class SourceSpec:
         return path_of(self.field)
 
     def topic_of(self, ids: Mapping[str, str]) -> str | None:
-        """Return the topic with ids in place of the names in brackets.
+        """Return the topic with ids in place of the names in brackets, ``person`` and parts.
 
-        Args:
-            ids: Id of the person under ``person``, those of parts under their names.
-
-        Returns:
-            None when an id is not known or cannot stand in the name of a topic.
+        It is None when an id is not known or cannot stand in the name of a topic.
         """
         found = [ids.get(name, "") for name in self.placeholders]
         if not all(map(_TOPIC_WORD.fullmatch, found)):
@@ -143,17 +138,13 @@ class SourceSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedSpec:
-    """Where it is said who is tracked.
+    """Where it is said who is tracked; as :class:`SourceSpec`.
 
     Attributes:
-        topic: ROS name, relative unless it starts with a slash.
-        type: ROS type.
         field: Path of the list in the message.
         id: Path of a person's id in an item of the list; empty when the items are the ids.
         stale_after_s: Nobody is tracked after so much silence; infinite for no limit [s].
-        latched: True when the last message is kept for those who come later.
         lost_after_s: Who has not been in the list for so long is gone [s].
-        position: Where it stands.
     """
 
     topic: str
@@ -189,12 +180,10 @@ class PersonsSpec:
     """Who is tracked, who of them is known by name, and whom a scene is about.
 
     Attributes:
-        tracked: Who is tracked.
         parts: Parts of a person with ids and topics of their own, such as the face: sources of
             the id of each.
         known: Says of a person by 0.5 or more that the id is a name, not a tracker's number; None
             when ids are never names.
-        addressee: Whom a scene is about.
     """
 
     tracked: TrackedSpec
@@ -214,7 +203,6 @@ class SceneSpec:
     """``scene.yaml``: the parameters of every scene and the sources that feed them.
 
     Attributes:
-        space: The parameters.
         sources: Those of parameters; several of one parameter are fused.
         person: Says whether somebody is there; None where ``persons`` says so, or nothing does.
         persons: Who is there; None where persons are not distinguished.

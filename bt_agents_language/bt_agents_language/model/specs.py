@@ -25,11 +25,7 @@ def _nothing() -> Mapping[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Literal:
-    """A value as written, in SI units.
-
-    Attributes:
-        type: Type of its place as far as it has one; decides its unit in texts.
-    """
+    """A value as written, in SI units; the type of its place decides its unit in texts."""
 
     value: Plain
     type: FieldType = field(default=FieldType.ANY, compare=False)
@@ -37,11 +33,7 @@ class Literal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reference:
-    """``${name}``: the value of a name, at the moment it is needed.
-
-    Attributes:
-        type: Type of the name as far as it is known; says how the value is formatted in a text.
-    """
+    """``${name}``: the value of a name when it is needed; its type formats it in a text."""
 
     name: str
     type: FieldType = field(default=FieldType.ANY, compare=False)
@@ -116,13 +108,7 @@ REPLY_LIMIT_S = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class HeartbeatSpec:
-    """What a server publishes for as long as it is alive.
-
-    Attributes:
-        topic: ROS name, relative unless it starts with a slash.
-        type: ROS type, for example ``std_msgs/msg/Empty``.
-        within_s: A server that has not been heard for so long is dead [s].
-    """
+    """What a server publishes while it is alive; when silent for ``within_s`` it is dead [s]."""
 
     topic: str
     type: str
@@ -134,14 +120,12 @@ class Binding:
     """How a skill reaches the robot.
 
     Attributes:
-        kind: Action, service or topic.
         name: ROS name, relative unless it starts with a slash.
         type: ROS type, for example ``bt_agents_interfaces/action/Say``.
         fields: Goal, request or message; its references name inputs of the skill.
         outputs: Output name → field of the result or response, for example ``answer``.
         feedback: Output name → field of the feedback, which gives it while the action goes on.
         succeed_when: Condition over ``result.*``; None succeeds whenever ROS says so.
-        timeouts: How long the server may take.
         heartbeat: By which its death is noticed; None notices it by the graph and the timeouts.
     """
 
@@ -163,7 +147,6 @@ class SkillSpec:
     Attributes:
         name: The node key.
         main: Input that a scalar stands for; None when there is none.
-        inputs: Typed inputs.
         outputs: Names that later nodes may use.
         binding: None while no robot is bound to it whose ROS types are installed.
         unoffered: Why there is no binding, in words; empty when there is one.
@@ -200,9 +183,7 @@ class NodeSpec:
 
     Attributes:
         path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
-        position: Where it stands in the file.
         kind: Node key or decorator: ``sequence``, ``timeout``, ``say``.
-        name: Name for people.
         fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
         children: In order; of a decorator the decorated node first.
         skill: Set when ``kind`` is a skill.
@@ -267,9 +248,7 @@ class SubtreeSpec:
         outputs: Names that the caller may use afterwards.
         body: Its tree with the subtrees that it calls itself in place; None while those of its
             own file are being read.
-        position: Where its name stands.
         complete: False when its declaration has errors, so that nothing can be said about calls.
-        description: What it does, in words; may be empty.
     """
 
     name: str
@@ -347,7 +326,6 @@ class SceneChange:
 
     Attributes:
         after_s: Time since the agent's run started [s].
-        values: Scene parameters and their new values.
         person: Whether the person is there now; None for unchanged.
     """
 
@@ -361,7 +339,6 @@ class Visit:
     """One scripted scene, with what the person does in it.
 
     Attributes:
-        label: Words for people.
         person: False for a thing that only looks like an interaction.
         values: Scene parameters that are measured; the others are missing.
         changes: In order of time.

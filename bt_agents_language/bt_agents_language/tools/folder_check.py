@@ -158,9 +158,9 @@ class _FolderCheck:
         return agents
 
     def _add_market(self, trees: Trees, path: Path) -> None:
-        market = read_market(path, trees.scene.space)
+        rules = read_market(path, trees.scene.space)
         if not trees.broken:
-            self._add(unknown_agents(market, [agent.name for agent in trees.agents]))
+            self._add(unknown_agents(rules, [agent.name for agent in trees.agents]))
 
     def _add_unused_inputs(self, vocabulary: SymbolTable, path: Path) -> None:
         if vocabulary.libraries is not None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 
 from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_language.fields.bindings import FEEDBACK
@@ -20,19 +21,13 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
 
 
 class AssignedNames:
-    """Knows what each node of a file writes.
-
-    Args:
-        reading: The file, for problems.
-        subtrees: What the trees of the file can call, by name.
-        interfaces: The installed ROS types; None leaves the types of their fields open.
-    """
+    """Knows what each node of a file writes; types of fields need ``interfaces``."""
 
     def __init__(
         self,
         reading: TypedReader,
         subtrees: Mapping[str, SubtreeSpec],
-        interfaces: Interfaces | None = None,
+        interfaces: Interfaces | None,
     ) -> None:
         self._reading = reading
         self._interfaces = interfaces
@@ -47,14 +42,11 @@ class AssignedNames:
     ) -> dict[str, Assigned]:
         """Return every name that some node of the trees gives a value.
 
-        Args:
-            trees: The trees.
-            taken: Names that no node may write → what they are; a name that is one of them, or
-                reserved, is reported.
-            types: Type of each name that has a value from the start.
+        What is reserved or ``taken`` (name → by what) is reported; ``types`` are those of names
+        that have a value from the start.
         """
         self._types = types
-        written: dict[str, Assigned] = {}
+        assigned: dict[str, Assigned] = {}
         nodes = (node for tree in trees if tree is not None for node in tree.walk())
         for node in filter(may_write, nodes):
             for name, place, field_type in self._written_by(node):
@@ -68,20 +60,17 @@ class AssignedNames:
                         f"'{node.key.text}' gives '{name}' a value, but '{name}' is {taken[name]}",
                         f"rename the one or the other: {name}_2",
                     )
-                same = name not in written or written[name].type is field_type
-                first = written.get(name)
-                written[name] = Assigned(
-                    type=field_type if same else FieldType.ANY,
-                    node=first.node if first else node.key.text,
-                    line=first.line if first else place.position.line,
-                )
-        return written
+                first = assigned.get(name)
+                if first is None:
+                    line = place.position.line
+                    assigned[name] = Assigned(type=field_type, node=node.key.text, line=line)
+                elif first.type is not field_type:
+                    assigned[name] = replace(first, type=FieldType.ANY)
+        return assigned
 
     def below(self, raw: RawNode) -> set[str]:
         """Return the names that a node and all below it write."""
-        return {
-            name for node in raw.walk() if may_write(node) for name, _, _ in self._written_by(node)
-        }
+        return {name for node in filter(may_write, raw.walk()) for name in self.by(node)}
 
     def by(self, raw: RawNode) -> set[str]:
         """Return the names that a node writes itself."""
@@ -122,15 +111,10 @@ class AssignedNames:
         feedback = MessageFields(self._interfaces, kind, type_name, FEEDBACK)
         for item in entries_of(value.get("outputs")):
             path = item.value.text if isinstance(item.value, Scalar) else ""
+            fields, prefix = message, source.prefix
             if kind is BindingKind.ACTION and path.startswith(f"{FEEDBACK}."):
-                field = path.removeprefix(f"{FEEDBACK}.")
-                yield item.key.text, item.key, feedback.type_of(field)
-            else:
-                yield (
-                    item.key.text,
-                    item.key,
-                    message.type_of(path.removeprefix(f"{source.prefix}.")),
-                )
+                fields, prefix = feedback, FEEDBACK
+            yield item.key.text, item.key, fields.type_of(path.removeprefix(f"{prefix}."))
 
     def _declared(self, node: RawNode) -> tuple[FieldSpec, ...] | None:
         """Return the outputs of a skill or subtree; None for other nodes."""

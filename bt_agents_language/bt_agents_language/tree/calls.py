@@ -23,19 +23,14 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar
 class CallReader:
     """Reads skill nodes and subtree nodes of one file.
 
-    Args:
-        reading: The file.
-        subtrees: What it can call, by name.
-        vocabulary: Whether there may be more, in an import that has failed or is missing.
-
     Attributes:
         calls: Place of each ``subtree`` node → name of the subtree.
     """
 
     def __init__(
-        self, reading: TypedReader, subtrees: Mapping[str, SubtreeSpec], vocabulary: SymbolTable
+        self, reading: TypedReader, subtrees: Mapping[str, SubtreeSpec], symbols: SymbolTable
     ) -> None:
-        self._vocabulary = vocabulary
+        self._symbols = symbols
         self.calls: dict[Position, str] = {}
         self._reading = reading
         self._subtrees = subtrees
@@ -44,18 +39,15 @@ class CallReader:
         """Return the node of a skill; None when nothing can be made of it."""
         skill = raw.skill
         assert skill is not None
-        nodes = self._skill_fields(raw)
+        nodes = self._skill_fields(raw.value, skill)
         if nodes is None:
             return None
-        outputs: Mapping[str, str] = NOTHING
-        feedback: Mapping[str, str] = NOTHING
-        if skill.outputs or "outputs" in raw.siblings:
-            outputs, feedback = self._skill_outputs(raw, skill)
+        outputs, feedback = self._skill_outputs(raw, skill)
         return NodeSpec(
             path=path,
             position=raw.key.position,
             kind=skill.name,
-            name=raw.name or _skill_label(raw, nodes),
+            name=raw.name or _skill_label(skill, nodes),
             fields=self._inputs(skill.inputs, nodes, names, raw),
             skill=skill,
             outputs=outputs,
@@ -66,6 +58,8 @@ class CallReader:
         self, raw: RawNode, skill: SkillSpec
     ) -> tuple[Mapping[str, str], Mapping[str, str]]:
         """Return what names get of the result, and what of the feedback."""
+        if not skill.outputs and "outputs" not in raw.siblings:
+            return NOTHING, NOTHING
         # Without a binding, what a rehearsal answers has the outputs by their own names.
         unbound = {output.name: output.name for output in skill.outputs}
         paths = skill.binding.outputs if skill.binding is not None else unbound
@@ -91,28 +85,26 @@ class CallReader:
         if called is None:
             return None
         if called not in self._subtrees:
-            if not self._vocabulary.incomplete:
+            if not self._symbols.incomplete:
                 message = f"there is no subtree {quote(called)}"
                 self._reading.error("unknown-subtree", name_node, message, self._missing(called))
             return None
         subtree = self._subtrees[called]
         if not subtree.complete:
             return None
-        given = self._given(raw, subtree)
-        position = raw.key.position
-        self.calls[position] = called
+        self.calls[raw.key.position] = called
         return NodeSpec(
             path=path,
-            position=position,
+            position=raw.key.position,
             kind=SUBTREE.key,
             name=raw.name or f"subtree {called}",
-            fields=self._inputs(subtree.inputs, given, names),
+            fields=self._inputs(subtree.inputs, self._given(raw, subtree), names),
             outputs=self._outputs(raw, subtree.outputs, f"subtree '{called}'"),
         )
 
     def _missing(self, called: str) -> str:
         """Return how to get at a subtree that the file does not have."""
-        libraries = self._vocabulary.libraries
+        libraries = self._symbols.libraries
         having = libraries.with_subtree(called) if libraries is not None else []
         if having:
             return f"add imports: [{having[0]}], which has it"
@@ -121,9 +113,7 @@ class CallReader:
             or "declare it under 'subtrees:', or import a library that has it"
         )
 
-    def _skill_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
-        skill, value = raw.skill, raw.value
-        assert skill is not None
+    def _skill_fields(self, value: Node, skill: SkillSpec) -> Mapping[str, Node] | None:
         required = skill.required
         if isinstance(value, MappingNode):
             fields = self._reading.fields(
@@ -165,15 +155,13 @@ class CallReader:
                 if not one.required:
                     fields[one.name] = one.default_value
                 continue
-            short_form = raw is not None and node is raw.value
-            what = raw.key_meant if raw is not None and short_form else one.name
+            what = raw.key_meant if raw is not None and node is raw.value else one.name
             value = read_value(self._reading, node, one.type, names, f"'{what}'")
             if value is not None:
                 fields[one.name] = value
         return fields
 
     def _given(self, raw: RawNode, subtree: SubtreeSpec) -> Mapping[str, Node]:
-        """Return what is written behind ``with``."""
         required = [one.name for one in subtree.inputs if one.required]
         entry = raw.siblings.get("with")
         if entry is None:
@@ -188,12 +176,8 @@ class CallReader:
             return {}
         known = [one.name for one in subtree.inputs]
         if not known:
-            self._reading.error(
-                "unknown-key",
-                entry.key,
-                f"subtree '{subtree.name}' has no inputs",
-                "remove 'with'",
-            )
+            message = f"subtree '{subtree.name}' has no inputs"
+            self._reading.error("unknown-key", entry.key, message, "remove 'with'")
             return {}
         what = f"'with' of subtree '{subtree.name}'"
         fields = self._reading.fields(entry.value, what, known, required)
@@ -208,23 +192,16 @@ class CallReader:
         outputs: dict[str, str] = {}
         for item in self._reading.entries(entry.value, "'outputs'", "names and outputs"):
             output = self._reading.text(item.value, f"the output behind '{item.key.text[:40]}'")
-            if output is None:
-                continue
             if output in known:
                 outputs[item.key.text] = output
-                continue
-            self._reading.error(
-                "unknown-name",
-                item.value,
-                f"{what} has no output {quote(output)}",
-                did_you_mean(output, known) or "remove it",
-            )
+            elif output is not None:
+                message = f"{what} has no output {quote(output)}"
+                hint = did_you_mean(output, known) or "remove it"
+                self._reading.error("unknown-name", item.value, message, hint)
         return outputs
 
 
-def _skill_label(raw: RawNode, nodes: Mapping[str, Node]) -> str:
-    skill = raw.skill
-    assert skill is not None
+def _skill_label(skill: SkillSpec, nodes: Mapping[str, Node]) -> str:
     shortened = short(nodes.get(skill.main or ""))
     if shortened and skill.main_is_text:
         shortened = f'"{shortened}"'

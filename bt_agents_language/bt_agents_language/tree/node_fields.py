@@ -23,17 +23,12 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 
 class FieldReader:
-    """Reads fields of nodes and decorators.
+    """Reads fields of nodes and decorators."""
 
-    Args:
-        reading: The file.
-        vocabulary: What it may speak of.
-    """
-
-    def __init__(self, reading: TypedReader, vocabulary: SymbolTable) -> None:
+    def __init__(self, reading: TypedReader, symbols: SymbolTable) -> None:
         self._reading = reading
-        self._space = vocabulary.space
-        self._interfaces = vocabulary.interfaces
+        self._space = symbols.space
+        self._interfaces = symbols.interfaces
 
     def read_all(
         self,
@@ -45,12 +40,7 @@ class FieldReader:
     ) -> FieldValues:
         """Return the values of fields by name; one that is not written has its default.
 
-        Args:
-            fields: Those of its type.
-            nodes: What is written, by name of the field.
-            names: What it may name.
-            main: The field that messages call ``what`` instead of by its name.
-            what: The node, for messages.
+        Messages call the field ``main`` ``what``, all others by their names.
         """
         values: FieldValues = {}
         for field in fields:
@@ -73,15 +63,7 @@ class FieldReader:
         what: str,
         siblings: Mapping[str, Node],
     ) -> Value | Expression | None:
-        """Return what is written in one field; None when it is wrong, which is then reported.
-
-        Args:
-            field: Says what may stand there.
-            node: What is written.
-            names: What it may name.
-            what: The field, for messages.
-            siblings: All fields of the node.
-        """
+        """Return what is written in one field; None when it is wrong, which is then reported."""
         reading = self._reading
         match field.content:
             case Content.VALUE:
@@ -126,7 +108,6 @@ class FieldReader:
         return _literal(self._reading.boolean(node, what))
 
     def _scene_values(self, node: Node, names: NameScope, what: str) -> MapValue:
-        """Return wanted values of scene parameters."""
         values: dict[str, Value] = {}
         for entry in self._reading.entries(node, what, "scene parameters and values"):
             name = entry.key.text
@@ -158,8 +139,7 @@ def written_fields(
 ) -> Mapping[str, Node] | None:
     """Return what is written for the fields of a node or decorator, a scalar as its main one.
 
-    Returns:
-        None when nothing can be read, which is then reported.
+    It is None when nothing can be read, which is then reported.
     """
     if main is not None and isinstance(node, Scalar) and not node.empty:
         return {main: node}

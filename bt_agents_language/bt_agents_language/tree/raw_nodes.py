@@ -37,32 +37,20 @@ _OTHER_LANGUAGES = {
 
 
 class RawNodeReader:
-    """Reads the structure of the trees of one file into raw nodes.
-
-    Args:
-        reading: The file.
-        vocabulary: The words that are nodes.
-        subtrees: Names of the subtrees that it can call.
-    """
+    """Reads the structure of the trees of one file into raw nodes."""
 
     def __init__(
-        self, reading: TypedReader, vocabulary: SymbolTable, subtrees: Collection[str] = ()
+        self, reading: TypedReader, symbols: SymbolTable, subtrees: Collection[str] = ()
     ) -> None:
         self._reading = reading
         self._subtrees = subtrees
-        self._skills = vocabulary.skills
-        self._types = vocabulary.node_types
-        self._words = {*vocabulary.node_types, *vocabulary.skills}
-        self._incomplete = vocabulary.incomplete
+        self._skills = symbols.skills
+        self._types = symbols.node_types
+        self._words = {*symbols.node_types, *symbols.skills}
+        self._incomplete = symbols.incomplete
 
     def read(self, node: Node, where: str, parent: NodeType | None = None) -> RawNode | None:
-        """Return the structure of a node; None when it is none, which is then reported.
-
-        Args:
-            node: What is written.
-            where: What the node is for, for messages: ``the tree``.
-            parent: Type of the composite that it is a child of.
-        """
+        """Return the structure of a node; None when it is none, which is then reported."""
         if not isinstance(node, MappingNode) or not node.entries:
             self._not_a_node(node, where)
             return None
@@ -91,9 +79,6 @@ class RawNodeReader:
         loose = bool(unknown) and any(entry.key.text == "children" for entry in unknown)
         return self._raw_node(nodes[0], nodes[0].key.text, known, parent, loose_children=loose)
 
-    def _is_word(self, text: str) -> bool:
-        return text in self._words
-
     def _raw_node(
         self,
         entry: MappingEntry,
@@ -102,7 +87,6 @@ class RawNodeReader:
         parent: NodeType | None,
         loose_children: bool = False,
     ) -> RawNode:
-        """Return a raw node."""
         node_type = self._types.get(word)
         skill = None if node_type is not None else self._skills[word]
         label = known.pop("name", None)
@@ -205,7 +189,7 @@ class RawNodeReader:
         written: Node = entry.value
         options: dict[str, MappingEntry] = {}
         if isinstance(written, MappingNode):
-            if any(self._is_word(e.key.text) for e in written.entries):
+            if any(e.key.text in self._words for e in written.entries):
                 self._reading.error(
                     "wrong-type",
                     written.entries[0].key,
@@ -289,7 +273,7 @@ class RawNodeReader:
     def _meant_pair(self, text: str) -> str:
         """Return a hint for a node key and its value that are not written as such."""
         match = re.match(r"\s*([^\W\d]\w*)\s*([:\uff1a]?)(.*)", text, re.DOTALL)
-        if match is None or not self._is_word(match[1]):
+        if match is None or match[1] not in self._words:
             return ""
         word, colon, rest = match.groups()
         strange = next((c for c in colon + rest[:1] if not c.isascii() and not c.isalpha()), "")
@@ -342,13 +326,11 @@ class RawNodeReader:
         """Return a hint for a key that is no node but means something."""
         text = entry.key.text
         word, colon, rest = text.partition(":")
-        if colon and self._is_word(word):
+        if colon and word in self._words:
             return f"write '{word}: {rest[:30]}', a space behind the ':'"
         if text in self._subtrees:
-            with_inputs = (
-                ", and 'with: …' beside it" if not isinstance(entry.value, Scalar) else ""
-            )
-            return f"it is a subtree: write 'subtree: {text}'{with_inputs}"
+            more = "" if isinstance(entry.value, Scalar) else ", and 'with: …' beside it"
+            return f"it is a subtree: write 'subtree: {text}'{more}"
         return _OTHER_LANGUAGES.get(text.lower(), "")
 
     def _unknown_beside(self, entry: MappingEntry, node: MappingEntry) -> None:

@@ -21,7 +21,6 @@ class Expansion:
     """Puts subtrees in place.
 
     Args:
-        reading: The file, for problems.
         bodies: The tree of each subtree that can be called, imported ones with their own
             subtrees in place already; its paths start with the subtree's name.
         calls: Place of each ``subtree`` node → name of the subtree.
@@ -69,12 +68,15 @@ class Expansion:
                     chain[name] = iter(called[name].items())
         return found
 
-    def expand(self, root: NodeSpec, budget: int = MAX_NODES) -> tuple[NodeSpec, int] | None:
-        """Return a tree with its subtrees in place and its number of nodes.
+    def expand(
+        self, root: NodeSpec | None, budget: int = MAX_NODES
+    ) -> tuple[NodeSpec | None, int]:
+        """Return a tree with its subtrees in place, and its number of nodes.
 
-        Returns:
-            None when it is too large or too deep, which is then reported.
+        It is None for no tree, and for one that is too large or too deep, which is then reported.
         """
+        if root is None:
+            return None, 0
         size, depth = self._size(root)
         if size > budget or depth > MAX_DEPTH:
             limit = f"{MAX_NODES:,} nodes" if size > budget else f"{MAX_DEPTH} levels"
@@ -85,7 +87,7 @@ class Expansion:
                 "are used",
                 "use 'repeat', or split the agent",
             )
-            return None
+            return None, 0
         return (self._expanded(root, "") if self._calls else root), size
 
     def _called(self, body: NodeSpec) -> dict[str, Position]:

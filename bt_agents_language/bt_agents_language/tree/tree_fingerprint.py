@@ -15,12 +15,7 @@ _NOWHERE = Position(file="", line=1, column=1)
 
 @dataclass(frozen=True, kw_only=True)
 class TreeFingerprint:
-    """A fingerprint of each node, parents before children.
-
-    Attributes:
-        nodes: What each node is and does.
-        places: The path of each, and how many children it has.
-    """
+    """What each node is and does, and where: its path, and how many children it has."""
 
     nodes: tuple[bytes, ...]
     places: tuple[tuple[str, int], ...]

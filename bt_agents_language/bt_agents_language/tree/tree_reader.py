@@ -33,44 +33,32 @@ _NOT_IN_PATH = re.compile(r"[^\w-]+")
 class TreeReader:
     """Reads the trees of one file; a :class:`NodeReader` to the types of their nodes.
 
-    Args:
-        reading: The file.
-        vocabulary: What it may speak of.
-        subtrees: What its trees can call, by name.
-
     Attributes:
-        interfaces: The installed ROS types; None leaves types unchecked.
+        calls: Place of each ``subtree`` node read so far → name of the subtree.
+        assigned: What each node writes.
     """
 
     def __init__(
-        self, reading: TypedReader, vocabulary: SymbolTable, subtrees: Mapping[str, SubtreeSpec]
+        self, reading: TypedReader, symbols: SymbolTable, subtrees: Mapping[str, SubtreeSpec]
     ) -> None:
         self.reading = reading
-        self.interfaces = vocabulary.interfaces
-        self._fields = FieldReader(reading, vocabulary)
-        self._calls = CallReader(reading, subtrees, vocabulary)
-        self._written = AssignedNames(reading, subtrees, vocabulary.interfaces)
-
-    @property
-    def calls(self) -> Mapping[Position, str]:
-        """Place of each ``subtree`` node read so far → name of the subtree."""
-        return self._calls.calls
+        self.interfaces = symbols.interfaces
+        self._fields = FieldReader(reading, symbols)
+        self._calls = CallReader(reading, subtrees, symbols)
+        self.calls: Mapping[Position, str] = self._calls.calls
+        self.assigned = AssignedNames(reading, subtrees, symbols.interfaces)
 
     def read(
         self, raw: RawNode, path: str, names: NameScope, *, parent: NodeType | None = None
     ) -> NodeSpec | None:
         """Return a node with everything below it; None when it is wrong, which is then reported.
 
-        Args:
-            raw: The node as written.
-            path: Its path.
-            names: What its values and conditions may name; learns what the node writes.
-            parent: Type of the composite that it is a child of.
+        What it writes is given to ``names``; ``parent`` is the composite that it is a child of.
         """
         if not raw.decorators:
             spec = self._node(raw, path, names)
             if may_write(raw):
-                names.give(self._written.by(raw))
+                names.give(self.assigned.by(raw))
             return spec
         part_of_parent = parent.child_keys if parent is not None else ()
         around = [
@@ -80,17 +68,17 @@ class TreeReader:
         ]
         if any(one.rounds for one in around):
             # A later round can use what an earlier one has written.
-            names.give(self._written.below(raw))
+            names.give(self.assigned.below(raw))
         wrapping = [
             None if one.handler else self._decorator_fields(one, raw, names, parent)
             for one in around
         ]
         spec = self._node(raw, path, names)
-        names.give(self._written.by(raw))
+        names.give(self.assigned.by(raw))
         for one, fields in zip(reversed(around), reversed(wrapping), strict=True):
             entry = raw.decorators[one.key]
             if one.handler:
-                spec = self._handled(one, raw, entry.key.position, path, names, spec)
+                spec = self._handled(one, raw, path, names, spec)
             elif fields is not None:
                 label = f"{one.key} {short(entry.value)}" if one.fields else one.key
                 spec = wrapped(spec, one.key, entry.key.position, path, fields, label)
@@ -118,13 +106,7 @@ class TreeReader:
         return fields
 
     def _handled(
-        self,
-        decorator: NodeType,
-        raw: RawNode,
-        position: Position,
-        path: str,
-        names: NameScope,
-        spec: NodeSpec | None,
+        self, decorator: NodeType, raw: RawNode, path: str, names: NameScope, spec: NodeSpec | None
     ) -> NodeSpec | None:
         written = raw.nodes.get(decorator.key)
         if written is None:
@@ -135,7 +117,7 @@ class TreeReader:
             return None
         return NodeSpec(
             path=here,
-            position=position,
+            position=raw.decorators[decorator.key].key.position,
             kind=decorator.key,
             name=decorator.key,
             children=(spec, handler),
@@ -167,7 +149,7 @@ class TreeReader:
         again = isinstance(memory, Literal) and memory.value is False
         if node_type.concurrent or again:
             # Any child may run after any other.
-            names.give(self._written.below(raw))
+            names.give(self.assigned.below(raw))
         own = len(raw.children)
         in_fields = [raw.nodes[one.name] for one in node_type.fields if one.name in raw.nodes]
         at_start = set(names.given) if node_type.exclusive else set()

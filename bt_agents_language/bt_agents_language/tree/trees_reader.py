@@ -12,7 +12,6 @@ from bt_agents_language.fields.scope import Assigned, NameScope, mood_names, sce
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes.node_type import RawNode
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.tree.assigned_names import AssignedNames
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES, Expansion
 from bt_agents_language.tree.tree_reader import TreeReader
@@ -36,17 +35,12 @@ SUBTREES = FieldDecl(
     Entries(_SUBTREE, "names and subtrees", keys=Key.ANY),
     "Trees that 'subtree' nodes do.",
 )
-"""The key of a file's subtrees."""
 
 
 class TreesReader:
     """Reads all trees of one file.
 
     Args:
-        reading: The file.
-        entries: What stands under ``subtrees``.
-        vocabulary: What the trees may speak of, imports included.
-        imported: Subtrees of imported libraries by name.
         tunables: Type of each tunable; None when their declaration could not be read.
 
     Attributes:
@@ -57,7 +51,7 @@ class TreesReader:
         self,
         reading: TypedReader,
         entries: tuple[MappingEntry, ...],
-        vocabulary: SymbolTable,
+        symbols: SymbolTable,
         imported: Mapping[str, SubtreeSpec],
         tunables: Mapping[str, FieldType] | None,
     ) -> None:
@@ -73,32 +67,26 @@ class TreesReader:
         for entry in entries:
             self._declare(entry)
         known = {**imported, **self._subtrees}
-        self._structure = RawNodeReader(reading, vocabulary, known)
-        self._reader = TreeReader(reading, vocabulary, known)
-        self._written = AssignedNames(reading, known, vocabulary.interfaces)
+        self._structure = RawNodeReader(reading, symbols, known)
+        self._reader = TreeReader(reading, symbols, known)
         self._types = {
-            **scene_names(vocabulary.space, ("scene", "live", "profile")),
-            **mood_names(vocabulary.space),
+            **scene_names(symbols.space, ("scene", "live", "profile")),
+            **mood_names(symbols.space),
             **self._tunables,
         }
 
     def trees(
         self, tree: Node | None, on_cancel: Node | None
     ) -> tuple[NodeSpec | None, NodeSpec | None]:
-        """Return an agent's trees with their subtrees in place; None for one that is wrong.
-
-        Args:
-            tree: What is written behind ``tree``.
-            on_cancel: What is written behind ``on_cancel``.
-        """
+        """Return an agent's trees with their subtrees in place; None for one that is wrong."""
         first, last = self._raw(tree, "the tree"), self._raw(on_cancel, "'on_cancel'")
         taken = dict.fromkeys(self._tunables, "a tunable")
         bodies = self._raw_bodies()
-        self._of_trees = self._written.of_trees([first, last], taken, self._types)
+        self._of_trees = self._reader.assigned.of_trees([first, last], taken, self._types)
         hidden = {
             name: f"subtree '{subtree}' writes it; add 'outputs: {{{name}: any}}' to that"
             for subtree, raw in bodies.items()
-            for name in (self._written.below(raw) if raw is not None else ())
+            for name in (self._reader.assigned.below(raw) if raw is not None else ())
         }
         names = NameScope(self._types, self._of_trees, hidden=hidden, lenient=self._lenient)
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
@@ -107,23 +95,20 @@ class TreesReader:
         expansion = self._expansion(bodies)
         if expansion is None:
             return None, None
-        expanded = expansion.expand(first_spec) if first_spec is not None else None
-        left = MAX_NODES - (expanded[1] if expanded is not None else 0)
-        cleaning = expansion.expand(last_spec, left) if last_spec is not None else None
-        return (
-            expanded[0] if expanded is not None else None,
-            cleaning[0] if cleaning is not None else None,
-        )
+        expanded, size = expansion.expand(first_spec)
+        return expanded, expansion.expand(last_spec, MAX_NODES - size)[0]
 
     def library(self) -> dict[str, SubtreeSpec]:
         """Return the file's own subtrees with those that they call in place."""
         expansion = self._expansion(self._raw_bodies())
-        found: dict[str, SubtreeSpec] = {}
-        for name, body in self._bodies.items() if expansion is not None else ():
-            expanded = expansion.expand(body) if expansion is not None else None
-            if expanded is not None:
-                found[name] = replace(self._subtrees[name], body=expanded[0])
-        return found
+        if expansion is None:
+            return {}
+        bodies = {name: expansion.expand(body)[0] for name, body in self._bodies.items()}
+        return {
+            name: replace(self._subtrees[name], body=body)
+            for name, body in bodies.items()
+            if body is not None
+        }
 
     def _declare(self, entry: MappingEntry) -> None:
         name = self._reading.name(entry.key, "the name of a subtree")
@@ -131,15 +116,12 @@ class TreesReader:
         fields = self._reading.keys(entry.value, _SUBTREE, what)
         if name is None:
             return
+        place = entry.key.position
+        subtree = SubtreeSpec(
+            name=name, inputs=(), outputs=(), body=None, position=place, complete=False
+        )
+        self._subtrees[name] = subtree
         if fields is None:
-            self._subtrees[name] = SubtreeSpec(
-                name=name,
-                inputs=(),
-                outputs=(),
-                body=None,
-                position=entry.key.position,
-                complete=False,
-            )
             return
         description = fields.text("description")
         before = len(self._reading.problems)
@@ -154,12 +136,10 @@ class TreesReader:
         self._fields[name] = fields
         inputs = self._declared(fields, "inputs", what)
         outputs = self._declared(fields, "outputs", what)
-        self._subtrees[name] = SubtreeSpec(
-            name=name,
+        self._subtrees[name] = replace(
+            subtree,
             inputs=inputs,
             outputs=outputs,
-            body=None,
-            position=entry.key.position,
             complete=len(self._reading.problems) == before,
             description=" ".join(description.split()),
         )
@@ -184,7 +164,7 @@ class TreesReader:
             **dict.fromkeys(self._tunables, "a tunable"),
             **dict.fromkeys(inputs, "an input of this subtree"),
         }
-        written = self._written.of_trees([raw], taken, {**self._types, **inputs})
+        written = self._reader.assigned.of_trees([raw], taken, {**self._types, **inputs})
         hidden = dict.fromkeys(
             self._of_trees,
             f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "
@@ -198,7 +178,12 @@ class TreesReader:
         )
         body = self._reader.read(raw, name, names)
         if len(self._reading.problems) == before:
-            self._note_unused(subtree, fields, names)
+            keys = {entry.key.text: entry.key for entry in entries_of(fields.get("inputs"))}
+            self.unused_inputs += (
+                UnusedInput(name=one, subtree=name, position=keys[one].position)
+                for one in inputs
+                if one not in names.used
+            )
             self._refuse_unwritten(subtree, fields, written)
         return body
 
@@ -211,14 +196,6 @@ class TreesReader:
                     f"there is a tunable '{entry.key.text}' already",
                     "rename the input",
                 )
-
-    def _note_unused(self, subtree: SubtreeSpec, fields: MappingReader, names: NameScope) -> None:
-        keys = {entry.key.text: entry.key for entry in entries_of(fields.get("inputs"))}
-        self.unused_inputs += (
-            UnusedInput(name=one.name, subtree=subtree.name, position=keys[one.name].position)
-            for one in subtree.inputs
-            if one.name not in names.used
-        )
 
     def _refuse_unwritten(
         self, subtree: SubtreeSpec, fields: MappingReader, written: Mapping[str, object]

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.paths import journal_folder
+from bt_agents_core.trees_folder import journal_folder
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.event_printer import EventPrinter

@@ -7,7 +7,7 @@ import os
 import time
 from pathlib import Path
 
-from bt_agents_core.paths import state_folder
+from bt_agents_core.trees_folder import state_folder
 from bt_agents_tools.launcher.supervisor import Component
 
 

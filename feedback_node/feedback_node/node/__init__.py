@@ -24,7 +24,7 @@ from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback, ManageProfiles
-from bt_agents_language.files.experiment_reader import read_simulated_feedback
+from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
@@ -372,7 +372,7 @@ def main(args: Sequence[str] | None = None) -> int:
             space = read_scene(find_trees(values["trees"]) / "scene.yaml").space
             path = values["simulated_feedback"]
             simulated = (
-                SimulatedFeedback(read_simulated_feedback(Path(path), space)) if path else None
+                SimulatedFeedback(read_experiment(Path(path), space).feedback) if path else None
             )
             ledger = owned.enter_context(Ledger(ledger_path(values["ledger"], os.environ)))
             node = FeedbackNode(space, ledger, simulated)

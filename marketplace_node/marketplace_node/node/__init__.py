@@ -396,7 +396,7 @@ def make_market(
     rules: tuple[MarketRule, ...] = ()
     unread = None
     try:
-        rules = market_of(trees, space).rules
+        rules = market_of(trees, space)
     except ReadError as error:
         unread = error
     node = MarketplaceNode(space, rules=rules, overrides_file=overrides_file, **node_kwargs)

@@ -116,7 +116,7 @@ class RoundModel:
             if found is not None:
                 number, rule = found
                 ours = [agent for agent in rule.agents if agent in bidders]
-                return ours, f"rule {number}: {rule.text}"
+                return ours, f"rule {number}: {rule.condition.text}"
         elif self.spec.name == EXTERNAL and external is not None and not external.failure:
             return list(external.ranking), external.message
         return [], ""

@@ -34,12 +34,12 @@ from bt_agents.host.tuning.tunable import (
 )
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.client.write_back import ParameterState, write_defaults
 from faulty_disk import Disk
+from file_texts import read_agent_text
 from tree_harness import SPACE, TREES, VOCABULARY
 
 NAMES = ("a.x", "a.y", "b.x", "c.x", "rate")

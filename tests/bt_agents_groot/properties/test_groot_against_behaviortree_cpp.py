@@ -9,8 +9,8 @@ from xml.sax.saxutils import quoteattr
 import pytest
 
 from bt_agents_groot.agent_import import import_agent
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.yaml.source import Source
+from file_texts import read_agent_text
 from tree_harness import VOCABULARY, Stage
 
 theirs = pytest.importorskip(

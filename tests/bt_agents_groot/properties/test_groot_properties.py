@@ -24,9 +24,9 @@ from bt_agents_groot.formulas import (
 from bt_agents_groot.scripts import parse_script
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import Raw, YamlNode, yaml_lines
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source
+from file_texts import read_agent_text
 from tree_harness import VOCABULARY
 
 START = YamlNode(key="set", value={"x": 1, "t": "hello", "b": True})

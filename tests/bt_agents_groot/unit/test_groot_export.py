@@ -12,9 +12,10 @@ import pytest
 from bt_agents_core.errors import ReadError
 from bt_agents_groot.agent_export import ExportedAgent, export_agent
 from bt_agents_groot.agent_import import import_agent
-from bt_agents_language.files.agent_reader import read_agent, read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source, read_source
+from file_texts import read_agent_text
 from tree_harness import TREES, VOCABULARY
 
 HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

@@ -10,10 +10,9 @@ import yaml
 
 from bt_agents_groot.agent_import import ImportedAgent, import_agent
 from bt_agents_groot.translation import RemarkLevel
-from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.files.skills_reader import read_skills_text
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
+from file_texts import read_agent_text, read_skills_text
 from tree_harness import VOCABULARY
 
 S, F = "<AlwaysSuccess/>", "<AlwaysFailure/>"

@@ -50,7 +50,7 @@ RULES = read_market(
         "  - {when: scene.mood < 2, agents: [bert]}\n",
     ),
     SPACE,
-).rules
+)
 PARSED: Any = SimpleNamespace(space=SPACE, rules=RULES)
 NAMES = ("anna", "bert", "carl")
 

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.tools.formatting.comments import find_comments
 from bt_agents_language.tools.formatting.formatter import format_source, same_meaning
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_language.yaml.yaml_reader import Node, read_yaml
+from file_texts import read_agent_text
 
 ROOT = Path(__file__).parents[3]
 TREES = ROOT / "trees"

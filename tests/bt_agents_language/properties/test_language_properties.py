@@ -20,15 +20,13 @@ from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.expression.quantities import QuantityError, integer, number, quantity
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.experiment_reader import read_experiment
-from bt_agents_language.files.scene_reader import read_scene_text
 from bt_agents_language.files.script_reader import read_script
-from bt_agents_language.files.skills_reader import read_skills_text
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.reference.codes import codes
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
+from file_texts import read_agent_text, read_scene_text, read_skills_text
 from tree_harness import SPACE, TREES, VOCABULARY
 
 EVERYTHING = """\

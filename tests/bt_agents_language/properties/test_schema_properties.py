@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.tools.schema.folder import schema_of
 from core_schema import loaded
+from file_texts import read_agent_text
 from tree_harness import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

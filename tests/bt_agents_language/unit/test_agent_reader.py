@@ -12,13 +12,14 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.files.agent_reader import read_agent, read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.model.mood_rule import MoodAction
 from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference, Text
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.subtrees import MAX_NODES
 from fake_interfaces import FakeInterfaces
+from file_texts import read_agent_text
 from tree_harness import SPACE, TREES, VOCABULARY, agent
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

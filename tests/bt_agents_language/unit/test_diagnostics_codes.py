@@ -18,7 +18,6 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_groot.document import read_document
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.files import folder_reader
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
@@ -34,6 +33,7 @@ from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.yaml_reader import Mapping
 from bt_agents_language.yaml.yaml_reader import read_document as read_file
 from fake_interfaces import FakeInterfaces
+from file_texts import read_agent_text
 from tree_harness import SPACE, TREES, VOCABULARY
 
 HEAD = {

@@ -11,7 +11,7 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_language.files.experiment_reader import read_experiment, read_simulated_feedback
+from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.yaml.source import Source
 from feedback_node.simulated_feedback import SimulatedFeedback
@@ -58,7 +58,7 @@ def test_shipped_experiments_are_read(path):
     trees = read_trees(path.parent)
     assert trees.broken == ()
     spec = read_experiment(path, trees.scene.space)
-    feedback = read_simulated_feedback(path, trees.scene.space)
+    feedback = read_experiment(path, trees.scene.space).feedback
     assert set(feedback.each) == set(spec.feedback.each) == {one.name for one in trees.agents}
 
 

@@ -13,7 +13,6 @@ import pytest
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
-from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec
 from tree_harness import TREES
 
@@ -52,7 +51,7 @@ def folder(tmp_path: Path) -> Path:
 def agent(folder: Path, tree: str, *imports: str) -> AgentSpec:
     path = folder / "agents" / "a.yaml"
     path.write_text(AGENT.format(tree=tree, imports=", ".join(f'"{one}"' for one in imports)))
-    return read_agent(path, read_vocabulary(folder, read_scene(folder / "scene.yaml")))
+    return read_agent(path, read_vocabulary(folder))
 
 
 def problems(folder: Path, tree: str, *imports: str) -> list[str]:

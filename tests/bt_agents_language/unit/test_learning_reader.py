@@ -9,10 +9,10 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.feedback import LearningRule, Update
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.tools.schema.folder import schema_of
+from file_texts import read_agent_text
 from tree_harness import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {wait: 1 s}\n"

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.endings import Outcome
 from bt_agents_language.tools.linting.lint import lint
 from bt_agents_language.tools.linting.outcomes import outcomes
+from file_texts import read_agent_text
 from tree_harness import VOCABULARY, agent
 
 

@@ -21,7 +21,6 @@ from bt_agents.engine import nodes
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot import tree_export
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes import catalogue
 from bt_agents_language.nodes.catalogue import BRANCHES, DECORATORS, NODE_TYPES, SIBLINGS, type_of
@@ -34,6 +33,7 @@ from bt_agents_language.tools.drawing.outline import outline
 from bt_agents_language.tools.linting.lint import lint
 from bt_agents_language.tools.schema.node_schemas import node_definitions
 from checkout import ROOT
+from file_texts import read_agent_text
 from tree_harness import SPACE, VOCABULARY, agent
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

@@ -11,8 +11,8 @@ from dataclasses import replace
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
+from file_texts import read_agent_text
 from tree_harness import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

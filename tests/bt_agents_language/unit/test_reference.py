@@ -17,13 +17,13 @@ from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, PREFIXES
 from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.scope import mood_names, scene_names
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import NodeField, NodeType
 from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
 from checkout import ROOT
+from file_texts import read_agent_text
 from tree_harness import SPACE, VOCABULARY, scene
 
 GENERATED = runpy.run_path(str(ROOT / "scripts" / "generated.py"))["GENERATED"]

@@ -6,8 +6,9 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.files.scene_reader import read_scene, read_scene_text
+from bt_agents_language.files.scene_reader import read_scene
 from fake_interfaces import FakeInterfaces
+from file_texts import read_scene_text
 from tree_harness import TREES
 
 TEXT = """\

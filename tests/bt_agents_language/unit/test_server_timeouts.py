@@ -12,14 +12,13 @@ from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.errors import ReadError
 from bt_agents_groot.agent_export import export_agent
 from bt_agents_groot.agent_import import import_agent
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.files.skills_reader import read_skills_text
 from bt_agents_language.model.specs import HeartbeatSpec, SkillSpec, Timeouts
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.rehearsal.events import EventKind
 from fake_interfaces import FakeInterfaces
+from file_texts import read_agent_text, read_skills_text
 from rehearsal_harness import events_of, rehearsed
 from tree_harness import TREES, VOCABULARY, Stage, agent
 

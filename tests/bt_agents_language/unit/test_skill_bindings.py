@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from fake_interfaces import FakeInterfaces
+from file_texts import read_agent_text
 from tree_harness import SPACE, TREES
 
 WORDS = """

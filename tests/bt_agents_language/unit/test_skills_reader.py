@@ -7,9 +7,10 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_language.files.skills_reader import read_skills, read_skills_text
+from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.model.specs import MapValue, Reference
 from fake_interfaces import FakeInterfaces
+from file_texts import read_skills_text
 from tree_harness import TREES
 
 ASK = """\

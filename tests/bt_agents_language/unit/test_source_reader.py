@@ -9,9 +9,9 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_language.files.scene_reader import read_scene_text
 from bt_agents_language.model.scene_specs import AddresseeRule, MissingRule, SceneSpec
 from fake_interfaces import FakeInterfaces
+from file_texts import read_scene_text
 
 
 class Faces(FakeInterfaces):

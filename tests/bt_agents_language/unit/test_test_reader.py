@@ -25,8 +25,8 @@ from bt_agents_language.files.testing.scenarios import (
     Visits,
     Within,
 )
-from bt_agents_language.files.testing.test_reader import read_test_text
 from bt_agents_language.tree.subtrees import MAX_NODES
+from file_texts import read_test_text
 from rehearsal_harness import cases_for
 from tree_harness import TREES, VOCABULARY, agent
 

@@ -9,9 +9,9 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.yaml.source import Edit, PatchedSource, Source, without_section
 from bt_agents_language.yaml.yaml_reader import MAX_SYNTAX_ERRORS, Mapping, read_document
+from file_texts import read_agent_text
 from tree_harness import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
-from bt_agents_language.files.testing.test_reader import read_test_text
 from bt_agents_language.reference.codes import codes
 from bt_agents_tools.rehearsal.rehearsal import rehearse
 from bt_agents_tools.rehearsal.suite import failure, run_case
+from file_texts import read_test_text
 from tree_harness import SPACE, TREES, VOCABULARY
 
 AGENTS = read_trees(TREES).agents

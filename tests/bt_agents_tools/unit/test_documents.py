@@ -14,13 +14,11 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
-from bt_agents_language.files.scene_reader import SCENE, read_scene_text
+from bt_agents_language.files.scene_reader import SCENE
 from bt_agents_language.files.skills_reader import read_skills
-from bt_agents_language.files.testing.test_reader import read_test_text
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.nodes.plugin_discovery import GROUP, read_plugins
 from bt_agents_language.tools.schema.generator import file_schema
@@ -28,6 +26,7 @@ from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from bt_agents_tools.rehearsal.suite import failure, run_case
+from file_texts import read_agent_text, read_scene_text, read_test_text
 from journal_fixture import morning
 from marketplace_node.strategies import StrategySpec
 from rehearsal_harness import scenario
@@ -95,7 +94,7 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
         assert read_scene_text(text, document).sources
         return
     if "rules" in keys:
-        assert read_market(Source(document, text), SPACE).rules
+        assert read_market(Source(document, text), SPACE)
         return
     if {"skills", "bindings"} & keys.keys():
         path = tmp_path / "their.yaml"

@@ -9,12 +9,11 @@ import pytest
 
 from bt_agents.engine.run import TreeOutcome
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.files.skills_reader import read_skills_text
 from bt_agents_language.files.testing.scenarios import ScriptedEvent
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.events import EventKind
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
+from file_texts import read_agent_text, read_skills_text
 from rehearsal_harness import events_of, rehearsed, scenario, spoken_texts
 from tree_harness import SPACE, VOCABULARY, agent
 

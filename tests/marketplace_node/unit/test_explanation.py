@@ -88,7 +88,7 @@ def drawn() -> Decision:
 
 def by_rule() -> Decision:
     values = (AS_GIVEN.values[0], replace(AS_GIVEN.values[1], value=5.0), AS_GIVEN.values[2])
-    rules = market_of(ROOT / "trees", SPACE).rules
+    rules = market_of(ROOT / "trees", SPACE)
     return of(replace(AS_GIVEN, values=values), strategy="rules", rules=rules)
 
 

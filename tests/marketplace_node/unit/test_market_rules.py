@@ -20,7 +20,7 @@ PROFILES = {"ann": (3.0, 3.0, 3.0), "bob": (4.0, 3.0, 3.0), "cat": (5.0, 5.0, 5.
 
 def rules(*lines: str) -> tuple[MarketRule, ...]:
     text = "format: 1\nrules:\n" + "".join(f"  - {line}\n" for line in lines)
-    return read_market(Source("market.yaml", text), SPACE).rules
+    return read_market(Source("market.yaml", text), SPACE)
 
 
 def ranked(*lines: str, values: tuple[float, ...] = (3.0, 3.0, 3.0)) -> Ranked:
@@ -70,7 +70,7 @@ def test_without_a_rule_that_holds_the_nearest_wins(line: str) -> None:
 
 
 def test_a_folder_without_a_market_file_has_no_rules(tmp_path: Path) -> None:
-    assert market_of(tmp_path, SPACE).rules == ()
+    assert market_of(tmp_path, SPACE) == ()
 
 
 def external(answer: External | None) -> Ranked:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.files.scene_reader import read_scene_text
+from file_texts import read_scene_text
 from plain_message import message_of
 from scene_layer.sources import Sources
 

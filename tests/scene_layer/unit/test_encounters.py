@@ -8,8 +8,8 @@ import math
 import pytest
 
 from bt_agents_core.scene import Origin, Scene, SceneValue
-from bt_agents_language.files.scene_reader import read_scene_text
 from bt_agents_language.model.scene_specs import SceneSpec
+from file_texts import read_scene_text
 from plain_message import message_of
 from scene_layer.memory import MOST_KNOWN, Memory, from_text, to_text
 from scene_layer.persons import AWAY_S, MOST_AWAY

@@ -12,8 +12,8 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_core.source_mapping import inverted, mapped
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.files.scene_reader import read_scene_text
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
+from file_texts import read_scene_text
 from plain_message import message_of
 from scene_layer.fusion import Reading
 from scene_layer.sources import Sources

@@ -27,9 +27,9 @@ def matches(pattern: str, path: str) -> bool:
     return _compiled(pattern).fullmatch(path) is not None
 
 
-def path_hint(written: str, known: Sequence[str]) -> str:
+def path_hint(text: str, known: Sequence[str]) -> str:
     """Return a hint for a path that is not known: a child of its longest part that is."""
-    parts = written.split("/")
+    parts = text.split("/")
     for depth in range(len(parts) - 1, 0, -1):
         start = "/".join(parts[:depth])
         inside = [path for path in known if path.startswith(f"{start}/")]
@@ -42,7 +42,7 @@ def path_hint(written: str, known: Sequence[str]) -> str:
         # Without its kind, 'tree/1' for 'tree/1.say', a part is clear by its number or not at all.
         numbered = [path for path in children if path.startswith(f"{upto}.")]
         return did_you_mean(upto, numbered) if numbered else did_you_mean("", children)
-    return did_you_mean(written, known)
+    return did_you_mean(text, known)
 
 
 @lru_cache(maxsize=1024)

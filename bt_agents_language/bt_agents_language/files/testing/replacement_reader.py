@@ -12,7 +12,6 @@ from bt_agents_language.files.testing.scenarios import REPLACED
 from bt_agents_language.model.specs import NodeSpec, Tunable, iter_nodes
 from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.tree.assigned_names import AssignedNames
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES
 from bt_agents_language.tree.tree_reader import TreeReader
@@ -24,31 +23,23 @@ AT_ONCE = {"succeed": "true", "fail": "false"}
 
 
 class ReplacementReader:
-    """Reads what stands in for nodes of one agent.
-
-    Args:
-        reading: The test file.
-        vocabulary: What a node may speak of.
-        nodes: The nodes of the agent.
-        tunables: Those of the agent.
-    """
+    """Reads what stands in for nodes of one agent."""
 
     def __init__(
         self,
         reading: TypedReader,
-        vocabulary: SymbolTable,
+        symbols: SymbolTable,
         nodes: Sequence[NodeSpec],
         tunables: Iterable[Tunable],
     ) -> None:
         self._reading = reading
         self._nodes = nodes
-        self._structure = RawNodeReader(reading, vocabulary)
-        self._trees = TreeReader(reading, vocabulary, {})
-        self._written = AssignedNames(reading, {}, vocabulary.interfaces)
+        self._structure = RawNodeReader(reading, symbols)
+        self._trees = TreeReader(reading, symbols, {})
         self._tunables = {one.name: one.type for one in tunables}
         self._types = {
-            **scene_names(vocabulary.space, ("scene", "live", "profile")),
-            **mood_names(vocabulary.space),
+            **scene_names(symbols.space, ("scene", "live", "profile")),
+            **mood_names(symbols.space),
             **self._tunables,
         }
 
@@ -64,7 +55,7 @@ class ReplacementReader:
         if raw is None:
             return None
         taken = dict.fromkeys(self._tunables, "a tunable")
-        written = self._written.of_trees([raw], taken, self._types)
+        written = self._trees.assigned.of_trees([raw], taken, self._types)
         spec = self._trees.read(raw, REPLACED, NameScope(self._types, written))
         if spec is None or len(self._reading.problems) > before:
             return None

@@ -50,7 +50,6 @@ from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequ
 
 _ENDS = tuple(end.value for end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE, GoalEnd.NEVER))
 _SILENT = {"silent": True, "back": False}
-_LARGEST_SEED = 2**63 - 1
 
 _ANSWER = KeyTable(
     fields=(
@@ -119,19 +118,14 @@ SCENARIO = KeyTable(
 class ScenarioReader:
     """Reads scenarios for one agent.
 
-    Args:
-        reading: The file.
-        agent: Whom it is about.
-        vocabulary: What a node may speak of that takes the place of others.
-
     Attributes:
         skills: The skills that the agent's trees use, by name.
         known_skills: These, and the others that there are.
     """
 
-    def __init__(self, reading: TypedReader, agent: AgentSpec, vocabulary: SymbolTable) -> None:
+    def __init__(self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable) -> None:
         self._reading = reading
-        self._space = vocabulary.space
+        self._space = symbols.space
         self._nodes = tuple(nodes_of(agent))
         self._tunables = {tunable.name: tunable for tunable in agent.tunables}
         self.skills: dict[str, SkillSpec] = {}
@@ -139,9 +133,9 @@ class ScenarioReader:
             if node.skill is not None:
                 self.skills.setdefault(node.kind, node.skill)
         named = {name: one for name, one in self.skills.items() if name not in NODE_TYPES}
-        self.known_skills = {**vocabulary.skills, **named}
+        self.known_skills = {**symbols.skills, **named}
         self._replacements = ReplacementReader(
-            reading, vocabulary.with_skills(named), self._nodes, self._tunables.values()
+            reading, symbols.with_skills(named), self._nodes, self._tunables.values()
         )
 
     def read(self, fields: MappingReader) -> Scenario:
@@ -150,43 +144,31 @@ class ScenarioReader:
         values: dict[str, float] = {}
         person = fields.boolean("person")
         if isinstance(scene, MappingNode):
-            inner = self._person_of(scene)
+            node = None if "person" in self._space.names else scene.get("person")
+            inner = None if node is None else self._reading.boolean(node, "'person'")
             person = inner if inner is not None else person
-            values = read_values(self._reading, _without_person(scene), "'scene'", self._space)
+            entries = tuple(entry for entry in scene.entries if entry.key.text != "person")
+            rest = replace(scene, entries=entries)
+            values = read_values(self._reading, rest, "'scene'", self._space)
         elif scene is not None:
             self._reading.wrong_type(
                 scene, "'scene'", "a mapping such as {age: 4, mood: 3}", Shape.MAPPING
             )
+        rules = map(self._rule, fields.entries("answers"))
+        replacements = map(self._replacement, fields.entries("replace"))
+        happenings = map(self._happening, fields.items("during"))
         return Scenario(
             scene=values,
             person=True if person is None else person,
             tunables=self._tuned(fields.entries("tunables")),
-            seed=fields.integer("seed", maximum=_LARGEST_SEED) or 0,
-            answers=tuple(
-                rule
-                for entry in fields.entries("answers")
-                if (rule := self._rule(entry)) is not None
-            ),
-            replace=tuple(
-                one
-                for entry in fields.entries("replace")
-                if (one := self._replacement(entry)) is not None
-            ),
-            during=tuple(
-                happening
-                for node in fields.items("during")
-                if (happening := self._happening(node)) is not None
-            ),
+            seed=fields.integer("seed", maximum=2**63 - 1) or 0,
+            answers=tuple(one for one in rules if one is not None),
+            replace=tuple(one for one in replacements if one is not None),
+            during=tuple(one for one in happenings if one is not None),
         )
 
     def path(self, node: Node, what: str, *, skills: bool = False) -> str | None:
-        """Return a path or pattern that fits a node of the agent; None when it fits none.
-
-        Args:
-            node: What is written.
-            what: The place, for messages.
-            skills: Only nodes that use a skill count.
-        """
+        """Return a path or pattern that fits a node, with ``skills`` one of a skill; else None."""
         text = self._reading.text(node, what)
         if text is None:
             return None
@@ -201,6 +183,13 @@ class ScenarioReader:
             path_hint(text, known),
         )
         return None
+
+    def refuse_name(
+        self, node: Node, problem: str, name: str, known: Iterable[str], hint: str = ""
+    ) -> None:
+        """Report a name that is not known; the hint is for one that is like none of the known."""
+        message = f"{problem} {quote(name)}"
+        self._reading.error("unknown-name", node, message, did_you_mean(name, known) or hint)
 
     def plain(self, node: Node, field_type: FieldType, what: str) -> Plain:
         """Return a value without names; None when it is wrong, which is then reported."""
@@ -217,28 +206,20 @@ class ScenarioReader:
         )
         return None
 
-    def _person_of(self, scene: MappingNode) -> bool | None:
-        node = None if "person" in self._space.names else scene.get("person")
-        return None if node is None else self._reading.boolean(node, "'person'")
-
     def _tuned(self, entries: Iterable[MappingEntry]) -> dict[str, Plain]:
         values: dict[str, Plain] = {}
         for entry in entries:
-            tunable = self._tunables.get(entry.key.text)
+            name = entry.key.text
+            tunable = self._tunables.get(name)
             if tunable is None:
-                self._reading.error(
-                    "unknown-name",
-                    entry.key,
-                    f"the agent has no tunable {quote(entry.key.text)}",
-                    did_you_mean(entry.key.text, self._tunables),
-                )
+                self.refuse_name(entry.key, "the agent has no tunable", name, self._tunables)
                 continue
-            value = self.plain(entry.value, tunable.type, f"'{tunable.name}'")
+            what = f"'{tunable.name}'"
+            value = self.plain(entry.value, tunable.type, what)
             if value is None or (
                 isinstance(value, int | float)
-                and not isinstance(value, bool)
                 and not self._reading.in_range(
-                    entry.value, f"'{tunable.name}'", value, tunable.minimum, tunable.maximum
+                    entry.value, what, value, tunable.minimum, tunable.maximum
                 )
             ):
                 continue
@@ -247,22 +228,15 @@ class ScenarioReader:
 
     def _rule(self, entry: MappingEntry) -> AnswerRule | None:
         key = entry.key.text
+        users = [one for one in self._nodes if one.skill is not None]
         if is_path(key):
             if self.path(entry.key, "the path of an answer", skills=True) is None:
                 return None
-            nodes = [
-                one for one in self._nodes if one.skill is not None and matches(key, one.path)
-            ]
-            outputs = _outputs(nodes[0])
+            outputs = _outputs(next(one for one in users if matches(key, one.path)))
         elif key in self.skills:
-            outputs = _outputs(next(one for one in self._nodes if one.kind == key and one.skill))
+            outputs = _outputs(next(one for one in users if one.kind == key))
         else:
-            self._reading.error(
-                "unknown-name",
-                entry.key,
-                f"the agent's tree uses no skill {quote(key)}",
-                did_you_mean(key, self.skills),
-            )
+            self.refuse_name(entry.key, "the agent's tree uses no skill", key, self.skills)
             return None
         items = entry.value.items if isinstance(entry.value, Sequence) else (entry.value,)
         if not items:
@@ -304,10 +278,11 @@ class ScenarioReader:
 
     def _given(self, node: Node, outputs: _Outputs, what: str) -> dict[str, Plain] | None:
         if outputs.main is None:
+            text = node.text if isinstance(node, Scalar) else "this"
             self._reading.error(
                 "wrong-type",
                 node,
-                f"{what}: it gives nothing back that could be {quote(_text(node))}",
+                f"{what}: it gives nothing back that could be {quote(text)}",
                 "write {after: 3 s}, {fails: why} or {ends: never}",
             )
             return None
@@ -320,12 +295,7 @@ class ScenarioReader:
         for entry in fields.entries("outputs"):
             name = entry.key.text
             if name not in outputs.types:
-                self._reading.error(
-                    "unknown-name",
-                    entry.key,
-                    f"there is no output {quote(name)}",
-                    did_you_mean(name, outputs.types),
-                )
+                self.refuse_name(entry.key, "there is no output", name, outputs.types)
                 return None
             values[name] = self.plain(entry.value, outputs.types[name], f"'{name}'")
         return values
@@ -384,61 +354,39 @@ class ScenarioReader:
         if node is None:
             return "", {}
         fields = self._reading.keys(node, _MESSAGE)
-        topic_node = fields.get("topic") if fields is not None else None
-        if fields is None or topic_node is None:
+        if fields is None or (topic_node := fields.get("topic")) is None:
             return "", {}
         topic = read_ros_name(self._reading, topic_node, "'topic'") or ""
         self._refuse_unused_topic(topic_node, topic)
-        message_node = fields.get("message")
-        if message_node is None:
-            return topic, {}
-        if not isinstance(message_node, MappingNode):
+        message: Plain = {}
+        if isinstance(written := fields.get("message"), MappingNode):
+            message = self.plain(written, FieldType.ANY, "'message'")
+        elif written is not None:
             self._reading.wrong_type(
-                message_node, "'message'", "a mapping such as {data: true}", Shape.MAPPING
+                written, "'message'", "a mapping such as {data: true}", Shape.MAPPING
             )
-            return topic, {}
-        message = self.plain(message_node, FieldType.ANY, "'message'")
         return topic, message if isinstance(message, Mapping) else {}
 
     def _refuse_unused_topic(self, node: Node, topic: str) -> None:
         topics = [one.fields["topic"] for one in self._nodes if "topic" in one.fields]
         known = [str(value.value) for value in topics if isinstance(value, Literal)]
         if topic and topic not in known and len(known) == len(topics):
-            self._reading.error(
-                "unknown-name",
-                node,
-                f"no node of the agent waits for a message on {quote(topic)}",
-                did_you_mean(topic, known) or "remove it",
-            )
+            problem = "no node of the agent waits for a message on"
+            self.refuse_name(node, problem, topic, known, "remove it")
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Outputs:
-    """What a skill gives back.
-
-    Attributes:
-        types: Output → its type.
-        main: The first that comes with the result; None when only feedback gives any.
-    """
+    """What a skill gives back; ``main`` is the first that comes with the result, if any does."""
 
     types: Mapping[str, FieldType]
     main: tuple[str, FieldType] | None
 
 
 def _outputs(node: NodeSpec) -> _Outputs:
-    """Return what a node's skill gives back."""
     assert node.skill is not None
     early = node.skill.binding.feedback if node.skill.binding is not None else {}
     types = {output.name: output.type for output in node.skill.outputs}
     types = types or dict.fromkeys((*node.outputs, *node.feedback), FieldType.ANY)
     last = {name: types[name] for name in types if name not in early}
     return _Outputs(types=types, main=next(iter(last.items()), None))
-
-
-def _without_person(scene: MappingNode) -> MappingNode:
-    entries = tuple(entry for entry in scene.entries if entry.key.text != "person")
-    return replace(scene, entries=entries)
-
-
-def _text(node: Node) -> str:
-    return node.text if isinstance(node, Scalar) else "this"

@@ -35,8 +35,6 @@ class ScriptedAnswer:
 
     Attributes:
         outputs: Values of outputs by name; the others get a likely value.
-        end: How it ends.
-        reason: Why, in words.
         after_s: How long it takes [s]; None for as long as it usually does.
     """
 
@@ -48,12 +46,7 @@ class ScriptedAnswer:
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerRule:
-    """The answers to the uses of a skill, or of the nodes that a pattern fits.
-
-    Attributes:
-        key: Name of a skill, or a pattern of paths.
-        answers: In turn, at least one; the last is given for ever.
-    """
+    """The answers to a skill or to the nodes of a pattern, in turn, the last for ever."""
 
     key: str
     answers: tuple[ScriptedAnswer, ...]
@@ -61,12 +54,7 @@ class AnswerRule:
 
 @dataclass(frozen=True, kw_only=True)
 class Replacement:
-    """Another node in place of those that a pattern fits.
-
-    Attributes:
-        pattern: A pattern of paths.
-        node: What is done instead; its paths start with ``REPLACED``.
-    """
+    """Another node, with paths below ``REPLACED``, in place of those that a pattern fits."""
 
     pattern: str
     node: NodeSpec
@@ -79,12 +67,9 @@ class ScriptedEvent:
     Attributes:
         after_s: Time since the start of the run, or of the first start of the node ``at`` [s].
         at: Path of a node; empty counts from the start of the run.
-        values: Scene parameters and their new values.
         person: Whether the person is there from now on; None for unchanged.
         silent: Whether the scene layer is silent from now on; None for unchanged.
-        tunables: New values of tunables.
         topic: Where a message arrives; empty for none.
-        message: Its fields.
         cancel: Why the run is cancelled; empty when it is not.
     """
 
@@ -105,9 +90,7 @@ class Scenario:
 
     Attributes:
         scene: Values of scene parameters as awarded; the others are missing.
-        person: Whether a person is there.
         tunables: Values that differ from the defaults.
-        seed: Seed of everything random.
         answers: Those of paths count before those of skills, else the first that fits.
         replace: The first that fits a node counts.
         during: What happens, in any order.
@@ -124,11 +107,7 @@ class Scenario:
 
 @dataclass(frozen=True, kw_only=True)
 class SkillUse:
-    """A skill and the inputs that are looked at; none means that any will do.
-
-    Attributes:
-        main: The skill's main input, which its name stands before.
-    """
+    """A skill, its main input, and the inputs that are looked at; none means any will do."""
 
     skill: str
     inputs: Mapping[str, Plain] = field(default_factory=dict)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from bt_agents_core.diagnostic import Position
@@ -55,8 +55,6 @@ from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedRead
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
 
-OUTCOMES = ("succeeded", "failed", "cancelled")
-
 _FILE = re.compile(r"[\w-]{1,100}(\.ya?ml)?")
 _KINDS = {kind.name.lower(): kind for kind in FeedbackKind}
 _USE = Either((TEXT, Entries(ANY, keys=Key.ANY, single=True)))
@@ -86,7 +84,7 @@ _EXPECT = KeyTable(
         FieldDecl("does_not", Several(_USE), "Skills that it does not use."),
         FieldDecl("visited", Several(TEXT), "Paths of nodes that are ticked."),
         FieldDecl("not_visited", Several(TEXT), "Paths of nodes that are never ticked."),
-        FieldDecl("ends", WordChoice(OUTCOMES), "How the run ends."),
+        FieldDecl("ends", WordChoice(("succeeded", "failed", "cancelled")), "How the run ends."),
         FieldDecl("because", TEXT, "Words of the reason why it ended."),
         FieldDecl("within", DURATION, "The longest time that it may take."),
         FieldDecl(
@@ -124,139 +122,89 @@ TEST = FileKind(
 )
 
 
-def read_test(path: Path, agents: Iterable[AgentSpec], vocabulary: SymbolTable) -> AgentTest:
-    """Return the cases of a file.
-
-    Args:
-        path: The file.
-        agents: Those it may be about.
-        vocabulary: What they may speak of.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
-    return _TestFile(TypedReader.of(path), agents, vocabulary, path.parent).read()
-
-
-def read_test_text(
-    text: str, file: str, agents: Iterable[AgentSpec], vocabulary: SymbolTable
-) -> AgentTest:
-    """Return the cases of a text; as :func:`read_test`."""
-    reading = TypedReader(Source(file, text))
-    return _TestFile(reading, agents, vocabulary, Path(file).parent).read()
+def read_test(file: Path | Source, agents: Iterable[AgentSpec], symbols: SymbolTable) -> AgentTest:
+    """Return the cases of a test file, or raise a ``ReadError`` with all problems."""
+    reading = TypedReader.of(file)
+    fields = reading.file(TEST)
+    agent = _agent(reading, fields.get("test"), agents)
+    nodes = fields.items("cases")
+    cases: dict[str, AgentTestCase] = {}
+    if agent is not None:
+        scenarios = ScenarioReader(reading, agent, symbols)
+        for node in nodes:
+            _case(reading, node, agent, scenarios, cases)
+    reading.problems.raise_if_any()
+    assert agent is not None
+    return AgentTest(file=reading.source.file, agent=agent, cases=tuple(cases.values()))
 
 
-def read_scenario_text(
-    text: str, file: str, agent: AgentSpec, vocabulary: SymbolTable
-) -> Scenario:
-    """Return the scenario of a text with the keys that a case has, apart from name and expect.
-
-    Raises:
-        ReadError: There is a problem; it lists all of them.
-    """
+def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTable) -> Scenario:
+    """Return the scenario of a text, a case without name and expect; as :func:`read_test`."""
     reading = TypedReader(Source(file, text))
     fields = reading.file(SCENARIO)
-    scenario = ScenarioReader(reading, agent, vocabulary).read(fields)
+    scenario = ScenarioReader(reading, agent, symbols).read(fields)
     reading.problems.raise_if_any()
     return scenario
 
 
-class _TestFile:
-    """One test file while it is read."""
-
-    def __init__(
-        self,
-        reading: TypedReader,
-        agents: Iterable[AgentSpec],
-        vocabulary: SymbolTable,
-        folder: Path,
-    ) -> None:
-        self._reading = reading
-        self._agents = tuple(agents)
-        self._vocabulary = vocabulary
-        self._folder = folder
-
-    def read(self) -> AgentTest:
-        fields = self._reading.file(TEST)
-        agent = self._agent(fields.get("test"))
-        nodes = fields.items("cases")
-        cases: dict[str, AgentTestCase] = {}
-        if agent is not None:
-            scenarios = ScenarioReader(self._reading, agent, self._vocabulary)
-            for node in nodes:
-                self._case(node, agent, scenarios, cases)
-        self._reading.problems.raise_if_any()
-        assert agent is not None
-        return AgentTest(file=self._reading.source.file, agent=agent, cases=tuple(cases.values()))
-
-    def _agent(self, node: Node | None) -> AgentSpec | None:
-        text = self._reading.text(node, "'test'") if node is not None else None
-        if node is None or text is None:
-            return None
-        file = (self._folder / text).resolve() if "." in text else None
-        for agent in self._agents:
-            if text == agent.name or (file is not None and file == Path(agent.file).resolve()):
-                return agent
-        broken = self._broken(text)
-        if broken is not None:
-            self._reading.error(
-                "unknown-agent",
-                node,
-                f"agent {quote(text)} cannot be tested, as its file has errors",
-                f"'bt-agents check {broken}' lists them",
-            )
-            return None
-        self._reading.error(
-            "unknown-agent",
-            node,
-            f"there is no agent {quote(text)} without errors",
-            did_you_mean(text, [agent.name for agent in self._agents])
-            or "'bt-agents check' lists the errors of all agents",
-        )
+def _agent(
+    reading: TypedReader, node: Node | None, agents: Iterable[AgentSpec]
+) -> AgentSpec | None:
+    text = reading.text(node, "'test'") if node is not None else None
+    if node is None or text is None:
         return None
+    every = tuple(agents)
+    folder = Path(reading.source.file).parent
+    file = (folder / text).resolve() if "." in text else None
+    for agent in every:
+        if text == agent.name or (file is not None and file == Path(agent.file).resolve()):
+            return agent
+    message = f"there is no agent {quote(text)} without errors"
+    hint = did_you_mean(text, [agent.name for agent in every])
+    if (broken := _broken(folder, text)) is not None:
+        message = f"agent {quote(text)} cannot be tested, as its file has errors"
+        hint = f"'bt-agents check {broken}' lists them"
+    hint = hint or "'bt-agents check' lists the errors of all agents"
+    reading.error("unknown-agent", node, message, hint)
+    return None
 
-    def _broken(self, text: str) -> Path | None:
-        """Return the file of an agent that is there but could not be read."""
-        if not _FILE.fullmatch(text):
-            return None
-        for name in (text, f"{text}.yaml", f"{text}.yml"):
-            path = self._folder / name
-            if "." in name and path.is_file():
-                return path
+
+def _broken(folder: Path, text: str) -> Path | None:
+    """Return the file of an agent that is there but could not be read."""
+    if not _FILE.fullmatch(text):
         return None
+    names = (name for name in (text, f"{text}.yaml", f"{text}.yml") if "." in name)
+    return next((path for name in names if (path := folder / name).is_file()), None)
 
-    def _case(
-        self,
-        node: Node,
-        agent: AgentSpec,
-        scenarios: ScenarioReader,
-        cases: dict[str, AgentTestCase],
-    ) -> None:
-        fields = self._reading.keys(node, _CASE)
-        if fields is None:
-            return
-        name = fields.text("name")
-        if name in cases:
-            self._reading.error(
-                "name-taken",
-                fields.nodes["name"],
-                f"there is a case {quote(name)} already (line {cases[name].position.line})",
-                "say what is different in this one",
-            )
-        scenario = scenarios.read(fields)
-        expect = fields.get("expect")
-        expectations: tuple[Expectation, ...] = ()
-        if expect is not None:
-            reader = _Expectations(self._reading, agent, scenarios, scenario)
-            expectations = reader.read(expect)
-        cases[name] = AgentTestCase(
-            name=name, scenario=scenario, expectations=expectations, position=node.position
+
+def _case(
+    reading: TypedReader,
+    node: Node,
+    agent: AgentSpec,
+    scenarios: ScenarioReader,
+    cases: dict[str, AgentTestCase],
+) -> None:
+    fields = reading.keys(node, _CASE)
+    if fields is None:
+        return
+    name = fields.text("name")
+    if name in cases:
+        reading.error(
+            "name-taken",
+            fields.nodes["name"],
+            f"there is a case {quote(name)} already (line {cases[name].position.line})",
+            "say what is different in this one",
         )
+    scenario = scenarios.read(fields)
+    expectations: tuple[Expectation, ...] = ()
+    if (expect := fields.get("expect")) is not None:
+        expectations = _Expectations(reading, agent, scenarios, scenario).read(expect)
+    cases[name] = AgentTestCase(
+        name=name, scenario=scenario, expectations=expectations, position=node.position
+    )
 
 
 class _Expectations:
-    """What is expected of one case."""
-
     def __init__(
         self, reading: TypedReader, agent: AgentSpec, scenarios: ScenarioReader, scenario: Scenario
     ) -> None:
@@ -274,50 +222,7 @@ class _Expectations:
         fields = self._reading.keys(node, _EXPECT)
         if fields is None:
             return ()
-        found: list[Expectation | None] = []
-        for key in fields.nodes:
-            found += self._one(key, fields, fields.keys[key].position)
-        expectations = tuple(one for one in found if one is not None)
-        self._refuse_more_than_bids(fields, expectations)
-        return expectations
-
-    def _one(
-        self, key: str, fields: MappingReader, position: Position
-    ) -> list[Expectation | None]:
-        node = fields.nodes[key]
-        match key:
-            case "bids":
-                wanted = fields.boolean(key)
-                return [None if wanted is None else ExpectedBids(wanted=wanted, position=position)]
-            case "says":
-                return [self._says(node, position)]
-            case "does":
-                return [self._does(node, position)]
-            case "does_not":
-                uses = (self._use(item, any_skill=True) for item in _several(node))
-                some = tuple(use for use in uses if use is not None)
-                return [DoesNot(uses=some, position=position)]
-            case "visited" | "not_visited":
-                return self._visits(node, key)
-            case "ends":
-                outcome = fields.choice(key)
-                return [None if outcome is None else Ends(outcome=outcome, position=position)]
-            case "because":
-                words = fields.text(key)
-                return [Because(words=words, position=position)]
-            case "within":
-                seconds = fields.duration(key)
-                return [None if seconds is None else Within(seconds=seconds, position=position)]
-            case "feedback":
-                words_ = (self._reading.choice(one, "feedback", _KINDS) for one in _several(node))
-                kinds = tuple(_KINDS[word] for word in words_ if word is not None)
-                return [Teaches(kinds=kinds, position=position)]
-            case _:
-                return [self._cancelled_by(node, position)]
-
-    def _refuse_more_than_bids(
-        self, fields: MappingReader, expectations: Iterable[Expectation]
-    ) -> None:
+        expectations = tuple(one for key in fields.nodes for one in self._of_key(key, fields))
         silent = any(isinstance(one, ExpectedBids) and not one.wanted for one in expectations)
         other = next((key for key in fields.nodes if key != "bids"), None)
         if silent and other is not None:
@@ -327,6 +232,42 @@ class _Expectations:
                 f"an agent that does not bid does not run, so that '{other}' means nothing",
                 "remove it, or write 'bids: true'",
             )
+        return expectations
+
+    def _of_key(self, key: str, fields: MappingReader) -> Iterator[Expectation]:
+        node, position = fields.nodes[key], fields.keys[key].position
+        match key:
+            case "bids":
+                if (wanted := fields.boolean(key)) is not None:
+                    yield ExpectedBids(wanted=wanted, position=position)
+            case "says":
+                yield self._says(node, position)
+            case "does":
+                items, exact = self._listed(node, "'does'")
+                yield Does(uses=self._uses(items), exact=exact, position=position)
+            case "does_not":
+                uses = self._uses(_several(node), any_skill=True)
+                yield DoesNot(uses=uses, position=position)
+            case "visited" | "not_visited":
+                for item in _several(node):
+                    if (pattern := self._scenarios.path(item, f"'{key}'")) is not None:
+                        wanted = key == "visited"
+                        yield Visits(pattern=pattern, wanted=wanted, position=item.position)
+            case "ends":
+                if (outcome := fields.choice(key)) is not None:
+                    yield Ends(outcome=outcome, position=position)
+            case "because":
+                yield Because(words=fields.text(key), position=position)
+            case "within":
+                if (seconds := fields.duration(key)) is not None:
+                    yield Within(seconds=seconds, position=position)
+            case "feedback":
+                words = (self._reading.choice(one, "feedback", _KINDS) for one in _several(node))
+                kinds = tuple(_KINDS[word] for word in words if word is not None)
+                yield Teaches(kinds=kinds, position=position)
+            case "cancelled_by":
+                if (cause := self._cause(node)) is not None:
+                    yield CancelledBy(cause=cause, position=position)
 
     def _listed(self, node: Node, what: str) -> tuple[tuple[Node, ...], bool]:
         """Return the items of a list and whether they are meant to be all."""
@@ -350,15 +291,12 @@ class _Expectations:
             texts=tuple(text for text in texts if text is not None), exact=exact, position=position
         )
 
-    def _does(self, node: Node, position: Position) -> Does:
-        items, exact = self._listed(node, "'does'")
-        uses = (self._use(item) for item in items)
-        return Does(
-            uses=tuple(use for use in uses if use is not None), exact=exact, position=position
-        )
+    def _uses(self, items: Iterable[Node], *, any_skill: bool = False) -> tuple[SkillUse, ...]:
+        """Return uses of skills; of those that the agent's tree does not have if ``any_skill``."""
+        uses = (self._use(item, any_skill) for item in items)
+        return tuple(use for use in uses if use is not None)
 
-    def _use(self, node: Node, *, any_skill: bool = False) -> SkillUse | None:
-        """Return a use of a skill; of one that the agent's tree does not have if ``any_skill``."""
+    def _use(self, node: Node, any_skill: bool) -> SkillUse | None:
         if isinstance(node, Scalar):
             text = self._reading.text(node, "a skill that is used")
             skill = self._skill(node, text, any_skill) if text is not None else None
@@ -404,27 +342,12 @@ class _Expectations:
         known = self._scenarios.known_skills if any_skill else self._scenarios.skills
         skill = known.get(name)
         if skill is None:
-            self._reading.error(
-                "unknown-name",
-                node,
-                f"there is no skill {quote(name)}"
-                if any_skill
-                else f"the agent's tree uses no skill {quote(name)}",
-                did_you_mean(name, known),
-            )
+            problem = "there is no skill" if any_skill else "the agent's tree uses no skill"
+            self._scenarios.refuse_name(node, problem, name, known)
         return skill
 
-    def _visits(self, node: Node, key: str) -> list[Expectation | None]:
-        found: list[Expectation | None] = []
-        for item in _several(node):
-            pattern = self._scenarios.path(item, f"'{key}'")
-            if pattern is not None:
-                found.append(
-                    Visits(pattern=pattern, wanted=key == "visited", position=item.position)
-                )
-        return found
-
-    def _cancelled_by(self, node: Node, position: Position) -> CancelledBy | None:
+    def _cause(self, node: Node) -> str | None:
+        """Return what cancels the run, the condition of a mood rule or a reason."""
         text = self._reading.text(node, "'cancelled_by'")
         if text is None:
             return None
@@ -432,16 +355,13 @@ class _Expectations:
         known = [*rules, *(one.cancel for one in self._scenario.during if one.cancel)]
         cause = next((one for one in known if one.split() == text.split()), None)
         if cause is None:
-            self._reading.error(
-                "unknown-name",
-                node,
-                f"nothing cancels this run for {quote(text)}",
-                did_you_mean(text, known)
-                or "give a rule under 'feedback' of the agent 'then: cancel', or cancel under "
-                "'during'",
+            problem = "nothing cancels this run for"
+            hint = (
+                "give a rule under 'feedback' of the agent 'then: cancel', or cancel under "
+                "'during'"
             )
-            return None
-        return CancelledBy(cause=cause, position=position)
+            self._scenarios.refuse_name(node, problem, text, known, hint)
+        return cause
 
 
 def _several(node: Node) -> tuple[Node, ...]:

@@ -12,7 +12,6 @@ from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.libraries import LIBRARY, FolderLibraries
-from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.nodes.node_type import NodeType
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.schema.generator import file_schema
@@ -32,7 +31,7 @@ def folder_vocabulary(folder: Path, plugins: Mapping[str, NodeType] | None = Non
     Raises:
         ReadError: ``scene.yaml`` or a skills file is broken.
     """
-    vocabulary = read_vocabulary(folder, read_scene(folder / "scene.yaml"))
+    vocabulary = read_vocabulary(folder)
     if plugins is not None:
         vocabulary = replace(vocabulary, plugins=plugins)
     libraries = FolderLibraries(folder, vocabulary)

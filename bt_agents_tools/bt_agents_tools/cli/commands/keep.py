@@ -15,7 +15,7 @@ import click
 from bt_agents.host.tuning.tunable import TunableKind, TunableParameter, shown_value
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.source import Source, read_source
@@ -101,7 +101,7 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[ParameterState]) -> _Edit:
     source = read_source(Path(spec.file))
 
     def read(text: str) -> AgentSpec:
-        return read_agent_text(text, source.file, trees.vocabulary)
+        return read_agent(Source(source.file, text), trees.vocabulary)
 
     after = write_defaults(source, tuned, trees.vocabulary.space, read)
     written = Source(source.file, after)

@@ -10,9 +10,10 @@ import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import SUFFIXES, read_trees
 from bt_agents_language.tools.templates.first_files import new_agent, new_library, new_test
+from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MAX_NAME
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -56,7 +57,7 @@ def new(name: str, directory: Path, kind: str) -> None:
             raise BtAgentsError(f"there is an agent '{name}' already: {taken.file}")
         text = new_agent(name, str(directory), str(files[0]), trees.scene, skills)
         # Fails for a scene so odd that the new file would have errors.
-        read_agent_text(text, str(files[0]), trees.vocabulary)
+        read_agent(Source(str(files[0]), text), trees.vocabulary)
         _write(files[0], _schema(directory, kind) + text)
         test = new_test(name, str(files[1]), trees.scene, skills)
         _write(files[1], _schema(directory, "test") + test)

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import click
 
-from bt_agents_core.paths import state_folder
-from bt_agents_core.trees_folder import find_trees
+from bt_agents_core.trees_folder import find_trees, state_folder
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
 from bt_agents_tools.launcher import components
