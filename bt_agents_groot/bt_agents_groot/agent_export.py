@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bt_agents_groot.models import Models
-from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
+from bt_agents_groot.translation import Remark, Remarks
 from bt_agents_groot.tree_export import TreeExport
 from bt_agents_groot.xml_files import Xml, xml_text
 from bt_agents_language.fields.inputs import read_inputs
@@ -143,8 +143,7 @@ class _Export:
     def _remark_keys(self, main: _TreeFile) -> None:
         present = [key for key in _NOT_IN_TREES if key in main.fields.keys]
         if present:
-            self._remarks.add(
-                RemarkLevel.NOTE,
+            self._remarks.note(
                 main.fields.keys[present[0]].position,
                 f"a tree of BehaviorTree.CPP has no place for {', '.join(present)}; tunables are "
                 "ports of the main tree, and a program would give scene.age as scene__age",

@@ -21,6 +21,10 @@ class PortKind(Enum):
     STATUS = "SUCCESS, FAILURE, RUNNING or SKIPPED"
 
 
+Limits = tuple[int, int | None]
+"""Smallest and largest number of children; None is any number."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Builtin:
     """Built-in node.
@@ -30,7 +34,7 @@ class Builtin:
         ours: Equivalent in our language; empty when there is none.
         ports: Port → kind of its value.
         required: Ports that must be given.
-        children: Smallest and largest number of children; None is any number.
+        children: How many it has.
         note: Difference between the two; empty when they do the same.
     """
 
@@ -38,12 +42,12 @@ class Builtin:
     ours: str
     ports: Mapping[str, PortKind] = field(default_factory=dict)
     required: tuple[str, ...] = ()
-    children: tuple[int, int | None] = (0, 0)
+    children: Limits = (0, 0)
     note: str = ""
 
 
-_ONE: tuple[int, int | None] = (1, 1)
-_SOME: tuple[int, int | None] = (1, None)
+_ONE: Limits = (1, 1)
+_SOME: Limits = (1, None)
 
 
 _ASYNC = "ours does not wait for the next tick between its children"

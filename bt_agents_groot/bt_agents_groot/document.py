@@ -8,14 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bt_agents_core.text import join_quoted, quote
-from bt_agents_groot.catalogue import (
-    BUILTINS,
-    CONDITIONS,
-    EXPLICIT,
-    OTHER_ATTRIBUTES,
-    Builtin,
-    PortKind,
-)
+from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, EXPLICIT, Builtin, Limits, PortKind
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scripts import ScriptError, parse_script
 from bt_agents_groot.xml_files import Attribute, Element, XmlReading
@@ -78,6 +71,15 @@ class Document:
 def node_id(element: Element) -> str:
     """Return the type of a node: its ``ID`` in the explicit form, else the name of its element."""
     return element.get("ID") if element.tag in _KINDS else element.tag
+
+
+def given_ports(element: Element) -> list[Attribute]:
+    """Return the attributes of an element that are ports."""
+    return [
+        attribute
+        for name, attribute in element.attributes.items()
+        if name not in ("ID", "name") and not name.startswith("_")
+    ]
 
 
 def read_document(source: Source) -> Document:
@@ -230,36 +232,32 @@ class _DocumentReader:
 
     def _builtin(self, element: Element, builtin: Builtin) -> None:
         self._check_count(element, builtin.children)
-        known = (*builtin.ports, *CONDITIONS, *OTHER_ATTRIBUTES)
-        missing = [port for port in builtin.required if port not in element.attributes]
-        for attribute in element.attributes.values():
+        self._check_names(element, builtin.ports)
+        for attribute in given_ports(element):
             if attribute.name in builtin.ports:
                 self._port(attribute, builtin.ports[attribute.name], builtin.id)
-            elif attribute.name not in known and not attribute.name.startswith("_"):
-                self._unknown(attribute, builtin.id, builtin.ports)
-        for port in missing:
-            self._missing(element, port, f"it takes {builtin.ports[port].value}")
+        for port in builtin.required:
+            if port not in element.attributes:
+                self._missing(element, port, f"it takes {builtin.ports[port].value}")
 
     def _custom(self, element: Element) -> None:
         model = self._models["node"].get(node_id(element))
-        if model is None:
-            return
-        limits: dict[str, tuple[int, int | None]] = {"Decorator": (1, 1), "Control": (1, None)}
-        self._check_count(element, limits.get(model.kind, (0, 0)))
-        known = (*model.ports, *CONDITIONS, *OTHER_ATTRIBUTES)
-        for attribute in element.attributes.values():
-            if attribute.name not in known and not attribute.name.startswith("_"):
-                self._unknown(attribute, node_id(element), model.ports)
+        if model is not None:
+            limits: dict[str, Limits] = {"Decorator": (1, 1), "Control": (1, None)}
+            self._check_count(element, limits.get(model.kind, (0, 0)))
+            self._check_names(element, model.ports)
 
-    def _unknown(self, attribute: Attribute, of: str, ports: Mapping[str, object]) -> None:
-        self._reading.error(
-            "unknown-attribute",
-            attribute,
-            f"<{of}> has no attribute {quote(attribute.name)}",
-            did_you_mean(attribute.name, [*ports, *CONDITIONS, "name"]),
-        )
+    def _check_names(self, element: Element, ports: Mapping[str, object]) -> None:
+        for attribute in given_ports(element):
+            if attribute.name not in ports:
+                self._reading.error(
+                    "unknown-attribute",
+                    attribute,
+                    f"<{node_id(element)}> has no attribute {quote(attribute.name)}",
+                    did_you_mean(attribute.name, [*ports, *CONDITIONS, "name"]),
+                )
 
-    def _check_count(self, element: Element, limits: tuple[int, int | None]) -> None:
+    def _check_count(self, element: Element, limits: Limits) -> None:
         low, high = limits
         count = len(element.children)
         if count >= low and (high is None or count <= high):

@@ -3,93 +3,106 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
-from bt_agents_groot.document import node_id
+from bt_agents_groot.document import given_ports, node_id
 from bt_agents_groot.naming import port
 from bt_agents_groot.ports import PortError, from_port, names_in, names_of_expression
-from bt_agents_groot.scopes import TreeNames
-from bt_agents_groot.translation import RemarkLevel
+from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Attribute, Element
-from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
-from bt_agents_language.nodes.catalogue import NODE_TYPES
-from bt_agents_language.nodes.node_type import Children, Content, NodeField
-from bt_agents_language.nodes.set import SET
-
-RemarkFunction = Callable[[RemarkLevel, Element | Attribute, str], None]
-"""Function that adds a remark about an element or attribute."""
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, decorated
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
+from bt_agents_language.nodes.node_type import Children, Content, NodeType
+from bt_agents_language.nodes.parallel import PARALLEL
+from bt_agents_language.nodes.random import RANDOM
 
 
-def own_leaf(element: Element, names: TreeNames, remark: RemarkFunction) -> YamlNode | None:
+def own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
     """Return the node for an element named as a leaf of our language; None for any other."""
     own = NODE_TYPES.get(node_id(element))
     if own is None or own.children is not Children.NONE:
         return None
     if own.open:
-        return _own_set(element, names, remark)
-    fields = own_fields(element, own.fields, names, remark)
+        values = element.attributes.get("values")
+        outputs = port_value(tree, values, FieldType.ANY) if values is not None else None
+        fields = outputs if isinstance(outputs, dict) else None
+    else:
+        fields = _own_fields(tree, element, own)
+        outputs = fields.get("outputs") if fields is not None else None
     if fields is None:
         return None
-    outputs = fields.get("outputs")
     for name in outputs if isinstance(outputs, dict) else ():
-        names.write(name)
-    only_main = own.main is not None and list(fields) == [own.main]
-    return YamlNode(key=own.key, value=fields[own.main or ""] if only_main else fields)
+        tree.names.write(name)
+    return YamlNode(key=own.key, value=_value(own, fields))
 
 
-def _own_set(element: Element, names: TreeNames, remark: RemarkFunction) -> YamlNode | None:
-    values = element.attributes.get("values")
-    data = port_value(values, FieldType.ANY, names, remark) if values is not None else None
-    if not isinstance(data, dict):
+def own_decorator(tree: TreeImport, element: Element) -> YamlNode | None:
+    """Return the node for a decorator of our language; None when it is none."""
+    own = DECORATORS.get(node_id(element))
+    if own is None or own.main is None or len(element.children) != 1:
         return None
-    for key in data:
-        names.write(key)
-    return YamlNode(key=SET.key, value=data)
+    fields = _own_fields(tree, element, own)
+    if fields is None:
+        return None
+    return decorated(tree.node(element.children[0]), own.key, _value(own, fields))
 
 
-def own_fields(
-    element: Element, fields: tuple[NodeField, ...], names: TreeNames, remark: RemarkFunction
-) -> dict[str, Data] | None:
+def own_control(tree: TreeImport, element: Element) -> YamlNode | None:
+    """Return the node for our ``random``, or ``parallel`` with names; None for anything else."""
+    ports = {attribute.name for attribute in given_ports(element)}
+    if node_id(element) == PARALLEL.key and ports == {"succeed_on"}:
+        wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
+        children = tuple(map(tree.node, element.children))
+        return YamlNode(key=PARALLEL.key, value={"succeed_on": wanted}, children=children)
+    if node_id(element) != RANDOM.key or not ports <= {"seed", "weights"}:
+        return None
+    weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
+    if not isinstance(weights, list) or len(weights) not in (0, len(element.children)):
+        return None
+    tree.names.read(names_in(weights), FieldType.NUMBER)
+    chosen = [tree.node(child) for child in element.children]
+    for number, weight in enumerate(weights):
+        if weight != 1:
+            written = Raw(weight) if isinstance(weight, str) else weight
+            siblings = {**chosen[number].siblings, "weight": written}
+            chosen[number] = replace(chosen[number], siblings=siblings)
+    seed = element.get("seed")
+    options: dict[str, Data] = {"seed": Raw(seed)} if seed else {}
+    return YamlNode(key=RANDOM.key, value=options, children=tuple(chosen))
+
+
+def _own_fields(tree: TreeImport, element: Element, own: NodeType) -> dict[str, Data] | None:
     """Return the fields of a node of our language; None when the ports are not those fields."""
-    by_port = {port(one.name): one for one in fields}
-    written = given_ports(element)
-    required = {port(one.name) for one in fields if one.required}
-    present = {attribute.name for attribute in written}
+    by_port = {port(one.name): one for one in own.fields}
+    given = given_ports(element)
+    required = {port(one.name) for one in own.fields if one.required}
+    present = {attribute.name for attribute in given}
     if not present or not required <= present <= set(by_port):
         return None
-    result: dict[str, Data] = {}
-    for attribute in written:
+    fields: dict[str, Data] = {}
+    for attribute in given:
         one = by_port[attribute.name]
         if one.content is Content.CONDITION:
-            names.read(names_of_expression(attribute.value))
-            result[one.name] = Raw(attribute.value)
+            tree.names.read(names_of_expression(attribute.value))
+            fields[one.name] = Raw(attribute.value)
         else:
-            result[one.name] = port_value(attribute, one.type, names, remark)
-    return result
+            fields[one.name] = port_value(tree, attribute, one.type)
+    return fields
 
 
-def port_value(
-    attribute: Attribute, field_type: FieldType, names: TreeNames, remark: RemarkFunction
-) -> Data:
+def _value(own: NodeType, fields: dict[str, Data]) -> Data:
+    return fields[own.main] if own.main is not None and list(fields) == [own.main] else fields
+
+
+def port_value(tree: TreeImport, attribute: Attribute, field_type: FieldType) -> Data:
     """Return the value of a port; the names in it are recorded as read."""
     try:
-        data = from_port(attribute.value, field_type, names.rename)
+        data = from_port(attribute.value, field_type, tree.names.rename)
     except PortError as error:
-        remark(RemarkLevel.LOST, attribute, str(error))
+        tree.lost(attribute, str(error))
         return attribute.value
     if isinstance(data, str) and "${" in data.replace("$${", ""):
-        remark(RemarkLevel.NOTE, attribute, "the ${…} in it is taken as a name of our language")
-    names.read(names_in(data), field_type)
+        tree.note(attribute, "the ${…} in it is taken as a name of our language")
+    tree.names.read(names_in(data), field_type)
     return data
-
-
-def given_ports(element: Element) -> list[Attribute]:
-    """Return the attributes of an element that are ports."""
-    return [
-        attribute
-        for attribute in element.attributes.values()
-        if attribute.name not in (*CONDITIONS, *OTHER_ATTRIBUTES)
-        and not attribute.name.startswith("_")
-    ]

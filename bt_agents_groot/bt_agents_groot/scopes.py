@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.formulas import (
@@ -26,21 +25,6 @@ _DEFAULTS: Mapping[FieldType, bool | int | float | str] = {
     FieldType.INTEGER: 0,
     FieldType.DURATION: 0,
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Interface:
-    """Interface of a subtree towards its callers.
-
-    Attributes:
-        inputs: Declared input → its name inside of the tree.
-        optional: Inputs that need not be given.
-        outputs: Names that the tree writes and that some caller uses.
-    """
-
-    inputs: Mapping[str, str] = field(default_factory=dict)
-    optional: frozenset[str] = frozenset()
-    outputs: tuple[str, ...] = ()
 
 
 class TreeNames:

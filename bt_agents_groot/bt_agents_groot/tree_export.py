@@ -14,7 +14,7 @@ from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Models
 from bt_agents_groot.naming import port
 from bt_agents_groot.ports import JSON, as_port
-from bt_agents_groot.translation import RemarkLevel, Remarks
+from bt_agents_groot.translation import Remarks
 from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS
@@ -101,8 +101,7 @@ class TreeExport:
     def _declared_tag(
         self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]
     ) -> str:
-        self._remarks.add(
-            RemarkLevel.NOTE,
+        self._remarks.note(
             where.position,
             f"BehaviorTree.CPP has no node for '{key}' as it stands here; Groot2 shows it as "
             f"<{key}>",
@@ -130,10 +129,8 @@ class TreeExport:
                 continue
             ports[port(name)] = as_port(node, types.get(name, FieldType.ANY))
             if "${" in ports[port(name)].replace("$${", ""):
-                self._remarks.add(
-                    RemarkLevel.NOTE,
-                    node.position,
-                    "BehaviorTree.CPP does not fill in the ${…} inside of a text",
+                self._remarks.note(
+                    node.position, "BehaviorTree.CPP does not fill in the ${…} inside of a text"
                 )
         return ports
 

@@ -84,6 +84,11 @@ def selector(*children: YamlNode) -> YamlNode:
     return YamlNode(key="selector", children=children)
 
 
+def check(condition: Data) -> YamlNode:
+    """Return a leaf that succeeds when a condition is true."""
+    return YamlNode(key="check", value=condition)
+
+
 def decorated(node: YamlNode, key: str, value: Data) -> YamlNode:
     """Return a node with one more decorator around all that it has.
 
