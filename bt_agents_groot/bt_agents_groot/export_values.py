@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import re
+from contextlib import suppress
 
 from bt_agents_groot.expressions import parse_formula
 from bt_agents_groot.formulas import (
@@ -16,14 +16,13 @@ from bt_agents_groot.formulas import (
     negated,
     script_name,
 )
-from bt_agents_groot.ports import only_name
+from bt_agents_groot.ports import REFERENCE, only_name
 from bt_agents_language.expression.quantities import QuantityError, duration
 from bt_agents_language.nodes.node_type import FOREVER
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
 _LONGEST_MS = 999_999_999
-_PIECE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
 
 
 def condition_script(node: Node, *, negative: bool = False) -> str:
@@ -54,28 +53,36 @@ def set_script(entries: tuple[MappingEntry, ...]) -> str:
     return "; ".join(statements)
 
 
-def milliseconds(node: Node) -> str | None:
-    """Return a time as whole milliseconds; None when it is not a constant time."""
-    if not isinstance(node, Scalar) or "${" in node.text:
-        return None
-    try:
-        amount = duration(node.text) * 1000
-    except QuantityError:
-        return None
-    whole = round(amount)
-    return str(whole) if 0 < whole <= _LONGEST_MS and abs(amount - whole) < 1e-6 else None
+def milliseconds(node: Node) -> str:
+    """Return a time as whole milliseconds.
+
+    Raises:
+        Untranslatable: It is not a constant time.
+    """
+    if isinstance(node, Scalar) and "${" not in node.text:
+        with suppress(QuantityError):
+            amount = duration(node.text) * 1000
+            whole = round(amount)
+            if 0 < whole <= _LONGEST_MS and abs(amount - whole) < 1e-6:
+                return str(whole)
+    raise Untranslatable("a port takes whole milliseconds")
 
 
-def number_port(node: Node) -> str | None:
-    """Return a number of attempts for a port; None when it is not a number or a single name."""
-    if not isinstance(node, Scalar):
-        return None
-    if node.text == FOREVER:
-        return "-1"
-    name = only_name(node.text)
-    if name is not None:
-        return f"{{{name.replace('.', '__')}}}"
-    return node.text if node.text.isdigit() else None
+def number_port(node: Node) -> str:
+    """Return a number of attempts for a port.
+
+    Raises:
+        Untranslatable: It is not a number or a single name.
+    """
+    if isinstance(node, Scalar):
+        if node.text == FOREVER:
+            return "-1"
+        name = only_name(node.text)
+        if name is not None:
+            return f"{{{name.replace('.', '__')}}}"
+        if node.text.isdigit():
+            return node.text
+    raise Untranslatable("a port takes a number or a single name")
 
 
 def _formula(node: Node) -> Formula:
@@ -86,20 +93,16 @@ def _formula(node: Node) -> Formula:
         if not isinstance(value, bool | int | float | str):
             raise Untranslatable("scripts have no such value")
         return Constant(value)
+    plain, *rest = REFERENCE.split(node.text)
     pieces: list[Formula] = []
-    at = 0
-    plain = ""
-    for match in _PIECE.finditer(node.text):
-        plain += node.text[at : match.start()]
-        at = match.end()
-        if match[1] is None:
-            plain += "${"
+    for expression, following in zip(rest[::2], rest[1::2], strict=True):
+        if expression is None:
+            plain += "${" + following
             continue
         if plain:
             pieces.append(Constant(plain))
-            plain = ""
-        pieces.append(parse_formula(match[1].strip()))
-    plain += node.text[at:]
+        pieces.append(parse_formula(expression.strip()))
+        plain = following
     if plain or not pieces:
         pieces.append(Constant(plain))
     whole = pieces[0]

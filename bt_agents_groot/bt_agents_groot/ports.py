@@ -24,7 +24,9 @@ JSON = "json:"
 MAX_JSON_DEPTH = 16
 """Nesting of lists and mappings in one port."""
 
-_REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
+REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
+"""``${expression}``, or ``$${``, which stands for ``${`` itself."""
+
 _NAME = re.compile(r"[^\W\d]\w*(\.\w+)?")
 _NOWHERE = Source("", "")
 
@@ -65,7 +67,7 @@ def as_port(node: Node, field_type: FieldType) -> str:
         field_type: Type of the field; only a text is always taken literally.
     """
     if not isinstance(node, Scalar):
-        return _as_json(_plain(node))
+        return _as_json(plain_data(node))
     name = only_name(node.text)
     if name is not None:
         return f"{{{script_name(name)}}}"
@@ -79,12 +81,25 @@ def as_port(node: Node, field_type: FieldType) -> str:
 
 def plain_port(value: Plain, field_type: FieldType) -> str:
     """Return the text of a port for a value without names."""
-    with_unit = quantity(value, field_type)
-    if with_unit is not None:
-        return with_unit
-    if isinstance(value, str) and not (field_type is not FieldType.TEXT and _needs_quotes(value)):
+    if isinstance(value, bool | int | float):
+        unit = _UNITS.get(field_type)
+        if unit is None or isinstance(value, bool):
+            return json.dumps(value)
+        return f"{int(value) if value == int(value) else value} {unit}"
+    if isinstance(value, str) and (field_type is FieldType.TEXT or not _needs_quotes(value)):
         return value
-    return json.dumps(value) if isinstance(value, bool | int | float) else _as_json(value)
+    return _as_json(value)
+
+
+def plain_data(node: Node) -> Plain:
+    """Return the value of a field; texts with names in it stay as they are."""
+    match node:
+        case Sequence():
+            return tuple(map(plain_data, node.items))
+        case Mapping():
+            return {entry.key.text: plain_data(entry.value) for entry in node.entries}
+        case Scalar():
+            return node.text if "${" in node.text else plain_value(node)
 
 
 def _as_json(value: Plain) -> str:
@@ -93,7 +108,7 @@ def _as_json(value: Plain) -> str:
 
 def only_name(text: str) -> str | None:
     """Return the name in a text that is ``${name}`` and nothing else, if a port can hold it."""
-    match = _REFERENCE.fullmatch(text)
+    match = REFERENCE.fullmatch(text)
     name = match[1].strip() if match is not None and match[1] is not None else ""
     if not _NAME.fullmatch(name):
         return None
@@ -126,7 +141,7 @@ def names_in(data: Data) -> Iterator[str]:
     match data:
         case str() | Raw():
             text = data if isinstance(data, str) else data.text
-            for match in _REFERENCE.finditer(text):
+            for match in REFERENCE.finditer(text):
                 if match[1] is not None:
                     yield from names_of_expression(match[1])
         case list():
@@ -146,16 +161,6 @@ def names_of_expression(text: str) -> Iterator[str]:
     for token, following in pairwise(tokens):
         if token.kind is TokenKind.NAME and following.text != "(":
             yield token.text
-
-
-def _plain(node: Node) -> Plain:
-    match node:
-        case Sequence():
-            return tuple(map(_plain, node.items))
-        case Mapping():
-            return {entry.key.text: _plain(entry.value) for entry in node.entries}
-        case Scalar():
-            return node.text if "${" in node.text else plain_value(node)
 
 
 def _needs_quotes(text: str) -> bool:
@@ -202,11 +207,3 @@ def cpp_type(field_type: FieldType) -> str:
 def field_type_of(type_name: str) -> FieldType:
     """Return our type for the declared type of a port; any for one that we do not have."""
     return _FIELD_TYPES.get(type_name.strip(), FieldType.ANY)
-
-
-def quantity(value: Plain, field_type: FieldType) -> str | None:
-    """Return a value in SI with its unit, None when its type has none."""
-    unit = _UNITS.get(field_type)
-    if unit is None or isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return f"{int(value) if value == int(value) else value} {unit}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
@@ -279,7 +279,7 @@ class _Parser:
         return f"this is not XML ({quote(expat_message)})", _ESCAPE_HINT
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Xml:
     """Element to be written."""
 
@@ -287,10 +287,6 @@ class Xml:
     attributes: Mapping[str, str] = field(default_factory=dict)
     children: tuple[Xml, ...] = ()
     text: str = ""
-
-    def having(self, **attributes: str) -> Xml:
-        """Return the element with more attributes."""
-        return replace(self, attributes={**self.attributes, **attributes})
 
 
 def xml_text(root: Xml) -> str:
