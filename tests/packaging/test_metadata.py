@@ -89,6 +89,7 @@ def test_a_python_package_is_registered_in_the_ament_index(package: RosPackage):
 def test_the_packages_hold_more_than_python_modules():
     held = set().union(*(package.package_data for package in PYTHON_PACKAGES))
     assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
+    assert Path("bt_agents_groot/builtins.yaml") in held
     language = Path("bt_agents_language")
     assert {language / "reference/codes.yaml", language / "tools/templates/agent.yaml"} <= held
 
