@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.controls import CONTROLS
 from bt_agents_groot.decorators import DECORATORS, unknown_parent
-from bt_agents_groot.document import Document, Model, ModelPort, node_id, read_document
+from bt_agents_groot.document import Model, ModelPort, node_id, read_document
 from bt_agents_groot.leaves import LEAVES
 from bt_agents_groot.naming import Renaming, port, snake
 from bt_agents_groot.own_nodes import own_control, own_decorator, own_leaf
@@ -77,15 +77,16 @@ def import_agent(source: Source, agent: str, symbols: SymbolTable) -> ImportedAg
     Raises:
         ReadError: There is a problem in the file; it lists all of them.
     """
-    return _Import(read_document(source), agent, symbols).run()
+    return _Import(source, agent, symbols).run()
 
 
 class _Import:
-    def __init__(self, document: Document, agent: str, symbols: SymbolTable) -> None:
-        self._document = document
+    def __init__(self, source: Source, agent: str, symbols: SymbolTable) -> None:
+        self._document = read_document(source)
+        self._file_name = source.file.rpartition("/")[2]
         self._agent = agent
         self._space = symbols.space
-        self._skills = SkillNodes(document, symbols)
+        self._skills = SkillNodes(self._document, symbols)
         # Trees that are imported already, by their ID.
         self._callees: dict[str, Callee] = {}
         self._remarks = Remarks()
@@ -121,10 +122,6 @@ class _Import:
                 self._subtree_name(i): subtrees[i] for i in document.trees if i in subtrees
             }
         return self._file(entries)
-
-    @property
-    def _file_name(self) -> str:
-        return self._document.reading.source.file.rpartition("/")[2]
 
     def _file(self, entries: dict[str, Data]) -> ImportedAgent:
         remarks = tuple(self._remarks)

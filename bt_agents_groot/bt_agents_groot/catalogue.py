@@ -64,19 +64,19 @@ def _builtin(name: str, entry: Mapping[str, Any]) -> Builtin:
     )
 
 
-_TABLE = yaml.load(
+_BUILTINS = yaml.load(
     files("bt_agents_groot").joinpath("builtins.yaml").read_text(encoding="utf-8"),
     Loader=yaml.CSafeLoader,
 )
 
 BUILTINS: Mapping[str, Builtin] = {
-    name: _builtin(name, entry) for name, entry in _TABLE["nodes"].items()
+    name: _builtin(name, entry) for name, entry in _BUILTINS["nodes"].items()
 }
 """Nodes that every BehaviorTree.CPP 4 program knows, by id."""
 
 CONDITIONS: Mapping[str, tuple[str, str]] = {
     name: (entry.get("ours", ""), entry.get("note", ""))
-    for name, entry in _TABLE["attributes"].items()
+    for name, entry in _BUILTINS["attributes"].items()
 }
 """Attribute of any node → equivalent in our language (may be empty), and the difference."""
 

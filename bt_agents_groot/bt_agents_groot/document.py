@@ -24,12 +24,11 @@ _KINDS = (*EXPLICIT, "SubTree")
 
 @dataclass(frozen=True, kw_only=True)
 class ModelPort:
-    """Declared port: ``in``, ``out`` or ``both``, its C++ type, default and description."""
+    """Declared port: ``in``, ``out`` or ``both``, its C++ type and default."""
 
     direction: str
     type: str = ""
     default: str = ""
-    description: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +44,7 @@ class Model:
     ports: Mapping[str, ModelPort] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Document:
     """Checked content of one file.
 
@@ -56,16 +55,14 @@ class Document:
         subtree_models: ID → model of a subtree.
         unread: Elements of the file that are not imported.
         calls: ID of a tree → its ``SubTree`` elements.
-        reading: The file, for problems that are found later.
     """
 
-    trees: Mapping[str, Element]
-    main: str
-    models: Mapping[str, Model]
-    subtree_models: Mapping[str, Model]
-    unread: tuple[Element, ...]
-    calls: Mapping[str, tuple[Element, ...]]
-    reading: XmlReading
+    trees: dict[str, Element] = field(default_factory=dict)
+    main: str = ""
+    models: dict[str, Model] = field(default_factory=dict)
+    subtree_models: dict[str, Model] = field(default_factory=dict)
+    unread: list[Element] = field(default_factory=list)
+    calls: dict[str, list[Element]] = field(default_factory=dict)
 
 
 def node_id(element: Element) -> str:
@@ -98,10 +95,7 @@ class _DocumentReader:
     def __init__(self, reading: XmlReading, root: Element) -> None:
         self._reading = reading
         self._root = root
-        self._trees: dict[str, Element] = {}
-        self._models: dict[str, dict[str, Model]] = {"node": {}, "subtree": {}}
-        self._calls: dict[str, tuple[Element, ...]] = {}
-        self._unread: list[Element] = []
+        self._found = Document()
 
     def read(self) -> Document:
         self._check_root()
@@ -113,24 +107,15 @@ class _DocumentReader:
                     for model in child.children:
                         self._model(model)
                 case _:
-                    self._unread.append(child)
-        for tree_id, tree in self._trees.items():
-            calls: list[Element] = []
+                    self._found.unread.append(child)
+        for tree_id, tree in self._found.trees.items():
+            calls = self._found.calls[tree_id] = []
             for child in tree.children:
                 self._node(child, calls)
-            self._calls[tree_id] = tuple(calls)
         self._refuse_recursion()
-        main = self._main()
+        self._found.main = self._main()
         self._reading.problems.raise_if_any()
-        return Document(
-            trees=self._trees,
-            main=main,
-            models=self._models["node"],
-            subtree_models=self._models["subtree"],
-            unread=tuple(self._unread),
-            calls=self._calls,
-            reading=self._reading,
-        )
+        return self._found
 
     def _check_root(self) -> None:
         root = self._root
@@ -155,26 +140,26 @@ class _DocumentReader:
     def _tree(self, element: Element) -> None:
         tree_id = element.get("ID")
         if not tree_id:
-            others = [c for c in self._root.children if c.tag == "BehaviorTree"]
-            if len(others) > 1:
+            if sum(one.tag == "BehaviorTree" for one in self._root.children) > 1:
                 self._missing(element, "ID", "give each tree a name of its own")
             tree_id = "main"
-        if tree_id in self._trees:
-            self._reading.error(
-                "name-taken",
-                element.attributes["ID"],
-                f"there is a tree {quote(tree_id)} already "
-                f"(line {self._trees[tree_id].position.line})",
-                "rename one of them",
-            )
+        if tree_id in self._found.trees:
+            if "ID" in element.attributes:
+                first = self._found.trees[tree_id].position.line
+                self._reading.error(
+                    "name-taken",
+                    element.attributes["ID"],
+                    f"there is a tree {quote(tree_id)} already (line {first})",
+                    "rename one of them",
+                )
             return
         self._check_count(element, (1, 1))
-        self._trees[tree_id] = element
+        self._found.trees[tree_id] = element
 
     def _model(self, element: Element) -> None:
         model_id = element.get("ID")
         if element.tag not in _KINDS:
-            self._unread.append(element)
+            self._found.unread.append(element)
             return
         if not model_id:
             self._missing(element, "ID", f'write <{element.tag} ID="…">')
@@ -191,10 +176,9 @@ class _DocumentReader:
                 direction=_DIRECTIONS[child.tag],
                 type=child.get("type"),
                 default=child.get("default"),
-                description=child.text or child.get("description"),
             )
-        group = "subtree" if element.tag == "SubTree" else "node"
-        self._models[group][model_id] = Model(kind=element.tag, ports=ports)
+        models = self._found.subtree_models if element.tag == "SubTree" else self._found.models
+        models[model_id] = Model(kind=element.tag, ports=ports)
 
     def _missing(self, element: Element, name: str, hint: str) -> None:
         self._reading.error(
@@ -220,14 +204,16 @@ class _DocumentReader:
 
     def _subtree(self, element: Element) -> None:
         self._check_count(element, (0, 0))
-        called = element.get("ID")
-        included = any(unread.tag == "include" for unread in self._unread)
-        if called not in self._trees and not included:
+        if not any(unread.tag == "include" for unread in self._found.unread):
+            self._check_tree(element.attributes["ID"])
+
+    def _check_tree(self, named: Attribute) -> None:
+        if named.value not in self._found.trees:
             self._reading.error(
                 "unknown-subtree",
-                element.attributes["ID"],
-                f"there is no <BehaviorTree> {quote(called)}",
-                did_you_mean(called, self._trees),
+                named,
+                f"there is no <BehaviorTree> {quote(named.value)}",
+                did_you_mean(named.value, self._found.trees),
             )
 
     def _builtin(self, element: Element, builtin: Builtin) -> None:
@@ -241,7 +227,7 @@ class _DocumentReader:
                 self._missing(element, port, f"it takes {builtin.ports[port].value}")
 
     def _custom(self, element: Element) -> None:
-        model = self._models["node"].get(node_id(element))
+        model = self._found.models.get(node_id(element))
         if model is not None:
             limits: dict[str, Limits] = {"Decorator": (1, 1), "Control": (1, None)}
             self._check_count(element, limits.get(model.kind, (0, 0)))
@@ -309,8 +295,8 @@ class _DocumentReader:
     def _refuse_recursion(self) -> None:
         """Report every tree that contains itself."""
         finished: set[str] = set()
-        for start in self._calls:
-            chain = {start: iter(self._calls[start])}
+        for start in self._found.calls:
+            chain = {start: iter(self._found.calls[start])}
             while chain:
                 current, calls = next(reversed(chain.items()))
                 call = next(calls, None)
@@ -327,23 +313,17 @@ class _DocumentReader:
                         f"tree {quote(called)} contains itself: {loop[:200]}",
                         "use <Repeat> to do something again",
                     )
-                elif called in self._calls and called not in finished:
-                    chain[called] = iter(self._calls[called])
+                elif called in self._found.calls and called not in finished:
+                    chain[called] = iter(self._found.calls[called])
 
     def _main(self) -> str:
         named = self._root.attributes.get("main_tree_to_execute")
         if named is not None:
-            if named.value not in self._trees:
-                self._reading.error(
-                    "unknown-subtree",
-                    named,
-                    f"there is no <BehaviorTree> {quote(named.value)}",
-                    did_you_mean(named.value, self._trees),
-                )
+            self._check_tree(named)
             return named.value
-        called = {call.get("ID") for calls in self._calls.values() for call in calls}
-        roots = [tree_id for tree_id in self._trees if tree_id not in called]
-        if not self._trees:
+        called = {call.get("ID") for calls in self._found.calls.values() for call in calls}
+        roots = [tree_id for tree_id in self._found.trees if tree_id not in called]
+        if not self._found.trees:
             self._reading.error(
                 "xml-root",
                 self._root,

@@ -43,7 +43,7 @@ _STRENGTH = {
 }  # fmt: skip
 _PREFIX = 20
 _OPERATORS = {"||": "or", "&&": "and"}
-_SIGNS = {"!": "not", "-": "-", "~": "~"}
+_SIGNS = {"!": "not", "~": "~"}
 
 
 class ScriptError(BtAgentsError):
@@ -134,7 +134,6 @@ class _Parser:
 
     @property
     def at_end(self) -> bool:
-        """True when all tokens are read."""
         return self._peek.kind == "end"
 
     @property
@@ -150,15 +149,15 @@ class _Parser:
     def statement(self) -> Statement:
         """Parse an assignment or a formula, and the semicolons behind it."""
         start = self._peek
-        left = self._formula(0)
-        statement: Statement = left
+        statement: Statement = self._formula(0)
         if self._peek.text in _ASSIGNMENTS and self._peek.kind == "operator":
             sign = self._take()
-            if not isinstance(left, Name) or start.kind != "name":
+            if not isinstance(statement, Name) or start.kind != "name":
                 raise ScriptError(f"only a name can stand before '{sign.text}'", start.offset)
             value = self._formula(0)
-            operator = _ASSIGNMENTS[sign.text]
-            statement = Assignment(left.name, Binary(operator, left, value) if operator else value)
+            if _ASSIGNMENTS[sign.text]:
+                value = Binary(_ASSIGNMENTS[sign.text], statement, value)
+            statement = Assignment(statement.name, value)
         # Between assignments the semicolon may be left out.
         if not self.at_end and self._peek.text != ";" and not isinstance(statement, Assignment):
             token = self._peek
@@ -226,8 +225,10 @@ class _Parser:
                 return Constant(token.text == "true")
             case "name":
                 return Name(self._rename(token.text))
+            case "operator" if token.text == "-":
+                return negative(self._formula(_PREFIX))
             case "operator" if token.text in _SIGNS:
-                return _signed(_SIGNS[token.text], self._formula(_PREFIX))
+                return Unary(_SIGNS[token.text], self._formula(_PREFIX))
             case "operator" if token.text == "(":
                 inner = self._formula(0)
                 closing = self._take()
@@ -237,10 +238,6 @@ class _Parser:
             case "end":
                 raise ScriptError("the script ends where a value is expected", token.offset)
         raise ScriptError(f"a value or name is expected, found '{token.text}'", token.offset)
-
-
-def _signed(sign: str, operand: Formula) -> Formula:
-    return negative(operand) if sign == "-" else Unary(sign, operand)
 
 
 def _is_text(*operands: Formula) -> bool:
