@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -227,7 +227,7 @@ class _Indexer:
         if one.runs is not None and one.runs + one.earlier < one.least:
             # A run that the journal has not received.
             self._whole.discard(epoch)
-            one = replace(one, runs=None)
+            one.runs = None
         self.recording.rounds.append(one)
 
     def _feedback(self, message: Any) -> None:

@@ -64,8 +64,8 @@ def _again(run: RecordedRun) -> int | str:
     recording = read_recording(line for one in run.records for line in one.record.splitlines())
     spec, parsed = _spec_of(run, recording)
     recorded = _by_tick(run)
-    before = str(recording.head.get("file", ""))
-    prefix = before.removesuffix(_inside(spec, parsed))
+    folder = parsed.folder + "/"
+    prefix = str(recording.head.get("file", "")).removesuffix(spec.file.removeprefix(folder))
     ticks = unrecorded = 0
     for step in replay(recording, spec, parsed.space):
         ticks = step.tick
@@ -75,8 +75,8 @@ def _again(run: RecordedRun) -> int | str:
             and step.tick not in recorded
         ):
             unrecorded += 1
-            recorded[step.tick] = _changes_of(step, parsed.folder + "/", prefix)
-        difference = _difference(step, recorded, parsed.folder + "/", prefix)
+            recorded[step.tick] = _changes_of(step, folder, prefix)
+        difference = _difference(step, recorded, folder, prefix)
         if difference:
             return f"tick {step.tick}: {difference}"
     if not recording.complete:
@@ -106,11 +106,6 @@ def _spec_of(run: RecordedRun, recording: Recording) -> tuple[AgentSpec, ParsedT
         broken = "; ".join(one.error.lines[0] for one in parsed.trees.broken)
         raise _Missing(f"its text cannot be read here: {broken or 'there is no such agent'}")
     return spec, parsed
-
-
-def _inside(spec: AgentSpec, parsed: ParsedTexts) -> str:
-    """Return the path of an agent's file inside of its folder."""
-    return spec.file.removeprefix(parsed.folder + "/")
 
 
 def _by_tick(run: RecordedRun) -> dict[int, list[Change]]:
