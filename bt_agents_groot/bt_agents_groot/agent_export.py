@@ -34,11 +34,7 @@ class ExportedAgent:
 
 
 def export_agent(source: Source, symbols: SymbolTable) -> ExportedAgent:
-    """Return the file of BehaviorTree.CPP for an agent file.
-
-    Args:
-        source: The agent file.
-        symbols: Symbols that it may use; see ``agent_reader``.
+    """Return the file of BehaviorTree.CPP for an agent file and the symbols that it may use.
 
     Raises:
         ReadError: There is a problem in the file; it lists all of them.

@@ -48,31 +48,17 @@ _INITIAL_COMMENT = (
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedAgent:
-    """Imported agent file.
-
-    Attributes:
-        text: The file in canonical style.
-        remarks: Differences and losses, in the order of the XML file.
-        missing: Skills that it uses and no file declares.
-    """
+    """Imported agent file in canonical style, its remarks in the order of the XML file."""
 
     text: str
     remarks: tuple[Remark, ...]
     missing: tuple[MissingSkill, ...]
 
-    @property
-    def skeleton(self) -> str:
-        """Skeleton of a skills file for the missing skills; empty when none is missing."""
-        return skills_file(self.missing)
-
 
 def import_agent(source: Source, agent: str, symbols: SymbolTable) -> ImportedAgent:
     """Return the agent file for a file of BehaviorTree.CPP.
 
-    Args:
-        source: The XML file.
-        agent: Name of the agent.
-        symbols: The scene parameters, for the profile, and the known skills and plug-ins.
+    The symbols are the scene parameters, for the profile, and the known skills and plug-ins.
 
     Raises:
         ReadError: There is a problem in the file; it lists all of them.

@@ -37,7 +37,6 @@ class Model:
 
     Attributes:
         kind: Element that declares it: ``Action``, ``Condition``, ``Control``, ``Decorator``.
-        ports: By name.
     """
 
     kind: str

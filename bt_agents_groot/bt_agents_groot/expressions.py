@@ -26,13 +26,9 @@ _NOT, _MINUS = 3, 7
 
 
 def parse_formula(text: str) -> Formula:
-    """Return the formula of an expression of our language.
+    """Return the formula of an expression of our language, which was checked before.
 
     ``a between b and c`` becomes two comparisons.
-
-    Args:
-        text: An expression that
-            :func:`~bt_agents_language.expression.expressions.parse_expression` accepts.
 
     Raises:
         Untranslatable: It is too long to be written as a script.

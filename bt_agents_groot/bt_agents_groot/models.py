@@ -49,14 +49,7 @@ class Models:
     def declare(
         self, kind: str, model_id: str, inputs: Iterable[Field], outputs: Iterable[Field] = ()
     ) -> str:
-        """Declare a node and return its ID.
-
-        Args:
-            kind: ``Action``, ``Condition``, ``Control``, ``Decorator`` or ``SubTree``.
-            model_id: Of a node of our language its key.
-            inputs: Its input ports.
-            outputs: Its output ports.
-        """
+        """Declare a node and return its ID, which of a node of our language is its key."""
         ports = [_port("input_port", one) for one in inputs]
         ports += [_port("output_port", one) for one in outputs]
         model = Xml(kind, {"ID": model_id}, tuple(ports))

@@ -60,12 +60,7 @@ def pointed_at(text: str) -> str | None:
 
 
 def as_port(node: Node, field_type: FieldType) -> str:
-    """Return the text of a port for the value of a field of our language.
-
-    Args:
-        node: Value of the field.
-        field_type: Type of the field; only a text is always taken literally.
-    """
+    """Return the text of a port for the value of a field, of which only texts are literal."""
     if not isinstance(node, Scalar):
         return _as_json(plain_data(node))
     name = only_name(node.text)
@@ -116,12 +111,7 @@ def only_name(text: str) -> str | None:
 
 
 def from_port(text: str, field_type: FieldType, rename: Callable[[str], str]) -> Data:
-    """Return the value of a field of our language for the text of a port.
-
-    Args:
-        text: The text.
-        field_type: Type of the field; a text is taken literally.
-        rename: Returns the name of a blackboard entry in our language.
+    """Return the value of a field, of which only texts are literal, for the text of a port.
 
     Raises:
         PortError: It starts as JSON but is none.

@@ -47,12 +47,7 @@ _SIGNS = {"!": "not", "~": "~"}
 
 
 class ScriptError(BtAgentsError):
-    """Syntax error in a script.
-
-    Attributes:
-        message: What was found and what is expected.
-        offset: Index in the text.
-    """
+    """Syntax error at an index of a script: what was found and what is expected."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -77,10 +72,6 @@ def parse_script(text: str, rename: Callable[[str], str]) -> list[Statement]:
     From weak to strong: ``? :``, ``||``, ``&&``, comparisons (``a < b < c`` compares twice),
     ``| ^``, ``&``, ``+ - ..``, ``* /``, signs. The rules are those of ``script_parser.cpp`` in
     BehaviorTree.CPP 4.7; numbers stand for enums nowhere, because only a program knows its enums.
-
-    Args:
-        text: The script.
-        rename: Returns the name of our language for a name of the script.
 
     Raises:
         ScriptError: The text is no script.

@@ -49,10 +49,6 @@ class _Use:
 class SkillNodes:
     """Translator of custom leaves.
 
-    Args:
-        document: The file.
-        symbols: The known skills and plug-ins.
-
     Attributes:
         missing: Skills that are used but not known, by name.
     """

@@ -21,8 +21,6 @@ class Callee:
     """Tree that was imported as a subtree.
 
     Attributes:
-        name: In our language.
-        names: Its name scope.
         inputs: Declared input → its name inside of the tree.
         optional: Inputs that need not be given.
         outputs: Names that the tree writes and that some caller uses.
@@ -49,13 +47,7 @@ def remaps_all(element: Element) -> bool:
 
 
 def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Callee]) -> YamlNode:
-    """Return the node that calls a subtree.
-
-    Args:
-        tree: The tree that calls it.
-        element: The call.
-        callees: Trees that are imported already, by their ID.
-    """
+    """Return the node that calls a subtree, one of those that are imported already by their ID."""
     tree_id = element.get("ID")
     ports = ports_of_call(element)
     callee = callees.get(tree_id)

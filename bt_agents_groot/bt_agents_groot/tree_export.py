@@ -45,13 +45,7 @@ _VALUES = NodeField(name="values", description="names and values")
 
 
 class TreeExport:
-    """Translator of the trees of one file.
-
-    Args:
-        models: Collects the declarations.
-        subtrees: Lookup of the subtrees that the file can use.
-        remarks: Collects the differences.
-    """
+    """Translator of the trees of one file, which collects their declarations and remarks."""
 
     def __init__(self, models: Models, subtrees: Subtrees, remarks: Remarks) -> None:
         self._models = models

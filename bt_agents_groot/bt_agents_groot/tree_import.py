@@ -46,13 +46,7 @@ _MAX_LABEL = 64
 
 
 class TreeImport:
-    """Tree that is being imported.
-
-    Args:
-        names: Its name scope.
-        remarks: Collects differences and losses.
-        translate: Returns the node for an element, but for its name, conditions and scripts.
-    """
+    """Tree that is being imported, with its name scope."""
 
     def __init__(self, names: TreeNames, remarks: Remarks, translate: Translate) -> None:
         self.names = names

@@ -35,8 +35,7 @@ class Attribute:
     """Attribute with its place.
 
     Attributes:
-        name: Its name.
-        value: Its value, escapes resolved.
+        value: With escapes resolved.
         position: The first character of its name.
         span: Index of the first character of its value in the file's text, and of the one after
             its last, quotation marks not counted.
@@ -53,11 +52,9 @@ class Element:
     """One element.
 
     Attributes:
-        tag: Its name.
         position: Its ``<``.
         end: The character behind its name.
         attributes: By name, in the order of the file.
-        children: In order.
         text: The text directly inside it, without spaces around it.
     """
 

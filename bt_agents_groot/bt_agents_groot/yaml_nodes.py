@@ -31,11 +31,8 @@ class YamlNode:
     """Node of our language.
 
     Attributes:
-        key: Node key.
         value: Value of the key; of a composite its options.
-        children: Children of a composite, in order.
         name: Name for people; may be empty.
-        decorators: Decorators by key.
         siblings: Values of the sibling keys ``with``, ``outputs`` and ``weight``.
         comments: Comment lines above the node.
     """

@@ -23,10 +23,6 @@ def definition(type_name: str, lookup: Lookup) -> str:
 
     They are separated as rosbag2 and Foxglove expect it: a line of 80 ``=``, ``MSG: pkg/Name``.
 
-    Args:
-        type_name: ``package/msg/Name``.
-        lookup: Finds texts.
-
     Raises:
         Refused: ``NO_DEFINITION``.
     """

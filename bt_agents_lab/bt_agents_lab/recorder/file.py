@@ -25,7 +25,6 @@ class RecordedTopic:
     """A topic that is recorded.
 
     Attributes:
-        name: Its full name.
         type: ``package/msg/Name``.
         definition: Text of the type, followed by those that it uses.
     """
@@ -40,7 +39,6 @@ class RecordedMessage:
     """One message as it was sent.
 
     Attributes:
-        topic: On which it was sent.
         data: Serialised (CDR).
         sent_ns: When it was sent [ns since 1970].
         received_ns: When it was received [ns since 1970].
@@ -85,12 +83,7 @@ class JournalFile:
             raise
 
     def add(self, message: RecordedMessage, sequence: int) -> None:
-        """Take a message for the next flush.
-
-        Args:
-            message: The message.
-            sequence: Its number among those of its topic.
-        """
+        """Take a message for the next flush, with its number among those of its topic."""
         self._writer.add_message(
             channel_id=self._channel(message.topic),
             log_time=message.received_ns,
@@ -107,11 +100,7 @@ class JournalFile:
         self.waiting = 0
 
     def close(self) -> int:
-        """Write what waits and the summary, as far as there is room, and close the file.
-
-        Returns:
-            How many messages found no room.
-        """
+        """Write what there is room for, and the summary; return how many messages found none."""
         try:
             with suppress(OSError):
                 self.flush()

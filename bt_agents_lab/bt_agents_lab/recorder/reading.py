@@ -95,9 +95,6 @@ class JournalReader:
     Duplicates, such as a latched message that a journal received again after its restart, are
     returned once.
 
-    Args:
-        paths: The files.
-
     Attributes:
         problems: Texts about what could not be read; complete after reading.
         counted: RecordedTopic → its messages that were only counted; complete after reading.
@@ -215,11 +212,8 @@ def _lost_before(message: Message, sequences: dict[int, int]) -> int:
     """Return how many messages of the same topic are missing before one.
 
     Each file counts the messages of every topic from 1. In files of earlier versions, which
-    several starts of a journal have written, each start counts from 1.
-
-    Args:
-        message: The message.
-        sequences: Number of the message before it by channel; updated.
+    several starts of a journal have written, each start counts from 1. ``sequences`` holds the
+    number of the last message by channel.
     """
     before = sequences.get(message.channel_id, 0)
     sequences[message.channel_id] = message.sequence

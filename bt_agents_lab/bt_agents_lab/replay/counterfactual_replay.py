@@ -46,7 +46,6 @@ class Changes:
 
     Attributes:
         strategy: By which bids are ranked; empty keeps that of each round.
-        options: Of the strategy.
         rate: Learning rate of every agent; None keeps its own.
         update: How profiles follow feedback; None keeps that of each agent.
         agents: Who bids, with the profile, learning and requirement of its file; None keeps those
@@ -92,8 +91,6 @@ class RoundComparison:
     """One round, as it was and as it would have been.
 
     Attributes:
-        epoch: The market.
-        round: Its number.
         label: Name of the scene, for people.
         was: Who won; empty for nobody.
         now: Who would have won.
@@ -117,7 +114,6 @@ class CounterfactualResult:
     """Outcome of a counterfactual replay.
 
     Attributes:
-        rounds: Round by round.
         bidders: Agents that bid at least once.
         given: Number of feedbacks that would have been given.
         withheld: Number of those that would not, as another agent would have run.
@@ -147,12 +143,7 @@ class CounterfactualResult:
 
 
 def replay_with(recording: RecordingIndex, changes: Changes) -> CounterfactualResult:
-    """Decide and learn the contents of a journal with some changes.
-
-    Args:
-        recording: The contents.
-        changes: The differences; without any everything is as it was.
-    """
+    """Decide and learn the contents of a journal with some changes, or none."""
     changes.check()
     return _Counterfactual(changes).replay(recording)
 

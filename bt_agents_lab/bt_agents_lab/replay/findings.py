@@ -24,7 +24,6 @@ class ReplayFinding:
     Attributes:
         kind: ``decision``, ``profile change`` or ``run of a tree``.
         where: Which one, for people.
-        verdict: The outcome.
         text: The first difference, or what is missing; empty when equal.
         size: Number of its parts, ticks for example.
     """

@@ -66,12 +66,7 @@ class FeedbackHistory:
 
 
 def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
-    """Return the learning rule of an agent, from its card.
-
-    Args:
-        card: An ``AgentCard``.
-        parameters: Order of its values.
-    """
+    """Return the learning rule of an ``AgentCard``, whose values have this order."""
     learning = card.learning
 
     def named(values: Sequence[float]) -> dict[str, float]:

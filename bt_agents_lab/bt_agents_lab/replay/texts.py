@@ -23,9 +23,6 @@ class RecordedInterfaces:
     """ROS types of the machine on which the agents ran, as far as bindings depend on them.
 
     The bindings were in force, so they had no problem; no value depends on the types of fields.
-
-    Args:
-        packages: Packages that were installed there.
     """
 
     def __init__(self, packages: frozenset[str]) -> None:
@@ -56,8 +53,6 @@ class ParsedTexts:
     """Agents, scene parameters and market rules that the texts of a host define.
 
     Attributes:
-        trees: The agents, and the scene parameters.
-        rules: Of the market.
         folder: Of the texts while they were read, as it stands in positions.
     """
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from bt_agents_groot.agent_import import ImportedAgent, import_agent
+from bt_agents_groot.agent_import import ImportedAgent, import_agent, skills_file
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.skills_reader import read_skills_text
@@ -361,7 +361,7 @@ def test_skills_that_nobody_declares_come_with_a_file_that_declares_them():
         WAVE,
     )
     assert [skill.name for skill in made.missing] == ["play_tune", "wave_hand"]
-    skills = read_skills_text(made.skeleton, "new.yaml")
+    skills = read_skills_text(skills_file(made.missing), "new.yaml")
     vocabulary = replace(VOCABULARY, skills={**VOCABULARY.skills, **skills})
     read_agent_text(made.text, "a.yaml", vocabulary)
     assert [one.name for one in skills["wave_hand"].inputs] == ["side", "times"]
