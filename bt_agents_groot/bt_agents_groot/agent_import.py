@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.controls import CONTROLS
-from bt_agents_groot.decorators import DECORATORS, unknown_parent
 from bt_agents_groot.document import Model, ModelPort, node_id, read_document
-from bt_agents_groot.leaves import LEAVES
 from bt_agents_groot.naming import Renaming, port, snake
 from bt_agents_groot.own_nodes import own_control, own_decorator, own_leaf
 from bt_agents_groot.ports import field_type_of, from_port, pointed_at
 from bt_agents_groot.scopes import TreeNames
+from bt_agents_groot.simple_nodes import SIMPLE_NODES, unknown_parent
 from bt_agents_groot.skill_nodes import MissingSkill, SkillNodes
 from bt_agents_groot.subtree_calls import Callee, ports_of_call, remaps_all, subtree_call
 from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
@@ -39,7 +38,7 @@ from bt_agents_language.yaml.typed_reader import FORMAT
 ON_CANCEL = "on_cancel"
 """Name of the tree that becomes the clean-up of the agent when no other tree uses it."""
 
-_BUILDERS = {**CONTROLS, **DECORATORS, **LEAVES}
+_BUILDERS = {**CONTROLS, **SIMPLE_NODES}
 _SCRIPT_NAME = re.compile(r"[A-Za-z_@]\w*")
 _INITIAL_COMMENT = (
     "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."
@@ -86,7 +85,7 @@ class _Import:
             self._remark_unread(element)
         subtrees = {
             tree_id: self._subtree(tree_id)
-            for tree_id in self._callees_first()
+            for tree_id in document.calls
             if tree_id not in (main, on_cancel)
         }
         names = TreeNames(self._mentions(main) + self._mentions(on_cancel), ())
@@ -152,21 +151,6 @@ class _Import:
             )
         else:
             self._remarks.note(element.position, f"<{element.tag[:40]}> is not read here")
-
-    def _callees_first(self) -> list[str]:
-        """Return the trees in topological order: each one after those that it uses."""
-        done: dict[str, None] = {}
-        for start in self._document.trees:
-            waiting = [start]
-            while waiting:
-                current = waiting[-1]
-                called = (call.get("ID") for call in self._document.calls[current])
-                open_ones = [i for i in called if i in self._document.trees and i not in done]
-                if open_ones:
-                    waiting.append(open_ones[0])
-                else:
-                    done.setdefault(waiting.pop())
-        return list(done)
 
     def _callers(self, tree_id: str) -> list[Element]:
         calls = (call for of_tree in self._document.calls.values() for call in of_tree)

@@ -53,7 +53,7 @@ class Document:
         models: ID → model of a custom node.
         subtree_models: ID → model of a subtree.
         unread: Elements of the file that are not imported.
-        calls: ID of a tree → its ``SubTree`` elements.
+        calls: ID of a tree → its ``SubTree`` elements; each tree behind those that it calls.
     """
 
     trees: dict[str, Element] = field(default_factory=dict)
@@ -111,7 +111,7 @@ class _DocumentReader:
             calls = self._found.calls[tree_id] = []
             for child in tree.children:
                 self._node(child, calls)
-        self._refuse_recursion()
+        self._order_trees()
         self._found.main = self._main()
         self._reading.problems.raise_if_any()
         return self._found
@@ -291,9 +291,9 @@ class _DocumentReader:
                 "or the name of a blackboard entry: {name}",
             )
 
-    def _refuse_recursion(self) -> None:
-        """Report every tree that contains itself."""
-        finished: set[str] = set()
+    def _order_trees(self) -> None:
+        """Put each tree behind those that it calls; report every tree that contains itself."""
+        finished: dict[str, list[Element]] = {}
         for start in self._found.calls:
             chain = {start: iter(self._found.calls[start])}
             while chain:
@@ -302,7 +302,7 @@ class _DocumentReader:
                 called = call.get("ID") if call is not None else ""
                 if call is None or current in finished:
                     del chain[current]
-                    finished.add(current)
+                    finished[current] = self._found.calls[current]
                 elif called in chain:
                     names = list(chain)
                     loop = " → ".join([*names[names.index(called) :], called])
@@ -314,6 +314,7 @@ class _DocumentReader:
                     )
                 elif called in self._found.calls and called not in finished:
                     chain[called] = iter(self._found.calls[called])
+        self._found.calls = finished
 
     def _main(self) -> str:
         named = self._root.attributes.get("main_tree_to_execute")
