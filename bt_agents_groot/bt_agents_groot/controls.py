@@ -59,13 +59,14 @@ def _fallback(tree: TreeImport, element: Element) -> YamlNode:
     return _composite("selector")(tree, element)
 
 
-def _noted(tree: TreeImport, element: Element) -> None:
-    tree.note(element, BUILTINS[node_id(element)].note)
+def _noted(translate: Translate) -> Translate:
+    """Return a translator that remarks on the difference in the catalogue first."""
 
+    def noted(tree: TreeImport, element: Element) -> YamlNode:
+        tree.note(element, BUILTINS[node_id(element)].note)
+        return translate(tree, element)
 
-def _with_memory(tree: TreeImport, element: Element) -> YamlNode:
-    _noted(tree, element)
-    return _composite("sequence")(tree, element)
+    return noted
 
 
 def _parallel(tree: TreeImport, element: Element) -> YamlNode:
@@ -95,7 +96,6 @@ def _threshold(tree: TreeImport, element: Element, port: str, default: int, tota
 
 
 def _parallel_all(tree: TreeImport, element: Element) -> YamlNode:
-    _noted(tree, element)
     return YamlNode(key="parallel", children=tuple(map(tree.node, element.children)))
 
 
@@ -197,7 +197,6 @@ def _reactive(key: str, *children: YamlNode) -> YamlNode:
 
 
 def _switch(tree: TreeImport, element: Element) -> YamlNode:
-    _noted(tree, element)
     variable = _operand(tree, element.attributes["variable"])
     *branches, default = element.children
     cases: list[YamlNode] = []
@@ -233,15 +232,15 @@ CONTROLS: Mapping[str, Translate] = {
     "Sequence": _composite("sequence"),
     "AsyncSequence": _composite("sequence"),
     "ReactiveSequence": _composite("sequence", memory=False),
-    "SequenceWithMemory": _with_memory,
+    "SequenceWithMemory": _noted(_composite("sequence")),
     "Fallback": _fallback,
     "AsyncFallback": _composite("selector"),
     "ReactiveFallback": _composite("selector", memory=False),
     "Parallel": _parallel,
-    "ParallelAll": _parallel_all,
+    "ParallelAll": _noted(_parallel_all),
     "IfThenElse": _if_then_else,
     "WhileDoElse": _while_do_else,
-    **{f"Switch{cases}": _switch for cases in range(2, 7)},
+    **{f"Switch{cases}": _noted(_switch) for cases in range(2, 7)},
     "TryCatch": _try_catch,
 }
 """Translator of each built-in control node."""

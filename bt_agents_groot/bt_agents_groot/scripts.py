@@ -33,8 +33,9 @@ _TOKEN = re.compile(
     | (?P<number>[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?(?![\w]|\.(?!\.)))
     | (?P<name>[A-Za-z_@][A-Za-z0-9_]*)
     | (?P<operator>\.\.|&&|\|\||==|!=|<=|>=|:=|\+=|-=|\*=|/=|[-+*/&|^~!<>=?:();])
+    | (?P<unknown>.)
     """,
-    re.VERBOSE,
+    re.VERBOSE | re.DOTALL,
 )
 _ASSIGNMENTS = {":=": "", "=": "", "+=": "+", "-=": "-", "*=": "*", "/=": "/"}
 _STRENGTH = {
@@ -94,23 +95,18 @@ class _Token:
 
 def _tokens(text: str) -> list[_Token]:
     tokens: list[_Token] = []
-    at = 0
-    while at < len(text):
-        match = _TOKEN.match(text, at)
-        if match is None:
-            if text[at] == "'":
+    for match in _TOKEN.finditer(text):
+        kind, at = match.lastgroup or "", match.start()
+        if kind == "unknown":
+            if match[0] == "'":
                 raise ScriptError("this quotation mark is not closed", at)
-            if text[at] == '"':
+            if match[0] == '"':
                 raise ScriptError("texts in a script stand between ' and '", at)
             raise ScriptError(f"'{text[at : at + 12]}' means nothing in a script", at)
-        kind = match.lastgroup or ""
         if kind != "space":
             tokens.append(_Token(kind, match[0], at))
-        at = match.end()
         if len(tokens) > MAX_TOKENS:
-            raise ScriptError(
-                f"the script has more than {MAX_TOKENS} words; split it", match.start()
-            )
+            raise ScriptError(f"the script has more than {MAX_TOKENS} words; split it", at)
     return [*tokens, _Token("end", "", len(text))]
 
 

@@ -23,7 +23,8 @@ def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFin
     history = FeedbackHistory()
     for recorded in feedbacks:
         feedback = recorded.feedback
-        where = f"revision {feedback.revision} of {_whose(feedback)}"
+        whose = f"{feedback.agent}, {feedback.layer}" if feedback.layer else feedback.agent
+        where = f"revision {feedback.revision} of {whose}"
         if recorded.parsed is None or recorded.card is None:
             missing = "no host has introduced the agent before"
             yield not_recorded(KIND, where, missing)
@@ -139,7 +140,3 @@ def _difference(feedback: Any, again: Step, space: SceneSpace) -> str:
             if was != now:
                 return f"{what}{name} was {was!r}, now {now!r}"
     return ""
-
-
-def _whose(feedback: Any) -> str:
-    return f"{feedback.agent}, {feedback.layer}" if feedback.layer else str(feedback.agent)
