@@ -6,14 +6,16 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import pairwise
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_groot.formulas import GROUPS, script_name
+from bt_agents_groot.formulas import GROUPS, Untranslatable, script_name
 from bt_agents_groot.yaml_nodes import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
-from bt_agents_language.expression.quantities import QuantityError
+from bt_agents_language.expression.quantities import QuantityError, duration
+from bt_agents_language.nodes.node_type import FOREVER
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
@@ -27,9 +29,9 @@ MAX_JSON_DEPTH = 16
 REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
 """``${expression}``, or ``$${``, which stands for ``${`` itself."""
 
+_LONGEST_MS = 999_999_999
 _NAME = re.compile(r"[^\W\d]\w*(\.\w+)?")
 _NOWHERE = Source("", "")
-
 
 _CPP_TYPES = {
     FieldType.TEXT: "std::string",
@@ -187,6 +189,38 @@ def _data(value: object, depth: int) -> Data:
         case dict():
             return {str(key): _data(item, depth + 1) for key, item in value.items()}
     raise ValueError("null and infinite numbers mean nothing here")
+
+
+def milliseconds(node: Node) -> str:
+    """Return a time as whole milliseconds.
+
+    Raises:
+        Untranslatable: It is not a constant time.
+    """
+    if isinstance(node, Scalar) and "${" not in node.text:
+        with suppress(QuantityError):
+            amount = duration(node.text) * 1000
+            whole = round(amount)
+            if 0 < whole <= _LONGEST_MS and abs(amount - whole) < 1e-6:
+                return str(whole)
+    raise Untranslatable("a port takes whole milliseconds")
+
+
+def number_port(node: Node) -> str:
+    """Return a number of attempts for a port.
+
+    Raises:
+        Untranslatable: It is not a number or a single name.
+    """
+    if isinstance(node, Scalar):
+        if node.text == FOREVER:
+            return "-1"
+        name = only_name(node.text)
+        if name is not None:
+            return f"{{{name.replace('.', '__')}}}"
+        if node.text.isdigit():
+            return node.text
+    raise Untranslatable("a port takes a number or a single name")
 
 
 def cpp_type(field_type: FieldType) -> str:

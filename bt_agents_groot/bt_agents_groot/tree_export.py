@@ -11,11 +11,11 @@ from functools import partial
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import SKIP_IF
-from bt_agents_groot.export_values import condition_script, milliseconds, number_port, set_script
+from bt_agents_groot.expressions import condition_script, set_script
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Field, Models
 from bt_agents_groot.naming import port
-from bt_agents_groot.ports import JSON, as_port, plain_data
+from bt_agents_groot.ports import JSON, as_port, milliseconds, number_port, plain_data
 from bt_agents_groot.translation import Remarks
 from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
