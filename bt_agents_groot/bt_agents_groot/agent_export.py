@@ -66,7 +66,8 @@ class _Export:
         main = self._open(source)
         # Reserved first, so that the agent's own tree gets the ID that its name asks for.
         main_id = self._models.tree_id(agent)
-        self._models.main(main_id, tunables)
+        if tunables:
+            self._models.declare("SubTree", main_id, tunables)
         trees = [self._tree(main, main.fields.get("tree"), main_id)]
         on_cancel = main.fields.get("on_cancel")
         if on_cancel is not None:

@@ -191,7 +191,6 @@ class _Import:
         )
 
     def _initial_value(self, names: TreeNames, name: str) -> Data:
-        """Return the initial value of a name of the main tree."""
         model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))
         declared = model.ports.get(port(names.original(name)))
         if declared is None or not declared.default:
@@ -247,7 +246,6 @@ class _Import:
 
 
 def _declaration(declared: ModelPort, names: TreeNames) -> Data:
-    """Return the declaration of an input."""
     field_type = field_type_of(declared.type)
     if not declared.default:
         return Raw(field_type.value)

@@ -185,7 +185,6 @@ class _DocumentReader:
         )
 
     def _node(self, element: Element, calls: list[Element]) -> None:
-        """Check an element inside a tree, and all below it."""
         if element.tag in _KINDS and not element.get("ID"):
             self._missing(element, "ID", f'write <{element.tag} ID="…">')
         elif element.tag == "SubTree":

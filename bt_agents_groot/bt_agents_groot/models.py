@@ -32,11 +32,6 @@ class Models:
         """Return the ID of a tree of the agent itself."""
         return self._id("tree", name)
 
-    def main(self, model_id: str, tunables: tuple[Tunable, ...]) -> None:
-        """Declare the main tree, whose ports are the agent's tunables."""
-        if tunables:
-            self.declare("SubTree", model_id, tunables)
-
     def subtree(self, file: str, subtree: SubtreeSpec) -> str:
         """Return the ID of a subtree and declare it."""
         model_id = self._id(f"in {file}", subtree.name)

@@ -91,7 +91,6 @@ def unknown_parent(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def _count(tree: TreeImport, element: Element, port: str) -> Data:
-    """Return the number of attempts or cycles in a port."""
     text = element.get(port).strip()
     entry = pointed_at(text)
     if entry is not None:

@@ -164,7 +164,6 @@ class TreeExport:
         return rest[0]
 
     def _condition(self, node: Node) -> Xml:
-        """Return the leaf that evaluates a condition."""
         try:
             return Xml("ScriptCondition", {"code": condition_script(node)})
         except Untranslatable:
@@ -227,7 +226,6 @@ class TreeExport:
         return Xml("SubTree", {"ID": tree_id, **ports, **outputs})
 
     def _decorated(self, raw: RawNode, decorator: NodeType, entry: MappingEntry, xml: Xml) -> Xml:
-        """Return an element with a decorator around it."""
         if decorator.handler:
             children = (xml, self.node(raw.nodes[decorator.key]))
             return Xml("Fallback", {"name": decorator.key}, children)

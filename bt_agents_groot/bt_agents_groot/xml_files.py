@@ -253,7 +253,6 @@ class _Parser:
         self._problems.add("xml-syntax", self._source.position(index), message, hint)
 
     def _explanation(self, expat_message: str) -> tuple[str, str]:
-        """Return the message and the hint for an error of expat."""
         still_open = self._open[-1].tag if self._open else ""
         match expat_message:
             case "no element found":
