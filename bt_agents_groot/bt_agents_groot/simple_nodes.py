@@ -10,7 +10,6 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Untranslatable, negated
 from bt_agents_groot.ports import from_port, names_in, pointed_at
-from bt_agents_groot.script_nodes import as_node
 from bt_agents_groot.tree_import import Translate, TreeImport
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import (
@@ -122,7 +121,7 @@ def _sleep(tree: TreeImport, element: Element) -> YamlNode:
 
 def _script(tree: TreeImport, element: Element) -> YamlNode:
     try:
-        return as_node(tree.statements(element.attributes["code"]), tree.names)
+        return tree.script(element.attributes["code"])
     except Untranslatable as error:
         return _untranslated(tree, element, f": {error}")
 

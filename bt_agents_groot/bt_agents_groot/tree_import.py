@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 from bt_agents_groot.catalogue import (
     CONDITIONS,
@@ -42,6 +43,8 @@ from bt_agents_language.nodes.on_failure import ON_FAILURE as HANDLER
 from bt_agents_language.nodes.sequence import SEQUENCE
 from bt_agents_language.nodes.when import WHEN
 
+T = TypeVar("T")
+
 _MAX_LABEL = 64
 
 
@@ -59,7 +62,12 @@ class TreeImport:
         """Return the node for an element and all below it."""
         description = element.get("_description")
         self._comments.append([description] if description else [])
-        guards = self._guards(element)
+        # In the order in which BehaviorTree.CPP evaluates them.
+        guards = {
+            name: condition
+            for name in (FAILURE_IF, SUCCESS_IF, SKIP_IF, WHILE)
+            for condition in self._read(element, name, self.condition)
+        }
         node = self._with_name(element, self._translate(self, element))
         node = self._with_guards(element, node, guards, below_fallback)
         self._remark_unread(element)
@@ -88,15 +96,18 @@ class TreeImport:
         if self._comments and remark.comment not in self._comments[-1]:
             self._comments[-1].append(remark.comment)
 
-    def statements(self, attribute: Attribute) -> list[Statement]:
-        """Return the statements of a script.
-
-        Raises:
-            Untranslatable: They stand in a blackboard entry.
-        """
+    def _statements(self, attribute: Attribute) -> list[Statement]:
         if pointed_at(attribute.value) is not None:
             raise Untranslatable("the script stands in a blackboard entry")
         return parse_script(attribute.value, self.names.rename)
+
+    def script(self, attribute: Attribute) -> YamlNode:
+        """Return the node for a script; its names are recorded as read and written.
+
+        Raises:
+            Untranslatable: Our language has no equivalent of a statement.
+        """
+        return as_node(self._statements(attribute), self.names)
 
     def condition(self, attribute: Attribute) -> Formula:
         """Return a script as a condition; its names are recorded as read.
@@ -104,7 +115,7 @@ class TreeImport:
         Raises:
             Untranslatable: It is none, or our language has no such condition.
         """
-        condition = as_condition(self.statements(attribute))
+        condition = as_condition(self._statements(attribute))
         self.text(condition)
         return condition
 
@@ -133,18 +144,15 @@ class TreeImport:
         )
         return node
 
-    def _guards(self, element: Element) -> dict[str, Formula]:
-        """Return the conditions of an element by attribute."""
-        guards: dict[str, Formula] = {}
-        # In the order in which BehaviorTree.CPP evaluates them.
-        for name in (FAILURE_IF, SUCCESS_IF, SKIP_IF, WHILE):
-            attribute = element.attributes.get(name)
-            if attribute is not None:
-                try:
-                    guards[name] = self.condition(attribute)
-                except Untranslatable as error:
-                    self._leave_out(attribute, str(error))
-        return guards
+    def _read(self, element: Element, name: str, read: Callable[[Attribute], T]) -> list[T]:
+        """Return what an attribute says; nothing when it is not there, or is left out."""
+        attribute = element.attributes.get(name)
+        if attribute is not None:
+            try:
+                return [read(attribute)]
+            except Untranslatable as error:
+                self._leave_out(attribute, str(error))
+        return []
 
     def _leave_out(self, attribute: Attribute, reason: str) -> None:
         shown = f'{attribute.name}="{attribute.value[:80]}"'
@@ -186,7 +194,7 @@ class TreeImport:
     def _with_scripts(self, element: Element, node: YamlNode) -> YamlNode:
         """Return a node with the scripts that run after its end."""
         success, post, failure = (
-            self._script(element, name) for name in (ON_SUCCESS, POST, ON_FAILURE)
+            self._read(element, name, self.script) for name in (ON_SUCCESS, POST, ON_FAILURE)
         )
         halted = element.attributes.get(ON_HALTED)
         if halted is not None:
@@ -199,15 +207,6 @@ class TreeImport:
         if after_success and can_be_skipped(node):
             self.note(element, "its scripts are run even when it is left out")
         return sequence(node, *after_success) if after_success else node
-
-    def _script(self, element: Element, name: str) -> list[YamlNode]:
-        attribute = element.attributes.get(name)
-        if attribute is not None:
-            try:
-                return [as_node(self.statements(attribute), self.names)]
-            except Untranslatable as error:
-                self._leave_out(attribute, str(error))
-        return []
 
     def _remark_unread(self, element: Element) -> None:
         known = (*CONDITIONS, *OTHER_ATTRIBUTES)
