@@ -10,13 +10,18 @@ from dataclasses import dataclass, replace
 
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.controls import CONTROLS
+from bt_agents_groot.custom_nodes import (
+    MissingSkill,
+    SkillNodes,
+    own_control,
+    own_decorator,
+    own_leaf,
+)
 from bt_agents_groot.document import Model, ModelPort, node_id, read_document
 from bt_agents_groot.naming import Renaming, port, snake
-from bt_agents_groot.own_nodes import own_control, own_decorator, own_leaf
 from bt_agents_groot.ports import field_type_of, from_port, pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.simple_nodes import SIMPLE_NODES, unknown_parent
-from bt_agents_groot.skill_nodes import MissingSkill, SkillNodes
 from bt_agents_groot.subtree_calls import Callee, ports_of_call, remaps_all, subtree_call
 from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_import import TreeImport
@@ -233,16 +238,14 @@ class _Import:
             optional=optional,
             outputs=outputs,
         )
-        entries: dict[str, Data] = {}
-        if inputs:
-            entries["inputs"] = {
+        entries: dict[str, Data] = {
+            "inputs": {
                 outer: _declaration(declared[inside], names) for outer, inside in inputs.items()
-            }
-        if outputs:
-            entries["outputs"] = {
-                name: Raw(field_type_of(declared[name].type).value) for name in outputs
-            }
-        return {**entries, "tree": _with_initial_values(tree, copied_inputs, "")}
+            },
+            "outputs": {name: Raw(field_type_of(declared[name].type).value) for name in outputs},
+            "tree": _with_initial_values(tree, copied_inputs, ""),
+        }
+        return {key: value for key, value in entries.items() if value}
 
 
 def _declaration(declared: ModelPort, names: TreeNames) -> Data:

@@ -28,11 +28,9 @@ class DailyRecorder:
     """Recorder of messages; a full disk costs those that arrive meanwhile, and nothing else.
 
     Args:
-        folder: For the files.
         days: Number of days of which files are kept; 0 keeps all.
         today: Returns the local date.
         report: Takes a text for people, and whether it is an error.
-        write: See :class:`JournalFile`.
 
     Attributes:
         dropped: Messages that found no room since the last that did.

@@ -67,7 +67,6 @@ class JournalFile:
 
     Args:
         path: Of the file, which must not exist.
-        write: Writes at an offset of the file.
 
     Attributes:
         waiting: Number of messages that are not in the file yet.
