@@ -10,18 +10,12 @@ from dataclasses import dataclass, replace
 
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.controls import CONTROLS
-from bt_agents_groot.custom_nodes import (
-    MissingSkill,
-    SkillNodes,
-    own_control,
-    own_decorator,
-    own_leaf,
-)
+from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
 from bt_agents_groot.document import Model, ModelPort, node_id, read_document
 from bt_agents_groot.naming import Renaming, port, snake
 from bt_agents_groot.ports import field_type_of, from_port, pointed_at
 from bt_agents_groot.scopes import TreeNames
-from bt_agents_groot.simple_nodes import SIMPLE_NODES, unknown_parent
+from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.subtree_calls import Callee, ports_of_call, remaps_all, subtree_call
 from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_import import TreeImport
@@ -76,7 +70,7 @@ class _Import:
         self._file_name = source.file.rpartition("/")[2]
         self._agent = agent
         self._space = symbols.space
-        self._skills = SkillNodes(self._document, symbols)
+        self._custom = CustomNodes(self._document, symbols)
         # Trees that are imported already, by their ID.
         self._callees: dict[str, Callee] = {}
         self._remarks = Remarks()
@@ -115,7 +109,7 @@ class _Import:
 
     def _file(self, entries: dict[str, Data]) -> ImportedAgent:
         remarks = tuple(self._remarks)
-        missing = tuple(self._skills.missing[name] for name in sorted(self._skills.missing))
+        missing = tuple(self._custom.missing[name] for name in sorted(self._custom.missing))
         lines = list(self._head(remarks))
         for key, value in entries.items():
             if key in ("profile", "tree", "on_cancel", "subtrees"):
@@ -182,18 +176,9 @@ class _Import:
         return with_comments(tree, [description]) if description else tree
 
     def _node(self, tree: TreeImport, element: Element) -> YamlNode:
-        name = node_id(element)
         if element.tag == "SubTree":
             return subtree_call(tree, element, self._callees)
-        if name in BUILTINS:
-            return _BUILDERS[name](tree, element)
-        if not element.children:
-            return own_leaf(tree, element) or self._skills.leaf(tree, element)
-        return (
-            own_control(tree, element)
-            or own_decorator(tree, element)
-            or unknown_parent(tree, element)
-        )
+        return _BUILDERS.get(node_id(element), self._custom.node)(tree, element)
 
     def _initial_value(self, names: TreeNames, name: str) -> Data:
         model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))

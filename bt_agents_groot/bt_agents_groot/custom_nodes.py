@@ -17,6 +17,7 @@ from bt_agents_groot.ports import (
     names_of_expression,
     pointed_at,
 )
+from bt_agents_groot.simple_nodes import unknown_parent
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, decorated
@@ -27,8 +28,7 @@ from bt_agents_language.nodes.random import RANDOM
 from bt_agents_language.nodes.symbols import SymbolTable
 
 
-def own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
-    """Return the node for an element named as a leaf of our language; None for any other."""
+def _own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
     own = NODE_TYPES.get(node_id(element))
     if own is None or own.children is not Children.NONE:
         return None
@@ -46,8 +46,7 @@ def own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
     return YamlNode(key=own.key, value=_value(own, fields))
 
 
-def own_decorator(tree: TreeImport, element: Element) -> YamlNode | None:
-    """Return the node for a decorator of our language; None when it is none."""
+def _own_decorator(tree: TreeImport, element: Element) -> YamlNode | None:
     own = DECORATORS.get(node_id(element))
     if own is None or own.main is None or len(element.children) != 1:
         return None
@@ -57,7 +56,7 @@ def own_decorator(tree: TreeImport, element: Element) -> YamlNode | None:
     return decorated(tree.node(element.children[0]), own.key, _value(own, fields))
 
 
-def own_control(tree: TreeImport, element: Element) -> YamlNode | None:
+def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
     """Return the node for our ``random``, or ``parallel`` with names; None for anything else."""
     ports = {attribute.name for attribute in given_ports(element)}
     if node_id(element) == PARALLEL.key and ports == {"succeed_on"}:
@@ -143,8 +142,8 @@ class _Use:
     outputs: dict[str, Data] = field(default_factory=dict)
 
 
-class SkillNodes:
-    """Translator of custom leaves.
+class CustomNodes:
+    """Translator of custom nodes.
 
     Attributes:
         missing: Skills that are used but not known, by name.
@@ -162,8 +161,17 @@ class SkillNodes:
             types = {one.name: one.type for one in plugin.fields}
             self._signatures[key] = _Signature(types, plugin.main)
 
-    def leaf(self, tree: TreeImport, element: Element) -> YamlNode:
-        """Return the node for a custom element without children."""
+    def node(self, tree: TreeImport, element: Element) -> YamlNode:
+        """Return the node for a custom element."""
+        if not element.children:
+            return _own_leaf(tree, element) or self._skill(tree, element)
+        return (
+            _own_control(tree, element)
+            or _own_decorator(tree, element)
+            or unknown_parent(tree, element)
+        )
+
+    def _skill(self, tree: TreeImport, element: Element) -> YamlNode:
         name = snake(node_id(element))
         if name in WORDS:
             tree.note(
