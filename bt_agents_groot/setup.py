@@ -11,7 +11,7 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents_groot", "bt_agents_groot.*"]),
-    package_data={"bt_agents_groot": ["py.typed"]},
+    package_data={"bt_agents_groot": ["py.typed", "builtins.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents_groot"]),
         ("share/bt_agents_groot", ["package.xml"]),

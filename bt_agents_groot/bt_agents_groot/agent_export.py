@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from bt_agents_groot.models import Models
-from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
+from bt_agents_groot.translation import Remark, Remarks
 from bt_agents_groot.tree_export import TreeExport
 from bt_agents_groot.xml_files import Xml, xml_text
 from bt_agents_language.fields.inputs import read_inputs
@@ -33,18 +33,14 @@ class ExportedAgent:
     remarks: tuple[Remark, ...]
 
 
-def export_agent(source: Source, vocabulary: SymbolTable) -> ExportedAgent:
-    """Return the file of BehaviorTree.CPP for an agent file.
-
-    Args:
-        source: The agent file.
-        vocabulary: Symbols that it may use; see ``agent_reader``.
+def export_agent(source: Source, symbols: SymbolTable) -> ExportedAgent:
+    """Return the file of BehaviorTree.CPP for an agent file and the symbols that it may use.
 
     Raises:
         ReadError: There is a problem in the file; it lists all of them.
     """
-    agent = read_agent(source, vocabulary)
-    return _Export(vocabulary).run(source, agent.name, agent.tunables)
+    agent = read_agent(source, symbols)
+    return _Export(symbols).run(source, agent.name, agent.tunables)
 
 
 @dataclass
@@ -52,47 +48,44 @@ class _TreeFile:
     """Agent file or library whose trees are exported."""
 
     fields: MappingReader
-    vocabulary: SymbolTable
     structure: RawNodeReader
     file: str
-    subtrees: dict[str, SubtreeSpec] = field(default_factory=dict)
+    subtrees: dict[str, SubtreeSpec]
 
 
 class _Export:
-    def __init__(self, vocabulary: SymbolTable) -> None:
-        self._vocabulary = vocabulary
+    def __init__(self, symbols: SymbolTable) -> None:
+        self._symbols = symbols
         self._models = Models()
         self._remarks = Remarks()
         self._files: dict[str, _TreeFile] = {}
-        # (file, name) of the subtrees that are used and not translated yet, then of those done.
-        self._waiting: dict[tuple[str, str], None] = {}
-        self._done: set[tuple[str, str]] = set()
+        # (file, name) of the subtrees that are used.
+        self._used: list[tuple[str, str]] = []
 
     def run(self, source: Source, agent: str, tunables: tuple[Tunable, ...]) -> ExportedAgent:
-        """Translate an agent's trees and all subtrees that they use."""
         main = self._open(source)
         # Reserved first, so that the agent's own tree gets the ID that its name asks for.
         main_id = self._models.tree_id(agent)
-        self._models.main(main_id, tunables)
+        if tunables:
+            self._models.declare("SubTree", main_id, tunables)
         trees = [self._tree(main, main.fields.get("tree"), main_id)]
         on_cancel = main.fields.get("on_cancel")
         if on_cancel is not None:
             trees.append(self._tree(main, on_cancel, self._models.tree_id("on_cancel")))
-        for name in main.subtrees:
-            if main.subtrees[name].position.file == main.file:
-                self._waiting.setdefault((main.file, name))
-        while self._waiting:
-            file, name = next(iter(self._waiting))
-            del self._waiting[file, name]
-            self._done.add((file, name))
+        for name, subtree in main.subtrees.items():
+            if subtree.position.file == main.file:
+                self._use(main.file, name)
+        # It grows while it is walked through.
+        for file, name in self._used:
             trees.append(self._subtree(file, name))
         self._remark_keys(main)
-        root = Xml(
-            tag="root",
-            attributes={"BTCPP_format": "4", "main_tree_to_execute": main_id},
-            children=(*trees, self._models.xml()),
-        )
+        attributes = {"BTCPP_format": "4", "main_tree_to_execute": main_id}
+        root = Xml("root", attributes, (*trees, self._models.xml()))
         return ExportedAgent(text=xml_text(root), remarks=tuple(self._remarks))
+
+    def _use(self, file: str, name: str) -> None:
+        if (file, name) not in self._used:
+            self._used.append((file, name))
 
     def _open(self, source: Source) -> _TreeFile:
         reading = TypedReader(source)
@@ -101,18 +94,13 @@ class _Export:
         keys = {entry.key.text: entry.key for entry in root.entries}
         nodes = {entry.key.text: entry.value for entry in root.entries}
         fields = MappingReader(reading, root, nodes, keys)
-        vocabulary, imported = read_imports(reading, fields, self._vocabulary)
+        symbols, imported = read_imports(reading, fields, self._symbols)
         own = {
             entry.key.text: _interface(reading, entry.key.text, entry.value, source.file)
             for entry in fields.entries("subtrees", "names and subtrees")
         }
-        opened = _TreeFile(
-            fields=fields,
-            vocabulary=vocabulary,
-            structure=RawNodeReader(reading, vocabulary),
-            file=source.file,
-            subtrees={**imported, **own},
-        )
+        structure = RawNodeReader(reading, symbols)
+        opened = _TreeFile(fields, structure, source.file, {**imported, **own})
         self._files[source.file] = opened
         return opened
 
@@ -123,13 +111,12 @@ class _Export:
 
         def find(name: str) -> tuple[str, SubtreeSpec]:
             subtree = file.subtrees[name]
-            place = (subtree.position.file, name)
-            if place not in self._done:
-                self._waiting.setdefault(place)
-            return self._models.subtree(place[0], subtree), subtree
+            defined_in = subtree.position.file
+            self._use(defined_in, name)
+            return self._models.subtree(defined_in, subtree), subtree
 
         tree = TreeExport(self._models, find, self._remarks).node(raw)
-        return Xml(tag="BehaviorTree", attributes={"ID": tree_id}, children=(tree,))
+        return Xml("BehaviorTree", {"ID": tree_id}, (tree,))
 
     def _subtree(self, file: str, name: str) -> Xml:
         opened = self._files.get(file) or self._open(read_source(Path(file)))
@@ -143,8 +130,7 @@ class _Export:
     def _remark_keys(self, main: _TreeFile) -> None:
         present = [key for key in _NOT_IN_TREES if key in main.fields.keys]
         if present:
-            self._remarks.add(
-                RemarkLevel.NOTE,
+            self._remarks.note(
                 main.fields.keys[present[0]].position,
                 f"a tree of BehaviorTree.CPP has no place for {', '.join(present)}; tunables are "
                 "ports of the main tree, and a program would give scene.age as scene__age",

@@ -9,12 +9,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
-from bt_agents_groot.document import Document, Model, ModelPort, node_id, read_document
+from bt_agents_groot.controls import CONTROLS
+from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
+from bt_agents_groot.document import Model, ModelPort, node_id, read_document
 from bt_agents_groot.naming import Renaming, port, snake
 from bt_agents_groot.ports import field_type_of, from_port, pointed_at
-from bt_agents_groot.scopes import Interface, TreeNames
-from bt_agents_groot.skill_nodes import MissingSkill, SkillNodes
-from bt_agents_groot.subtree_calls import Callee, SubtreeCalls, ports_of_call, remaps_all
+from bt_agents_groot.scopes import TreeNames
+from bt_agents_groot.simple_nodes import SIMPLE_NODES
+from bt_agents_groot.subtree_calls import Callee, ports_of_call, remaps_all, subtree_call
 from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Element
@@ -35,6 +37,7 @@ from bt_agents_language.yaml.typed_reader import FORMAT
 ON_CANCEL = "on_cancel"
 """Name of the tree that becomes the clean-up of the agent when no other tree uses it."""
 
+_BUILDERS = {**CONTROLS, **SIMPLE_NODES}
 _SCRIPT_NAME = re.compile(r"[A-Za-z_@]\w*")
 _INITIAL_COMMENT = (
     "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."
@@ -43,92 +46,71 @@ _INITIAL_COMMENT = (
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedAgent:
-    """Imported agent file.
-
-    Attributes:
-        text: The file in canonical style.
-        remarks: Differences and losses, in the order of the XML file.
-        missing: Skills that it uses and no file declares.
-    """
+    """Imported agent file in canonical style, its remarks in the order of the XML file."""
 
     text: str
     remarks: tuple[Remark, ...]
     missing: tuple[MissingSkill, ...]
 
-    @property
-    def skeleton(self) -> str:
-        """Skeleton of a skills file for the missing skills; empty when none is missing."""
-        return skills_file(self.missing)
 
-
-def import_agent(source: Source, agent: str, vocabulary: SymbolTable) -> ImportedAgent:
+def import_agent(source: Source, agent: str, symbols: SymbolTable) -> ImportedAgent:
     """Return the agent file for a file of BehaviorTree.CPP.
 
-    Args:
-        source: The XML file.
-        agent: Name of the agent.
-        vocabulary: The scene parameters, for the profile, and the known skills and plug-ins.
+    The symbols are the scene parameters, for the profile, and the known skills and plug-ins.
 
     Raises:
         ReadError: There is a problem in the file; it lists all of them.
     """
-    return _Import(read_document(source), agent, vocabulary).run()
+    return _Import(source, agent, symbols).run()
 
 
 class _Import:
-    def __init__(self, document: Document, agent: str, vocabulary: SymbolTable) -> None:
-        self._document = document
+    def __init__(self, source: Source, agent: str, symbols: SymbolTable) -> None:
+        self._document = read_document(source)
+        self._file_name = source.file.rpartition("/")[2]
         self._agent = agent
-        self._space = vocabulary.space
-        self._skills = SkillNodes(document, vocabulary.skills, vocabulary.plugins)
-        self._calls = SubtreeCalls()
+        self._space = symbols.space
+        self._custom = CustomNodes(self._document, symbols)
+        # Trees that are imported already, by their ID.
+        self._callees: dict[str, Callee] = {}
         self._remarks = Remarks()
         self._subtree_name = Renaming()
 
     def run(self) -> ImportedAgent:
-        """Translate all trees."""
-        document = self._document
-        main = document.main
-        on_cancel = next(
-            (
-                tree_id
-                for tree_id in document.trees
-                if snake(tree_id) == ON_CANCEL and tree_id != main and not self._callers(tree_id)
-            ),
-            None,
-        )
+        document, main = self._document, self._document.main
+        unused = (i for i in document.trees if i != main and not self._callers(i))
+        on_cancel = next((i for i in unused if snake(i) == ON_CANCEL), None)
         for element in document.unread:
             self._remark_unread(element)
         subtrees = {
             tree_id: self._subtree(tree_id)
-            for tree_id in self._callees_first()
+            for tree_id in document.calls
             if tree_id not in (main, on_cancel)
         }
         names = TreeNames(self._mentions(main) + self._mentions(on_cancel), ())
         tree = self._tree(main, names)
         clean_up = self._tree(on_cancel, names) if on_cancel is not None else None
-        tree = _with_initial_values(
-            tree, {name: self._initial_value(names, name) for name in names.needed}
-        )
+        initial = {name: self._initial_value(names, name) for name in names.needed}
         entries: dict[str, Data] = {
             "format": FORMAT,
             "agent": self._agent,
             "title": self._agent.replace("_", " ").capitalize(),
-            "description": f"Made from {document.reading.source.file.rpartition('/')[2]}.",
+            "description": f"Made from {self._file_name}.",
             "profile": {one.name: one.default for one in self._space.parameters},
-            "tree": tree,
+            "tree": _with_initial_values(tree, initial, _INITIAL_COMMENT),
         }
         if clean_up is not None:
             entries["on_cancel"] = clean_up
         if subtrees:
-            named = {self._subtree_name(i): subtrees[i] for i in document.trees if i in subtrees}
-            entries["subtrees"] = dict(named)
+            entries["subtrees"] = {
+                self._subtree_name(i): subtrees[i] for i in document.trees if i in subtrees
+            }
         return self._file(entries)
 
     def _file(self, entries: dict[str, Data]) -> ImportedAgent:
         remarks = tuple(self._remarks)
-        missing = tuple(self._skills.missing[name] for name in sorted(self._skills.missing))
-        lines = [*self._head(remarks)]
+        missing = tuple(self._custom.missing[name] for name in sorted(self._custom.missing))
+        lines = list(self._head(remarks))
         for key, value in entries.items():
             if key in ("profile", "tree", "on_cancel", "subtrees"):
                 lines.append("")
@@ -146,10 +128,9 @@ class _Import:
         return ImportedAgent(text=text, remarks=remarks, missing=missing)
 
     def _head(self, remarks: tuple[Remark, ...]) -> Iterator[str]:
-        file = self._document.reading.source.file.rpartition("/")[2]
         yield from comment_lines(
-            f"Made from {file} by 'bt-agents import groot'. Write the profile of the scenes that "
-            "the\nagent suits; these values are those of an ordinary scene."
+            f"Made from {self._file_name} by 'bt-agents import groot'. Write the profile of the "
+            "scenes that the\nagent suits; these values are those of an ordinary scene."
         )
         lost = [remark for remark in remarks if remark.level is RemarkLevel.LOST]
         if lost:
@@ -163,30 +144,12 @@ class _Import:
     def _remark_unread(self, element: Element) -> None:
         if element.tag == "include":
             path = element.get("path")
-            self._remarks.add(
-                RemarkLevel.LOST,
+            self._remarks.lost(
                 element.position,
                 f'<include path="{path[:120]}"> is not followed; import that file too',
             )
         else:
-            self._remarks.add(
-                RemarkLevel.NOTE, element.position, f"<{element.tag[:40]}> is not read here"
-            )
-
-    def _callees_first(self) -> list[str]:
-        """Return the trees in topological order: each one after those that it uses."""
-        done: dict[str, None] = {}
-        for start in self._document.trees:
-            waiting = [start]
-            while waiting:
-                current = waiting[-1]
-                called = (call.get("ID") for call in self._document.calls[current])
-                open_ones = [i for i in called if i in self._document.trees and i not in done]
-                if open_ones:
-                    waiting.append(open_ones[0])
-                else:
-                    done.setdefault(waiting.pop())
-        return list(done)
+            self._remarks.note(element.position, f"<{element.tag[:40]}> is not read here")
 
     def _callers(self, tree_id: str) -> list[Element]:
         calls = (call for of_tree in self._document.calls.values() for call in of_tree)
@@ -200,11 +163,9 @@ class _Import:
 
     def _tree(self, tree_id: str, names: TreeNames) -> YamlNode:
         element = self._document.trees[tree_id]
-        translation = TreeImport(names, self._skills, self._calls, self._remarks)
-        tree = translation.node(element.children[0])
+        tree = TreeImport(names, self._remarks, self._node).node(element.children[0])
         for entry in sorted(names.shared):
-            remark = self._remarks.add(
-                RemarkLevel.LOST,
+            remark = self._remarks.lost(
                 element.position,
                 f"the entry '{entry}' of all trees together; here every tree has its own, so pass "
                 "it behind 'with' and 'outputs'",
@@ -214,8 +175,12 @@ class _Import:
         description = element.get("_description")
         return with_comments(tree, [description]) if description else tree
 
+    def _node(self, tree: TreeImport, element: Element) -> YamlNode:
+        if element.tag == "SubTree":
+            return subtree_call(tree, element, self._callees)
+        return _BUILDERS.get(node_id(element), self._custom.node)(tree, element)
+
     def _initial_value(self, names: TreeNames, name: str) -> Data:
-        """Return the initial value of a name of the main tree."""
         model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))
         declared = model.ports.get(port(names.original(name)))
         if declared is None or not declared.default:
@@ -251,23 +216,24 @@ class _Import:
         copied_inputs: dict[str, Data] = {
             inside: Raw(f"${{{outer}}}") for outer, inside in inputs.items() if outer != inside
         }
-        interface = Interface(inputs=inputs, optional=optional, outputs=outputs)
-        name = self._subtree_name(tree_id)
-        self._calls.callees[tree_id] = Callee(name=name, names=names, interface=interface)
-        entries: dict[str, Data] = {}
-        if inputs:
-            entries["inputs"] = {
+        self._callees[tree_id] = Callee(
+            name=self._subtree_name(tree_id),
+            names=names,
+            inputs=inputs,
+            optional=optional,
+            outputs=outputs,
+        )
+        entries: dict[str, Data] = {
+            "inputs": {
                 outer: _declaration(declared[inside], names) for outer, inside in inputs.items()
-            }
-        if outputs:
-            entries["outputs"] = {
-                name: Raw(field_type_of(declared[name].type).value) for name in outputs
-            }
-        return {**entries, "tree": _with_initial_values(tree, copied_inputs, "")}
+            },
+            "outputs": {name: Raw(field_type_of(declared[name].type).value) for name in outputs},
+            "tree": _with_initial_values(tree, copied_inputs, ""),
+        }
+        return {key: value for key, value in entries.items() if value}
 
 
 def _declaration(declared: ModelPort, names: TreeNames) -> Data:
-    """Return the declaration of an input."""
     field_type = field_type_of(declared.type)
     if not declared.default:
         return Raw(field_type.value)
@@ -275,9 +241,7 @@ def _declaration(declared: ModelPort, names: TreeNames) -> Data:
     return {"type": Raw(field_type.value), "default": default}
 
 
-def _with_initial_values(
-    tree: YamlNode, values: Mapping[str, Data], comment: str = _INITIAL_COMMENT
-) -> YamlNode:
+def _with_initial_values(tree: YamlNode, values: Mapping[str, Data], comment: str) -> YamlNode:
     """Return a tree that first sets names to the values that came from outside of it."""
     if not values:
         return tree

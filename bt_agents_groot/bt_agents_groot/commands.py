@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -47,8 +46,8 @@ def import_groot(file: str, out: str, agent: str, directory: str) -> None:
     """
     _refuse_existing(out)
     folder = find_trees(directory)
-    vocabulary = read_vocabulary(folder)
-    imported = import_agent(read_source(Path(file)), snake(agent or Path(file).stem), vocabulary)
+    symbols = read_vocabulary(folder)
+    imported = import_agent(read_source(Path(file)), snake(agent or Path(file).stem), symbols)
     _write(out, imported.text)
     _print_remarks(imported.remarks)
     if imported.missing:
@@ -56,7 +55,7 @@ def import_groot(file: str, out: str, agent: str, directory: str) -> None:
         click.echo(f"skills that nobody declares yet: {names}", err=True)
         click.echo("the end of the file shows how a skills file would declare them", err=True)
     else:
-        _check(imported, out, vocabulary)
+        _check(imported, out, symbols)
 
 
 @export.command("groot")
@@ -70,8 +69,8 @@ def export_groot(agent: str, out: str, directory: str) -> None:
     Groot2 shows them, and are listed.
     """
     _refuse_existing(out)
-    path, vocabulary = _find(agent, directory)
-    exported = export_agent(read_source(path), vocabulary)
+    path, symbols = _find(agent, directory)
+    exported = export_agent(read_source(path), symbols)
     _write(out, exported.text)
     _print_remarks(exported.remarks)
 
@@ -108,18 +107,17 @@ def _write(out: str, text: str) -> None:
     click.echo(f"wrote {out}")
 
 
-def _print_remarks(remarks: Iterable[Remark]) -> None:
-    listed = list(remarks)
-    for remark in listed:
+def _print_remarks(remarks: tuple[Remark, ...]) -> None:
+    for remark in remarks:
         click.echo(str(remark), err=True)
-    lost = sum(remark.level is RemarkLevel.LOST for remark in listed)
+    lost = sum(remark.level is RemarkLevel.LOST for remark in remarks)
     if lost:
         click.echo(f"{lost} not translated; the file says where", err=True)
 
 
-def _check(imported: ImportedAgent, out: str, vocabulary: SymbolTable) -> None:
+def _check(imported: ImportedAgent, out: str, symbols: SymbolTable) -> None:
     """Print the errors that a file still has."""
     try:
-        read_agent(Source(out or "(the agent)", imported.text), vocabulary)
+        read_agent(Source(out or "(the agent)", imported.text), symbols)
     except ReadError as error:
         click.echo(f"before it can run, mend this:\n{error.report}", err=True)

@@ -8,14 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bt_agents_core.text import join_quoted, quote
-from bt_agents_groot.catalogue import (
-    BUILTINS,
-    CONDITIONS,
-    EXPLICIT,
-    OTHER_ATTRIBUTES,
-    Builtin,
-    PortKind,
-)
+from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, EXPLICIT, Builtin, Limits, PortKind
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scripts import ScriptError, parse_script
 from bt_agents_groot.xml_files import Attribute, Element, XmlReading
@@ -31,12 +24,11 @@ _KINDS = (*EXPLICIT, "SubTree")
 
 @dataclass(frozen=True, kw_only=True)
 class ModelPort:
-    """Declared port: ``in``, ``out`` or ``both``, its C++ type, default and description."""
+    """Declared port: ``in``, ``out`` or ``both``, its C++ type and default."""
 
     direction: str
     type: str = ""
     default: str = ""
-    description: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,14 +37,13 @@ class Model:
 
     Attributes:
         kind: Element that declares it: ``Action``, ``Condition``, ``Control``, ``Decorator``.
-        ports: By name.
     """
 
     kind: str
     ports: Mapping[str, ModelPort] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Document:
     """Checked content of one file.
 
@@ -62,22 +53,29 @@ class Document:
         models: ID → model of a custom node.
         subtree_models: ID → model of a subtree.
         unread: Elements of the file that are not imported.
-        calls: ID of a tree → its ``SubTree`` elements.
-        reading: The file, for problems that are found later.
+        calls: ID of a tree → its ``SubTree`` elements; each tree behind those that it calls.
     """
 
-    trees: Mapping[str, Element]
-    main: str
-    models: Mapping[str, Model]
-    subtree_models: Mapping[str, Model]
-    unread: tuple[Element, ...]
-    calls: Mapping[str, tuple[Element, ...]]
-    reading: XmlReading
+    trees: dict[str, Element] = field(default_factory=dict)
+    main: str = ""
+    models: dict[str, Model] = field(default_factory=dict)
+    subtree_models: dict[str, Model] = field(default_factory=dict)
+    unread: list[Element] = field(default_factory=list)
+    calls: dict[str, list[Element]] = field(default_factory=dict)
 
 
 def node_id(element: Element) -> str:
     """Return the type of a node: its ``ID`` in the explicit form, else the name of its element."""
     return element.get("ID") if element.tag in _KINDS else element.tag
+
+
+def given_ports(element: Element) -> list[Attribute]:
+    """Return the attributes of an element that are ports."""
+    return [
+        attribute
+        for name, attribute in element.attributes.items()
+        if name not in ("ID", "name") and not name.startswith("_")
+    ]
 
 
 def read_document(source: Source) -> Document:
@@ -96,10 +94,7 @@ class _DocumentReader:
     def __init__(self, reading: XmlReading, root: Element) -> None:
         self._reading = reading
         self._root = root
-        self._trees: dict[str, Element] = {}
-        self._models: dict[str, dict[str, Model]] = {"node": {}, "subtree": {}}
-        self._calls: dict[str, tuple[Element, ...]] = {}
-        self._unread: list[Element] = []
+        self._found = Document()
 
     def read(self) -> Document:
         self._check_root()
@@ -111,24 +106,15 @@ class _DocumentReader:
                     for model in child.children:
                         self._model(model)
                 case _:
-                    self._unread.append(child)
-        for tree_id, tree in self._trees.items():
-            calls: list[Element] = []
+                    self._found.unread.append(child)
+        for tree_id, tree in self._found.trees.items():
+            calls = self._found.calls[tree_id] = []
             for child in tree.children:
                 self._node(child, calls)
-            self._calls[tree_id] = tuple(calls)
-        self._refuse_recursion()
-        main = self._main()
+        self._order_trees()
+        self._found.main = self._main()
         self._reading.problems.raise_if_any()
-        return Document(
-            trees=self._trees,
-            main=main,
-            models=self._models["node"],
-            subtree_models=self._models["subtree"],
-            unread=tuple(self._unread),
-            calls=self._calls,
-            reading=self._reading,
-        )
+        return self._found
 
     def _check_root(self) -> None:
         root = self._root
@@ -153,26 +139,26 @@ class _DocumentReader:
     def _tree(self, element: Element) -> None:
         tree_id = element.get("ID")
         if not tree_id:
-            others = [c for c in self._root.children if c.tag == "BehaviorTree"]
-            if len(others) > 1:
+            if sum(one.tag == "BehaviorTree" for one in self._root.children) > 1:
                 self._missing(element, "ID", "give each tree a name of its own")
             tree_id = "main"
-        if tree_id in self._trees:
-            self._reading.error(
-                "name-taken",
-                element.attributes["ID"],
-                f"there is a tree {quote(tree_id)} already "
-                f"(line {self._trees[tree_id].position.line})",
-                "rename one of them",
-            )
+        if tree_id in self._found.trees:
+            if "ID" in element.attributes:
+                first = self._found.trees[tree_id].position.line
+                self._reading.error(
+                    "name-taken",
+                    element.attributes["ID"],
+                    f"there is a tree {quote(tree_id)} already (line {first})",
+                    "rename one of them",
+                )
             return
         self._check_count(element, (1, 1))
-        self._trees[tree_id] = element
+        self._found.trees[tree_id] = element
 
     def _model(self, element: Element) -> None:
         model_id = element.get("ID")
         if element.tag not in _KINDS:
-            self._unread.append(element)
+            self._found.unread.append(element)
             return
         if not model_id:
             self._missing(element, "ID", f'write <{element.tag} ID="…">')
@@ -189,10 +175,9 @@ class _DocumentReader:
                 direction=_DIRECTIONS[child.tag],
                 type=child.get("type"),
                 default=child.get("default"),
-                description=child.text or child.get("description"),
             )
-        group = "subtree" if element.tag == "SubTree" else "node"
-        self._models[group][model_id] = Model(kind=element.tag, ports=ports)
+        models = self._found.subtree_models if element.tag == "SubTree" else self._found.models
+        models[model_id] = Model(kind=element.tag, ports=ports)
 
     def _missing(self, element: Element, name: str, hint: str) -> None:
         self._reading.error(
@@ -200,7 +185,6 @@ class _DocumentReader:
         )
 
     def _node(self, element: Element, calls: list[Element]) -> None:
-        """Check an element inside a tree, and all below it."""
         if element.tag in _KINDS and not element.get("ID"):
             self._missing(element, "ID", f'write <{element.tag} ID="…">')
         elif element.tag == "SubTree":
@@ -218,48 +202,46 @@ class _DocumentReader:
 
     def _subtree(self, element: Element) -> None:
         self._check_count(element, (0, 0))
-        called = element.get("ID")
-        included = any(unread.tag == "include" for unread in self._unread)
-        if called not in self._trees and not included:
+        if not any(unread.tag == "include" for unread in self._found.unread):
+            self._check_tree(element.attributes["ID"])
+
+    def _check_tree(self, named: Attribute) -> None:
+        if named.value not in self._found.trees:
             self._reading.error(
                 "unknown-subtree",
-                element.attributes["ID"],
-                f"there is no <BehaviorTree> {quote(called)}",
-                did_you_mean(called, self._trees),
+                named,
+                f"there is no <BehaviorTree> {quote(named.value)}",
+                did_you_mean(named.value, self._found.trees),
             )
 
     def _builtin(self, element: Element, builtin: Builtin) -> None:
         self._check_count(element, builtin.children)
-        known = (*builtin.ports, *CONDITIONS, *OTHER_ATTRIBUTES)
-        missing = [port for port in builtin.required if port not in element.attributes]
-        for attribute in element.attributes.values():
+        self._check_names(element, builtin.ports)
+        for attribute in given_ports(element):
             if attribute.name in builtin.ports:
                 self._port(attribute, builtin.ports[attribute.name], builtin.id)
-            elif attribute.name not in known and not attribute.name.startswith("_"):
-                self._unknown(attribute, builtin.id, builtin.ports)
-        for port in missing:
-            self._missing(element, port, f"it takes {builtin.ports[port].value}")
+        for port in builtin.required:
+            if port not in element.attributes:
+                self._missing(element, port, f"it takes {builtin.ports[port].value}")
 
     def _custom(self, element: Element) -> None:
-        model = self._models["node"].get(node_id(element))
-        if model is None:
-            return
-        limits: dict[str, tuple[int, int | None]] = {"Decorator": (1, 1), "Control": (1, None)}
-        self._check_count(element, limits.get(model.kind, (0, 0)))
-        known = (*model.ports, *CONDITIONS, *OTHER_ATTRIBUTES)
-        for attribute in element.attributes.values():
-            if attribute.name not in known and not attribute.name.startswith("_"):
-                self._unknown(attribute, node_id(element), model.ports)
+        model = self._found.models.get(node_id(element))
+        if model is not None:
+            limits: dict[str, Limits] = {"Decorator": (1, 1), "Control": (1, None)}
+            self._check_count(element, limits.get(model.kind, (0, 0)))
+            self._check_names(element, model.ports)
 
-    def _unknown(self, attribute: Attribute, of: str, ports: Mapping[str, object]) -> None:
-        self._reading.error(
-            "unknown-attribute",
-            attribute,
-            f"<{of}> has no attribute {quote(attribute.name)}",
-            did_you_mean(attribute.name, [*ports, *CONDITIONS, "name"]),
-        )
+    def _check_names(self, element: Element, ports: Mapping[str, object]) -> None:
+        for attribute in given_ports(element):
+            if attribute.name not in ports:
+                self._reading.error(
+                    "unknown-attribute",
+                    attribute,
+                    f"<{node_id(element)}> has no attribute {quote(attribute.name)}",
+                    did_you_mean(attribute.name, [*ports, *CONDITIONS, "name"]),
+                )
 
-    def _check_count(self, element: Element, limits: tuple[int, int | None]) -> None:
+    def _check_count(self, element: Element, limits: Limits) -> None:
         low, high = limits
         count = len(element.children)
         if count >= low and (high is None or count <= high):
@@ -308,18 +290,18 @@ class _DocumentReader:
                 "or the name of a blackboard entry: {name}",
             )
 
-    def _refuse_recursion(self) -> None:
-        """Report every tree that contains itself."""
-        finished: set[str] = set()
-        for start in self._calls:
-            chain = {start: iter(self._calls[start])}
+    def _order_trees(self) -> None:
+        """Put each tree behind those that it calls; report every tree that contains itself."""
+        finished: dict[str, list[Element]] = {}
+        for start in self._found.calls:
+            chain = {start: iter(self._found.calls[start])}
             while chain:
                 current, calls = next(reversed(chain.items()))
                 call = next(calls, None)
                 called = call.get("ID") if call is not None else ""
                 if call is None or current in finished:
                     del chain[current]
-                    finished.add(current)
+                    finished[current] = self._found.calls[current]
                 elif called in chain:
                     names = list(chain)
                     loop = " → ".join([*names[names.index(called) :], called])
@@ -329,23 +311,18 @@ class _DocumentReader:
                         f"tree {quote(called)} contains itself: {loop[:200]}",
                         "use <Repeat> to do something again",
                     )
-                elif called in self._calls and called not in finished:
-                    chain[called] = iter(self._calls[called])
+                elif called in self._found.calls and called not in finished:
+                    chain[called] = iter(self._found.calls[called])
+        self._found.calls = finished
 
     def _main(self) -> str:
         named = self._root.attributes.get("main_tree_to_execute")
         if named is not None:
-            if named.value not in self._trees:
-                self._reading.error(
-                    "unknown-subtree",
-                    named,
-                    f"there is no <BehaviorTree> {quote(named.value)}",
-                    did_you_mean(named.value, self._trees),
-                )
+            self._check_tree(named)
             return named.value
-        called = {call.get("ID") for calls in self._calls.values() for call in calls}
-        roots = [tree_id for tree_id in self._trees if tree_id not in called]
-        if not self._trees:
+        called = {call.get("ID") for calls in self._found.calls.values() for call in calls}
+        roots = [tree_id for tree_id in self._found.trees if tree_id not in called]
+        if not self._found.trees:
             self._reading.error(
                 "xml-root",
                 self._root,

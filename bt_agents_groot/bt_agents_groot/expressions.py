@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parser of our expressions into formulas, which can be written as scripts."""
+"""Our expressions as formulas, and conditions and values of ours as scripts."""
 
 from __future__ import annotations
 
@@ -13,10 +13,17 @@ from bt_agents_groot.formulas import (
     Name,
     Unary,
     Untranslatable,
+    as_script,
+    names_in_formula,
+    negated,
     negative,
+    script_name,
 )
+from bt_agents_groot.ports import REFERENCE
 from bt_agents_groot.scripts import MAX_TOKENS
 from bt_agents_language.expression.expression_tokens import Token, TokenKind, tokenize
+from bt_agents_language.yaml.scalars import plain_value
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
 _STRENGTH = {
     "or": 1, "and": 2, **dict.fromkeys(COMPARISONS, 4), "in": 4, "not in": 4, "between": 4,
@@ -26,13 +33,9 @@ _NOT, _MINUS = 3, 7
 
 
 def parse_formula(text: str) -> Formula:
-    """Return the formula of an expression of our language.
+    """Return the formula of an expression of our language, which was checked before.
 
     ``a between b and c`` becomes two comparisons.
-
-    Args:
-        text: An expression that
-            :func:`~bt_agents_language.expression.expressions.parse_expression` accepts.
 
     Raises:
         Untranslatable: It is too long to be written as a script.
@@ -41,6 +44,34 @@ def parse_formula(text: str) -> Formula:
     if len(tokens) > MAX_TOKENS:
         raise Untranslatable(f"a script has at most {MAX_TOKENS} words")
     return _Parser(tokens).formula(0)
+
+
+def condition_script(node: Node, *, negative: bool = False) -> str:
+    """Return a condition as a script, or the opposite of it.
+
+    Raises:
+        Untranslatable: Scripts cannot express it.
+    """
+    assert isinstance(node, Scalar)
+    formula = parse_formula(node.text)
+    return as_script(negated(formula) if negative else formula)
+
+
+def set_script(entries: tuple[MappingEntry, ...]) -> str:
+    """Return the script that sets names to values.
+
+    Raises:
+        Untranslatable: A value has no equivalent, or needs a name that is set with it.
+    """
+    statements: list[str] = []
+    names: set[str] = set()
+    for entry in entries:
+        value = _formula(entry.value)
+        if names & set(names_in_formula(value)):
+            raise Untranslatable("the values of a script follow each other")
+        names.add(entry.key.text)
+        statements.append(f"{script_name(entry.key.text)} := {as_script(value)}")
+    return "; ".join(statements)
 
 
 class _Parser:
@@ -109,3 +140,29 @@ class _Parser:
                 self._take()
         self._take()
         return tuple(arguments)
+
+
+def _formula(node: Node) -> Formula:
+    if not isinstance(node, Scalar):
+        raise Untranslatable("scripts have no lists and mappings")
+    if "${" not in node.text:
+        value = plain_value(node)
+        if not isinstance(value, bool | int | float | str):
+            raise Untranslatable("scripts have no such value")
+        return Constant(value)
+    plain, *rest = REFERENCE.split(node.text)
+    pieces: list[Formula] = []
+    for expression, following in zip(rest[::2], rest[1::2], strict=True):
+        if expression is None:
+            plain += "${" + following
+            continue
+        if plain:
+            pieces.append(Constant(plain))
+        pieces.append(parse_formula(expression.strip()))
+        plain = following
+    if plain or not pieces:
+        pieces.append(Constant(plain))
+    whole = pieces[0]
+    for piece in pieces[1:]:
+        whole = Binary("..", whole, piece)
+    return whole

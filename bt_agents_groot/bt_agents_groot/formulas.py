@@ -137,15 +137,14 @@ def _expression(formula: Formula) -> tuple[str, int]:
         case Name(name):
             return name, _OPERAND
         case Unary("not", operand):
-            return f"not {_inside(operand, _NOT)}", _NOT
+            return f"not {_enclosed(_expression(operand), _NOT)}", _NOT
         case Unary("-", operand):
-            return f"-{_inside(operand, _MINUS)}", _MINUS
+            return f"-{_enclosed(_expression(operand), _MINUS)}", _MINUS
         case Binary(operator, left, right) if operator in _OURS:
             strength = _OURS[operator]
             # Comparisons do not chain; '-' and '/' are left-associative.
-            at_left = strength + (operator in COMPARISONS)
-            text = f"{_inside(left, at_left)} {operator} {_inside(right, strength + 1)}"
-            return text, strength
+            first = _enclosed(_expression(left), strength + (operator in COMPARISONS))
+            return f"{first} {operator} {_enclosed(_expression(right), strength + 1)}", strength
         case Conditional(condition, yes, no):
             either = Binary("and", condition, yes)
             return _expression(Binary("or", either, Binary("and", negated(condition), no)))
@@ -156,8 +155,9 @@ def _expression(formula: Formula) -> tuple[str, int]:
     raise Untranslatable(f"our language has no operator '{formula.operator}' in a condition")
 
 
-def _inside(formula: Formula, strength: int) -> str:
-    text, own = _expression(formula)
+def _enclosed(written: tuple[str, int], strength: int) -> str:
+    """Return an operand in parentheses, unless its operator is as strong as that."""
+    text, own = written
     return text if own >= strength else f"({text})"
 
 
@@ -198,13 +198,12 @@ def _script(formula: Formula) -> tuple[str, int]:
             return script_name(name), _OPERAND
         case Unary(operator, operand) if operator in ("not", "-"):
             sign = "!" if operator == "not" else "-"
-            return f"{sign}{_in_script(operand, _SCRIPT_PREFIX)}", _SCRIPT_PREFIX
+            return f"{sign}{_enclosed(_script(operand), _SCRIPT_PREFIX)}", _SCRIPT_PREFIX
         case Binary(operator, left, right) if operator in _SCRIPT:
             strength = _SCRIPT[operator]
-            at_left = strength + (operator in COMPARISONS)
+            first = _enclosed(_script(left), strength + (operator in COMPARISONS))
             word = _SCRIPT_WORDS.get(operator, operator)
-            text = f"{_in_script(left, at_left)} {word} {_in_script(right, strength + 1)}"
-            return text, strength
+            return f"{first} {word} {_enclosed(_script(right), strength + 1)}", strength
         case Binary("in", operand, Call("[", arguments)) if arguments:
             equal: Formula = Binary("==", operand, arguments[0])
             for argument in arguments[1:]:
@@ -219,22 +218,17 @@ def _script(formula: Formula) -> tuple[str, int]:
     raise Untranslatable("this cannot be written as a script")
 
 
-def _in_script(formula: Formula, strength: int) -> str:
-    text, own = _script(formula)
-    return text if own >= strength else f"({text})"
-
-
 def script_name(name: str) -> str:
     """Return a name in the form of scripts: ``scene.age`` becomes ``scene__age``.
 
     Raises:
         Untranslatable: It is the field of a message, or has letters that scripts cannot hold.
     """
-    head, point, rest = name.partition(".")
-    written = f"{head}__{rest}" if point else name
-    if (point and head not in GROUPS) or not re.fullmatch(r"[A-Za-z_]\w*", written, re.ASCII):
+    head, point, _ = name.partition(".")
+    text = name.replace(".", "__", 1)
+    if (point and head not in GROUPS) or not re.fullmatch(r"[A-Za-z_]\w*", text, re.ASCII):
         raise Untranslatable(f"scripts cannot name '{name}'")
-    return written
+    return text
 
 
 def dotted_name(name: str) -> str | None:

@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, EXPLICIT
 from bt_agents_groot.naming import pascal, port
 from bt_agents_groot.ports import cpp_type, plain_port
 from bt_agents_groot.xml_files import Xml
-from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec, Tunable
+from bt_agents_language.model.specs import FieldSpec, SubtreeSpec, Tunable
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
-from bt_agents_language.nodes.node_type import NodeField, NodeType
+from bt_agents_language.nodes.node_type import NodeField
+
+Field = FieldSpec | NodeField | Tunable
+"""What becomes a port."""
 
 
 class Models:
@@ -33,54 +35,26 @@ class Models:
     def subtree(self, file: str, subtree: SubtreeSpec) -> str:
         """Return the ID of a subtree and declare it."""
         model_id = self._id(f"in {file}", subtree.name)
-        ports = (*_ports("input_port", subtree.inputs), *_ports("output_port", subtree.outputs))
-        self._declare("SubTree", model_id, ports)
+        return self.declare("SubTree", model_id, subtree.inputs, subtree.outputs)
+
+    def leaf(self, name: str, inputs: Iterable[Field], outputs: Iterable[Field] = ()) -> str:
+        """Return the ID of a skill or of a plug-in's node and declare it."""
+        return self.declare("Action", self._id("leaf", name), inputs, outputs)
+
+    def declare(
+        self, kind: str, model_id: str, inputs: Iterable[Field], outputs: Iterable[Field] = ()
+    ) -> str:
+        """Declare a node and return its ID, which of a node of our language is its key."""
+        ports = [_port("input_port", one) for one in inputs]
+        ports += [_port("output_port", one) for one in outputs]
+        model = Xml(kind, {"ID": model_id}, tuple(ports))
+        self._models.setdefault(model_id, model)
         return model_id
-
-    def main(self, model_id: str, tunables: Iterable[Tunable]) -> None:
-        """Declare the main tree, whose ports are the agent's tunables."""
-        ports = tuple(
-            _declared(
-                "input_port",
-                one.name,
-                one.type,
-                one.description,
-                plain_port(one.default, one.type),
-            )
-            for one in tunables
-        )
-        if ports:
-            self._declare("SubTree", model_id, ports)
-
-    def skill(self, skill: SkillSpec) -> str:
-        """Return the ID of a skill and declare it."""
-        model_id = self._id("leaf", skill.name)
-        ports = (*_ports("input_port", skill.inputs), *_ports("output_port", skill.outputs))
-        self._declare("Action", model_id, ports)
-        return model_id
-
-    def plugin(self, node_type: NodeType) -> str:
-        """Return the ID of a plug-in's node and declare it."""
-        model_id = self._id("leaf", node_type.key)
-        self._declare("Action", model_id, tuple(map(_port, node_type.fields)))
-        return model_id
-
-    def node_key(self, kind: str, key: str, ports: Iterable[NodeField]) -> str:
-        """Return the ID of a node key of our language, which is the key itself, and declare it.
-
-        Args:
-            kind: ``Action``, ``Condition``, ``Control`` or ``Decorator``.
-            key: The node key.
-            ports: Its fields.
-        """
-        self._declare(kind, key, tuple(map(_port, ports)))
-        return key
 
     def xml(self) -> Xml:
         """Return the declarations."""
-        return Xml(
-            tag="TreeNodesModel", children=tuple(self._models[key] for key in sorted(self._models))
-        )
+        models = tuple(self._models[key] for key in sorted(self._models))
+        return Xml("TreeNodesModel", children=models)
 
     def _id(self, group: str, name: str) -> str:
         if (group, name) not in self._ids:
@@ -89,30 +63,13 @@ class Models:
             self._ids[group, name] = model_id
         return self._ids[group, name]
 
-    def _declare(self, kind: str, model_id: str, ports: tuple[Xml, ...]) -> None:
-        self._models.setdefault(
-            model_id, Xml(tag=kind, attributes={"ID": model_id}, children=ports)
-        )
 
-
-def _ports(tag: str, fields: tuple[FieldSpec, ...]) -> tuple[Xml, ...]:
-    return tuple(
-        _declared(tag, one.name, one.type, one.description, _default(one)) for one in fields
-    )
-
-
-def _port(one: NodeField) -> Xml:
-    return _declared("input_port", one.name, one.type, one.description, "")
-
-
-def _declared(tag: str, name: str, of: FieldType, description: str, default: str) -> Xml:
-    attributes = {"name": port(name)}
-    if cpp_type(of):
-        attributes["type"] = cpp_type(of)
+def _port(tag: str, one: Field) -> Xml:
+    attributes = {"name": port(one.name)}
+    if cpp_type(one.type):
+        attributes["type"] = cpp_type(one.type)
+    optional = isinstance(one, Tunable) or (isinstance(one, FieldSpec) and not one.required)
+    default = plain_port(one.default, one.type) if optional and one.default is not None else ""
     if default:
         attributes["default"] = default
-    return Xml(tag=tag, attributes=attributes, text=description)
-
-
-def _default(one: FieldSpec) -> str:
-    return "" if one.required or one.default is None else plain_port(one.default, one.type)
+    return Xml(tag, attributes, text=one.description)

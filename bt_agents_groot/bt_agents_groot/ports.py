@@ -6,14 +6,16 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import pairwise
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_groot.formulas import GROUPS, script_name
+from bt_agents_groot.formulas import GROUPS, Untranslatable, script_name
 from bt_agents_groot.yaml_nodes import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
-from bt_agents_language.expression.quantities import QuantityError
+from bt_agents_language.expression.quantities import QuantityError, quantity
+from bt_agents_language.nodes.node_type import FOREVER
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
@@ -24,10 +26,12 @@ JSON = "json:"
 MAX_JSON_DEPTH = 16
 """Nesting of lists and mappings in one port."""
 
-_REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
+REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
+"""``${expression}``, or ``$${``, which stands for ``${`` itself."""
+
+_LONGEST_MS = 999_999_999
 _NAME = re.compile(r"[^\W\d]\w*(\.\w+)?")
 _NOWHERE = Source("", "")
-
 
 _CPP_TYPES = {
     FieldType.TEXT: "std::string",
@@ -58,14 +62,9 @@ def pointed_at(text: str) -> str | None:
 
 
 def as_port(node: Node, field_type: FieldType) -> str:
-    """Return the text of a port for the value of a field of our language.
-
-    Args:
-        node: Value of the field.
-        field_type: Type of the field; only a text is always taken literally.
-    """
+    """Return the text of a port for the value of a field, of which only texts are literal."""
     if not isinstance(node, Scalar):
-        return _as_json(_plain(node))
+        return _as_json(plain_data(node))
     name = only_name(node.text)
     if name is not None:
         return f"{{{script_name(name)}}}"
@@ -79,12 +78,25 @@ def as_port(node: Node, field_type: FieldType) -> str:
 
 def plain_port(value: Plain, field_type: FieldType) -> str:
     """Return the text of a port for a value without names."""
-    with_unit = quantity(value, field_type)
-    if with_unit is not None:
-        return with_unit
-    if isinstance(value, str) and not (field_type is not FieldType.TEXT and _needs_quotes(value)):
+    if isinstance(value, bool | int | float):
+        unit = _UNITS.get(field_type)
+        if unit is None or isinstance(value, bool):
+            return json.dumps(value)
+        return f"{int(value) if value == int(value) else value} {unit}"
+    if isinstance(value, str) and (field_type is FieldType.TEXT or not _needs_quotes(value)):
         return value
-    return json.dumps(value) if isinstance(value, bool | int | float) else _as_json(value)
+    return _as_json(value)
+
+
+def plain_data(node: Node) -> Plain:
+    """Return the value of a field; texts with names in it stay as they are."""
+    match node:
+        case Sequence():
+            return tuple(map(plain_data, node.items))
+        case Mapping():
+            return {entry.key.text: plain_data(entry.value) for entry in node.entries}
+        case Scalar():
+            return node.text if "${" in node.text else plain_value(node)
 
 
 def _as_json(value: Plain) -> str:
@@ -93,7 +105,7 @@ def _as_json(value: Plain) -> str:
 
 def only_name(text: str) -> str | None:
     """Return the name in a text that is ``${name}`` and nothing else, if a port can hold it."""
-    match = _REFERENCE.fullmatch(text)
+    match = REFERENCE.fullmatch(text)
     name = match[1].strip() if match is not None and match[1] is not None else ""
     if not _NAME.fullmatch(name):
         return None
@@ -101,12 +113,7 @@ def only_name(text: str) -> str | None:
 
 
 def from_port(text: str, field_type: FieldType, rename: Callable[[str], str]) -> Data:
-    """Return the value of a field of our language for the text of a port.
-
-    Args:
-        text: The text.
-        field_type: Type of the field; a text is taken literally.
-        rename: Returns the name of a blackboard entry in our language.
+    """Return the value of a field, of which only texts are literal, for the text of a port.
 
     Raises:
         PortError: It starts as JSON but is none.
@@ -126,7 +133,7 @@ def names_in(data: Data) -> Iterator[str]:
     match data:
         case str() | Raw():
             text = data if isinstance(data, str) else data.text
-            for match in _REFERENCE.finditer(text):
+            for match in REFERENCE.finditer(text):
                 if match[1] is not None:
                     yield from names_of_expression(match[1])
         case list():
@@ -146,16 +153,6 @@ def names_of_expression(text: str) -> Iterator[str]:
     for token, following in pairwise(tokens):
         if token.kind is TokenKind.NAME and following.text != "(":
             yield token.text
-
-
-def _plain(node: Node) -> Plain:
-    match node:
-        case Sequence():
-            return tuple(map(_plain, node.items))
-        case Mapping():
-            return {entry.key.text: _plain(entry.value) for entry in node.entries}
-        case Scalar():
-            return node.text if "${" in node.text else plain_value(node)
 
 
 def _needs_quotes(text: str) -> bool:
@@ -194,6 +191,38 @@ def _data(value: object, depth: int) -> Data:
     raise ValueError("null and infinite numbers mean nothing here")
 
 
+def milliseconds(node: Node) -> str:
+    """Return a time as whole milliseconds.
+
+    Raises:
+        Untranslatable: It is not a constant time.
+    """
+    if isinstance(node, Scalar) and "${" not in node.text:
+        with suppress(QuantityError):
+            amount = quantity(node.text, FieldType.DURATION) * 1000
+            whole = round(amount)
+            if 0 < whole <= _LONGEST_MS and abs(amount - whole) < 1e-6:
+                return str(whole)
+    raise Untranslatable("a port takes whole milliseconds")
+
+
+def number_port(node: Node) -> str:
+    """Return a number of attempts for a port.
+
+    Raises:
+        Untranslatable: It is not a number or a single name.
+    """
+    if isinstance(node, Scalar):
+        if node.text == FOREVER:
+            return "-1"
+        name = only_name(node.text)
+        if name is not None:
+            return f"{{{name.replace('.', '__')}}}"
+        if node.text.isdigit():
+            return node.text
+    raise Untranslatable("a port takes a number or a single name")
+
+
 def cpp_type(field_type: FieldType) -> str:
     """Return the declared C++ type of a port, empty for any; a time has our own type name."""
     return "" if field_type is FieldType.ANY else _CPP_TYPES.get(field_type, field_type.value)
@@ -202,11 +231,3 @@ def cpp_type(field_type: FieldType) -> str:
 def field_type_of(type_name: str) -> FieldType:
     """Return our type for the declared type of a port; any for one that we do not have."""
     return _FIELD_TYPES.get(type_name.strip(), FieldType.ANY)
-
-
-def quantity(value: Plain, field_type: FieldType) -> str | None:
-    """Return a value in SI with its unit, None when its type has none."""
-    unit = _UNITS.get(field_type)
-    if unit is None or isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return f"{int(value) if value == int(value) else value} {unit}"

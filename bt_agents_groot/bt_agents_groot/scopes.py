@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.formulas import (
@@ -28,21 +28,6 @@ _DEFAULTS: Mapping[FieldType, bool | int | float | str] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Interface:
-    """Interface of a subtree towards its callers.
-
-    Attributes:
-        inputs: Declared input → its name inside of the tree.
-        optional: Inputs that need not be given.
-        outputs: Names that the tree writes and that some caller uses.
-    """
-
-    inputs: Mapping[str, str] = field(default_factory=dict)
-    optional: frozenset[str] = frozenset()
-    outputs: tuple[str, ...] = ()
-
-
 class TreeNames:
     """Names of one tree while it is translated.
 
@@ -52,19 +37,20 @@ class TreeNames:
 
     Attributes:
         shared: Entries of all trees together (``@name``) that the tree mentions.
+        written: Names that the tree writes.
     """
 
     def __init__(self, mentions: Mapping[str, int], given: Collection[str]) -> None:
         self.shared: set[str] = set()
+        self.written: set[str] = set()
         self._mentions = mentions
         self._given = given
         self._rename = Renaming()
         self._originals: dict[str, str] = {}
         # Name → whether its first mention reads it, in the order of the tree.
         self._first: dict[str, bool] = {}
-        self._assigned: set[str] = set()
         self._types: dict[str, FieldType] = {}
-        self._fresh: list[str] = []
+        self._fresh: Counter[str] = Counter()
 
     def rename(self, entry: str) -> str:
         """Return the name of a blackboard entry in our language."""
@@ -83,9 +69,8 @@ class TreeNames:
 
     def fresh(self, prefix: str) -> str:
         """Return a name that is not used in the tree, and record that it is written."""
-        number = sum(key.startswith(f"{prefix} ") for key in self._fresh) + 1
-        self._fresh.append(f"{prefix} {number}")
-        name = self._rename(f"{prefix} {number}")
+        self._fresh[prefix] += 1
+        name = self._rename(f"{prefix} {self._fresh[prefix]}")
         self.write(name)
         return name
 
@@ -105,7 +90,7 @@ class TreeNames:
     def write(self, name: str) -> None:
         """Record that a name is written."""
         self._first.setdefault(name, False)
-        self._assigned.add(name)
+        self.written.add(name)
 
     def read_formula(self, formula: Formula, field_type: FieldType = FieldType.ANY) -> None:
         """Record that the names of a formula are read, with the types of its operators."""
@@ -122,11 +107,6 @@ class TreeNames:
                 self.read_formula(condition, FieldType.BOOLEAN)
                 self.read_formula(yes, field_type)
                 self.read_formula(no, field_type)
-
-    @property
-    def written(self) -> frozenset[str]:
-        """Names that the tree writes."""
-        return frozenset(self._assigned)
 
     @property
     def needed(self) -> list[str]:

@@ -110,7 +110,7 @@ def _value(formula: Formula) -> Data:
         case Name(name):
             return Raw(f"${{{name}}}")
         case Binary("..", _, _):
-            return "".join(map(_part, _joined(formula)))
+            return _joined(formula)
     return Raw(_embedded(formula))
 
 
@@ -121,19 +121,13 @@ def _embedded(formula: Formula) -> str:
     return f"${{{text}}}"
 
 
-def _joined(formula: Formula) -> Iterator[Formula]:
+def _joined(formula: Formula) -> str:
+    """Return the parts of a text that is put together, values in ``${…}``."""
     match formula:
         case Binary("..", left, right):
-            yield from _joined(left)
-            yield from _joined(right)
-        case _:
-            yield formula
-
-
-def _part(formula: Formula) -> str:
-    match formula:
+            return _joined(left) + _joined(right)
         case Constant(str() as value):
             return value.replace("${", "$${")
-        case Constant(value):
-            return as_expression(Constant(value))
+        case Constant():
+            return as_expression(formula)
     return _embedded(formula)

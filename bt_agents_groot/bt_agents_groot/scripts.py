@@ -33,8 +33,9 @@ _TOKEN = re.compile(
     | (?P<number>[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?(?![\w]|\.(?!\.)))
     | (?P<name>[A-Za-z_@][A-Za-z0-9_]*)
     | (?P<operator>\.\.|&&|\|\||==|!=|<=|>=|:=|\+=|-=|\*=|/=|[-+*/&|^~!<>=?:();])
+    | (?P<unknown>.)
     """,
-    re.VERBOSE,
+    re.VERBOSE | re.DOTALL,
 )
 _ASSIGNMENTS = {":=": "", "=": "", "+=": "+", "-=": "-", "*=": "*", "/=": "/"}
 _STRENGTH = {
@@ -43,16 +44,11 @@ _STRENGTH = {
 }  # fmt: skip
 _PREFIX = 20
 _OPERATORS = {"||": "or", "&&": "and"}
-_SIGNS = {"!": "not", "-": "-", "~": "~"}
+_SIGNS = {"!": "not", "~": "~"}
 
 
 class ScriptError(BtAgentsError):
-    """Syntax error in a script.
-
-    Attributes:
-        message: What was found and what is expected.
-        offset: Index in the text.
-    """
+    """Syntax error at an index of a script: what was found and what is expected."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -78,10 +74,6 @@ def parse_script(text: str, rename: Callable[[str], str]) -> list[Statement]:
     ``| ^``, ``&``, ``+ - ..``, ``* /``, signs. The rules are those of ``script_parser.cpp`` in
     BehaviorTree.CPP 4.7; numbers stand for enums nowhere, because only a program knows its enums.
 
-    Args:
-        text: The script.
-        rename: Returns the name of our language for a name of the script.
-
     Raises:
         ScriptError: The text is no script.
     """
@@ -103,23 +95,18 @@ class _Token:
 
 def _tokens(text: str) -> list[_Token]:
     tokens: list[_Token] = []
-    at = 0
-    while at < len(text):
-        match = _TOKEN.match(text, at)
-        if match is None:
-            if text[at] == "'":
+    for match in _TOKEN.finditer(text):
+        kind, at = match.lastgroup or "", match.start()
+        if kind == "unknown":
+            if match[0] == "'":
                 raise ScriptError("this quotation mark is not closed", at)
-            if text[at] == '"':
+            if match[0] == '"':
                 raise ScriptError("texts in a script stand between ' and '", at)
             raise ScriptError(f"'{text[at : at + 12]}' means nothing in a script", at)
-        kind = match.lastgroup or ""
         if kind != "space":
             tokens.append(_Token(kind, match[0], at))
-        at = match.end()
         if len(tokens) > MAX_TOKENS:
-            raise ScriptError(
-                f"the script has more than {MAX_TOKENS} words; split it", match.start()
-            )
+            raise ScriptError(f"the script has more than {MAX_TOKENS} words; split it", at)
     return [*tokens, _Token("end", "", len(text))]
 
 
@@ -134,7 +121,6 @@ class _Parser:
 
     @property
     def at_end(self) -> bool:
-        """True when all tokens are read."""
         return self._peek.kind == "end"
 
     @property
@@ -150,15 +136,15 @@ class _Parser:
     def statement(self) -> Statement:
         """Parse an assignment or a formula, and the semicolons behind it."""
         start = self._peek
-        left = self._formula(0)
-        statement: Statement = left
+        statement: Statement = self._formula(0)
         if self._peek.text in _ASSIGNMENTS and self._peek.kind == "operator":
             sign = self._take()
-            if not isinstance(left, Name) or start.kind != "name":
+            if not isinstance(statement, Name) or start.kind != "name":
                 raise ScriptError(f"only a name can stand before '{sign.text}'", start.offset)
             value = self._formula(0)
-            operator = _ASSIGNMENTS[sign.text]
-            statement = Assignment(left.name, Binary(operator, left, value) if operator else value)
+            if _ASSIGNMENTS[sign.text]:
+                value = Binary(_ASSIGNMENTS[sign.text], statement, value)
+            statement = Assignment(statement.name, value)
         # Between assignments the semicolon may be left out.
         if not self.at_end and self._peek.text != ";" and not isinstance(statement, Assignment):
             token = self._peek
@@ -226,8 +212,10 @@ class _Parser:
                 return Constant(token.text == "true")
             case "name":
                 return Name(self._rename(token.text))
+            case "operator" if token.text == "-":
+                return negative(self._formula(_PREFIX))
             case "operator" if token.text in _SIGNS:
-                return _signed(_SIGNS[token.text], self._formula(_PREFIX))
+                return Unary(_SIGNS[token.text], self._formula(_PREFIX))
             case "operator" if token.text == "(":
                 inner = self._formula(0)
                 closing = self._take()
@@ -237,10 +225,6 @@ class _Parser:
             case "end":
                 raise ScriptError("the script ends where a value is expected", token.offset)
         raise ScriptError(f"a value or name is expected, found '{token.text}'", token.offset)
-
-
-def _signed(sign: str, operand: Formula) -> Formula:
-    return negative(operand) if sign == "-" else Unary(sign, operand)
 
 
 def _is_text(*operands: Formula) -> bool:

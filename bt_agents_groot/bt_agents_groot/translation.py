@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Translation of a tree: its interface for the translators of elements, and its remarks."""
+"""Remarks of a translation: what differs in the file that was made, and what is missing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_groot.formulas import Formula
-from bt_agents_groot.scopes import TreeNames
-from bt_agents_groot.scripts import Statement
-from bt_agents_groot.xml_files import Attribute, Element
-from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 
 
 class RemarkLevel(Enum):
@@ -32,7 +26,7 @@ class Remark:
     message: str
 
     def __str__(self) -> str:
-        return f"{self.position}: {self.level.value}: {self.message}"
+        return f"{self.position}: {self.comment}"
 
     @property
     def comment(self) -> str:
@@ -49,48 +43,14 @@ class Remarks:
     def __iter__(self) -> Iterator[Remark]:
         return iter(sorted(self._remarks, key=lambda r: (r.position.line, r.position.column)))
 
-    def add(self, level: RemarkLevel, position: Position, message: str) -> Remark:
-        """Add a remark and return it."""
-        remark = Remark(level=level, position=position, message=message)
+    def lost(self, position: Position, message: str) -> Remark:
+        """Add and return a remark on a loss."""
+        return self._add(Remark(level=RemarkLevel.LOST, position=position, message=message))
+
+    def note(self, position: Position, message: str) -> Remark:
+        """Add and return a remark on a difference."""
+        return self._add(Remark(level=RemarkLevel.NOTE, position=position, message=message))
+
+    def _add(self, remark: Remark) -> Remark:
         self._remarks.setdefault(remark)
         return remark
-
-
-class Translation(Protocol):
-    """Tree that is being imported.
-
-    Attributes:
-        names: Its name scope.
-    """
-
-    names: TreeNames
-
-    def node(self, element: Element, *, below_fallback: bool = False) -> YamlNode:
-        """Return the node for an element and all below it."""
-
-    def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
-        """Return a node with a decorator around it; remark on differences when it is skipped."""
-
-    def remark(self, level: RemarkLevel, where: Element | Attribute, message: str) -> None:
-        """Add a remark, which also becomes a comment above the node being translated."""
-
-    def statements(self, attribute: Attribute) -> list[Statement]:
-        """Return the statements of a script.
-
-        Raises:
-            Untranslatable: They stand in a blackboard entry.
-        """
-
-    def condition(self, attribute: Attribute) -> Formula:
-        """Return a script as a condition.
-
-        Raises:
-            Untranslatable: It is none.
-        """
-
-    def text(self, condition: Formula) -> Raw:
-        """Return a condition as text of our language; its names are recorded as read.
-
-        Raises:
-            Untranslatable: Our language has no such condition.
-        """

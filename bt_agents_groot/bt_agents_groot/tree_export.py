@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
-from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import SKIP_IF
-from bt_agents_groot.export_values import condition_script, milliseconds, number_port, set_script
+from bt_agents_groot.expressions import condition_script, set_script
 from bt_agents_groot.formulas import Untranslatable
-from bt_agents_groot.models import Models
+from bt_agents_groot.models import Field, Models
 from bt_agents_groot.naming import port
-from bt_agents_groot.ports import JSON, as_port
-from bt_agents_groot.translation import RemarkLevel, Remarks
+from bt_agents_groot.ports import JSON, as_port, milliseconds, number_port, plain_data
+from bt_agents_groot.translation import Remarks
 from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS
@@ -24,7 +26,7 @@ from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
 from bt_agents_language.nodes.set import SET
 from bt_agents_language.nodes.when import WHEN
-from bt_agents_language.yaml.scalars import boolean, plain_value
+from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
@@ -32,10 +34,10 @@ from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
 """Returns the ID and the interface of a subtree by its name."""
 
-Decorate = Callable[[Node, Xml], Xml | None]
+Decorate = Callable[[Node, Xml], Xml]
 """Returns an element with a decorator around it, of which only the main field or switch is given.
 
-None when BehaviorTree.CPP has no decorator for that.
+Raises :class:`Untranslatable` when BehaviorTree.CPP has no decorator for that.
 """
 
 _WEIGHTS = NodeField(name="weights", description="how often each child is chosen")
@@ -43,13 +45,7 @@ _VALUES = NodeField(name="values", description="names and values")
 
 
 class TreeExport:
-    """Translator of the trees of one file.
-
-    Args:
-        models: Collects the declarations.
-        subtrees: Lookup of the subtrees that the file can use.
-        remarks: Collects the differences.
-    """
+    """Translator of the trees of one file, which collects their declarations and remarks."""
 
     def __init__(self, models: Models, subtrees: Subtrees, remarks: Remarks) -> None:
         self._models = models
@@ -79,61 +75,47 @@ class TreeExport:
     def _undecorated(self, raw: RawNode) -> Xml:
         if raw.skill is not None:
             skill = raw.skill
-            fields = {one.name: one.type for one in skill.inputs}
-            ports = self._ports(self._fields(raw, skill.main), fields)
+            ports = self._ports(_fields(raw.value, skill.main), skill.inputs)
             outputs = self._outputs(raw, skill.outputs)
-            return Xml(tag=self._models.skill(skill), attributes=ports | outputs)
+            tag = self._models.leaf(skill.name, skill.inputs, skill.outputs)
+            return Xml(tag, ports | outputs)
         assert raw.type is not None
-        return NODES.get(raw.type.key, TreeExport.declared_leaf)(self, raw)
+        return NODES.get(raw.type.key, TreeExport._declared_leaf)(self, raw)
 
-    def declared_leaf(self, raw: RawNode) -> Xml:
+    def _declared_leaf(self, raw: RawNode) -> Xml:
         """Return a leaf that is not built into BehaviorTree.CPP."""
         own = raw.type
         assert own is not None
-        types = {one.name: one.type for one in own.fields}
-        verbatim = {one.name for one in own.fields if one.content is Content.CONDITION}
-        ports = self._ports(self._fields(raw, own.main), types, verbatim)
+        ports = self._ports(_fields(raw.value, own.main), own.fields)
         if own.plugin is not None:
-            return Xml(tag=self._models.plugin(own), attributes=ports)
-        what = "Condition" if own.read_only else "Action"
-        return Xml(tag=self._declared_tag(raw.key, what, own.key, own.fields), attributes=ports)
+            return Xml(self._models.leaf(own.key, own.fields), ports)
+        kind = "Condition" if own.read_only else "Action"
+        return Xml(self._declared_tag(raw.key, kind, own.key, own.fields), ports)
 
-    def _declared_tag(
-        self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]
-    ) -> str:
-        self._remarks.add(
-            RemarkLevel.NOTE,
+    def _declared_tag(self, where: Node, kind: str, key: str, fields: Iterable[NodeField]) -> str:
+        self._remarks.note(
             where.position,
             f"BehaviorTree.CPP has no node for '{key}' as it stands here; Groot2 shows it as "
             f"<{key}>",
         )
-        return self._models.node_key(kind, key, fields)
+        return self._models.declare(kind, key, fields)
 
-    def _fields(self, raw: RawNode, main: str | None) -> dict[str, Node]:
-        value = raw.value
-        if isinstance(value, MappingNode):
-            return {entry.key.text: entry.value for entry in value.entries}
-        if main is None or (isinstance(value, Scalar) and value.empty):
-            return {}
-        return {main: value}
-
-    def _ports(
-        self,
-        fields: Mapping[str, Node],
-        types: Mapping[str, FieldType],
-        verbatim: set[str] | frozenset[str] = frozenset(),
-    ) -> dict[str, str]:
+    def _ports(self, values: Mapping[str, Node], fields: Iterable[Field]) -> dict[str, str]:
+        declared = {one.name: one for one in fields}
         ports: dict[str, str] = {}
-        for name, node in fields.items():
-            if name in verbatim and isinstance(node, Scalar):
+        for name, node in values.items():
+            one = declared.get(name)
+            if (
+                isinstance(one, NodeField)
+                and one.content is Content.CONDITION
+                and isinstance(node, Scalar)
+            ):
                 ports[port(name)] = node.text
                 continue
-            ports[port(name)] = as_port(node, types.get(name, FieldType.ANY))
-            if "${" in ports[port(name)].replace("$${", ""):
-                self._remarks.add(
-                    RemarkLevel.NOTE,
-                    node.position,
-                    "BehaviorTree.CPP does not fill in the ${…} inside of a text",
+            text = ports[port(name)] = as_port(node, FieldType.ANY if one is None else one.type)
+            if "${" in text.replace("$${", ""):
+                self._remarks.note(
+                    node.position, "BehaviorTree.CPP does not fill in the ${…} inside of a text"
                 )
         return ports
 
@@ -150,173 +132,136 @@ class TreeExport:
     def _children(self, raw: RawNode) -> tuple[Xml, ...]:
         return tuple(map(self.node, raw.children))
 
-    def sequence(self, raw: RawNode) -> Xml:
-        """Return the element for ``sequence``."""
-        return self._in_turn(raw, "Sequence")
-
-    def selector(self, raw: RawNode) -> Xml:
-        """Return the element for ``selector``."""
-        return self._in_turn(raw, "Fallback")
-
-    def _in_turn(self, raw: RawNode, name: str) -> Xml:
+    def _in_turn(self, raw: RawNode, *, tag: str) -> Xml:
         memory = _option(raw, "memory")
-        reactive = memory is not None and boolean(memory) is False
-        tag = f"Reactive{name}" if reactive else name
-        return Xml(tag=tag, children=self._children(raw))
+        if memory is not None and boolean(memory) is False:
+            tag = f"Reactive{tag}"
+        return Xml(tag, children=self._children(raw))
 
-    def parallel(self, raw: RawNode) -> Xml:
-        """Return the element for ``parallel``."""
+    def _parallel(self, raw: RawNode) -> Xml:
         children = self._children(raw)
         entry = raw.options.get("succeed_on")
         if entry is not None and isinstance(entry.value, SequenceNode):
             tag = self._declared_tag(entry.key, "Control", PARALLEL.key, PARALLEL.fields)
-            succeed_on = as_port(entry.value, FieldType.ANY)
-            return Xml(tag=tag, attributes={"succeed_on": succeed_on}, children=children)
+            return Xml(tag, {"succeed_on": as_port(entry.value, FieldType.ANY)}, children)
         word = _option(raw, "succeed_on") or "all"
         wanted = len(children) if word == "all" else 1 if word == "one" else int(word)
         every = wanted >= len(children)
-        failures = 1 if every else len(children) - wanted + 1
-        return Xml(
-            tag="Parallel",
-            attributes={
-                "success_count": "-1" if every else str(wanted),
-                "failure_count": str(failures),
-            },
-            children=children,
-        )
+        counts = {
+            "success_count": "-1" if every else str(wanted),
+            "failure_count": "1" if every else str(len(children) - wanted + 1),
+        }
+        return Xml("Parallel", counts, children)
 
-    def choose(self, raw: RawNode) -> Xml:
-        """Return the elements for ``choose``: one ``IfThenElse`` inside of the other."""
+    def _choose(self, raw: RawNode) -> Xml:
+        """Return one ``IfThenElse`` inside of the other."""
         otherwise = raw.nodes.get("otherwise")
         rest: tuple[Xml, ...] = (self.node(otherwise),) if otherwise is not None else ()
         for case in reversed(raw.children):
             condition_leaf = self._condition(case.decorators[WHEN.key].value)
             then = self.node(case, part_of_parent=(WHEN.key,))
-            rest = (Xml(tag="IfThenElse", children=(condition_leaf, then, *rest)),)
+            rest = (Xml("IfThenElse", children=(condition_leaf, then, *rest)),)
         return rest[0]
 
     def _condition(self, node: Node) -> Xml:
-        """Return the leaf that evaluates a condition."""
         try:
-            return Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
+            return Xml("ScriptCondition", {"code": condition_script(node)})
         except Untranslatable:
             assert isinstance(node, Scalar)
             tag = self._declared_tag(node, "Condition", CHECK.key, CHECK.fields)
-            return Xml(tag=tag, attributes={CHECK.fields[0].name: node.text})
+            return Xml(tag, {CHECK.fields[0].name: node.text})
 
-    def random(self, raw: RawNode) -> Xml:
-        """Return the element for ``random``."""
+    def _random(self, raw: RawNode) -> Xml:
         seed = _option(raw, "seed")
         weights = [child.siblings.get("weight") for child in raw.children]
         attributes = {"seed": seed} if seed is not None else {}
         if any(weights):
-            values = [1 if one is None else _weight(one.value) for one in weights]
+            values = [1 if one is None else plain_data(one.value) for one in weights]
             attributes["weights"] = JSON + json.dumps(values)
         tag = self._declared_tag(raw.key, "Control", RANDOM.key, (*RANDOM.fields, _WEIGHTS))
-        return Xml(tag=tag, attributes=attributes, children=self._children(raw))
+        return Xml(tag, attributes, self._children(raw))
 
-    def check(self, raw: RawNode) -> Xml:
-        """Return the leaf for ``check``."""
-        node = self._fields(raw, "condition")["condition"]
+    def _check(self, raw: RawNode) -> Xml:
+        node = _fields(raw.value, "condition")["condition"]
         constant = boolean(node.text) if isinstance(node, Scalar) else None
         if constant is not None:
-            return Xml(tag="AlwaysSuccess" if constant else "AlwaysFailure")
+            return Xml("AlwaysSuccess" if constant else "AlwaysFailure")
         return self._condition(node)
 
-    def set(self, raw: RawNode) -> Xml:
-        """Return the leaf for ``set``."""
+    def _set(self, raw: RawNode) -> Xml:
         assert isinstance(raw.value, MappingNode)
         try:
-            return Xml(tag="Script", attributes={"code": set_script(raw.value.entries)})
+            return Xml("Script", {"code": set_script(raw.value.entries)})
         except Untranslatable:
             values = as_port(raw.value, FieldType.ANY)
             tag = self._declared_tag(raw.key, "Action", SET.key, (_VALUES,))
-            return Xml(tag=tag, attributes={"values": values})
+            return Xml(tag, {"values": values})
 
-    def wait(self, raw: RawNode) -> Xml:
-        """Return the leaf for ``wait``."""
-        time = milliseconds(self._fields(raw, "duration")["duration"])
-        if time is None:
-            return self.declared_leaf(raw)
-        return Xml(tag="Sleep", attributes={"msec": time})
+    def _wait(self, raw: RawNode) -> Xml:
+        try:
+            time = milliseconds(_fields(raw.value, "duration")["duration"])
+        except Untranslatable:
+            return self._declared_leaf(raw)
+        return Xml("Sleep", {"msec": time})
 
-    def wait_for(self, raw: RawNode) -> Xml:
-        """Return the leaf for ``wait_for``."""
-        fields = self._fields(raw, "condition")
+    def _wait_for(self, raw: RawNode) -> Xml:
+        fields = _fields(raw.value, "condition")
         if set(fields) != {"condition"}:
-            return self.declared_leaf(raw)
+            return self._declared_leaf(raw)
         try:
             script = condition_script(fields["condition"])
         except Untranslatable:
-            return self.declared_leaf(raw)
-        return Xml(
-            tag="Precondition",
-            attributes={"if": script, "else": "RUNNING"},
-            children=(Xml(tag="AlwaysSuccess"),),
-        )
+            return self._declared_leaf(raw)
+        ports = {"if": script, "else": "RUNNING"}
+        return Xml("Precondition", ports, (Xml("AlwaysSuccess"),))
 
-    def subtree(self, raw: RawNode) -> Xml:
-        """Return the element for ``subtree``."""
-        node = self._fields(raw, "name")["name"]
+    def _subtree(self, raw: RawNode) -> Xml:
+        node = _fields(raw.value, "name")["name"]
         assert isinstance(node, Scalar)
         tree_id, subtree = self._subtrees(node.text)
         entry = raw.siblings.get("with")
         arguments = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
-        ports = self._ports({one.key.text: one.value for one in arguments}, {})
+        ports = self._ports({one.key.text: one.value for one in arguments}, ())
         outputs = self._outputs(raw, subtree.outputs)
-        return Xml(tag="SubTree", attributes={"ID": tree_id, **ports, **outputs})
+        return Xml("SubTree", {"ID": tree_id, **ports, **outputs})
 
     def _decorated(self, raw: RawNode, decorator: NodeType, entry: MappingEntry, xml: Xml) -> Xml:
-        """Return an element with a decorator around it."""
         if decorator.handler:
             children = (xml, self.node(raw.nodes[decorator.key]))
-            return Xml(tag="Fallback", attributes={"name": decorator.key}, children=children)
-        export = DECORATED.get(decorator.key)
+            return Xml("Fallback", {"name": decorator.key}, children)
+        values = _fields(entry.value, decorator.main)
+        main: Node | None = entry.value
         if decorator.main is None:
-            on = isinstance(entry.value, Scalar) and boolean(entry.value.text)
-            native = export(entry.value, xml) if export is not None else None
-            return xml if not on else native or self._own_decorator(decorator, entry, xml)
-        fields = _fields_of(entry.value, decorator.main)
-        if export is not None and set(fields) == {decorator.main}:
-            native = export(fields[decorator.main], xml)
-            if native is not None:
-                return native
-        return self._own_decorator(decorator, entry, xml)
-
-    def _own_decorator(self, decorator: NodeType, entry: MappingEntry, xml: Xml) -> Xml:
-        """Return a decorator that BehaviorTree.CPP does not bring along."""
-        types = {one.name: one.type for one in decorator.fields}
-        verbatim = {one.name for one in decorator.fields if one.content is Content.CONDITION}
-        fields = _fields_of(entry.value, decorator.main) if decorator.main is not None else {}
+            if not (isinstance(entry.value, Scalar) and boolean(entry.value.text)):
+                return xml
+        else:
+            main = values[decorator.main] if list(values) == [decorator.main] else None
+        if main is not None and decorator.key in DECORATED:
+            with suppress(Untranslatable):
+                return DECORATED[decorator.key](main, xml)
         tag = self._declared_tag(entry.key, "Decorator", decorator.key, decorator.fields)
-        return Xml(tag=tag, attributes=self._ports(fields, types, verbatim), children=(xml,))
+        attributes = self._ports(values, decorator.fields)
+        return Xml(tag, attributes, (xml,))
 
 
-def _switch(tag: str) -> Decorate:
-    return lambda node, xml: Xml(tag=tag, children=(xml,))
-
-
-def _with_port(tag: str, name: str, text_of: Callable[[Node], str | None]) -> Decorate:
-    def export(node: Node, xml: Xml) -> Xml | None:
-        text = text_of(node)
-        return None if text is None else Xml(tag=tag, attributes={name: text}, children=(xml,))
+def _around(
+    tag: str, port_name: str = "", text_of: Callable[[Node], str] = number_port
+) -> Decorate:
+    def export(node: Node, xml: Xml) -> Xml:
+        attributes = {port_name: text_of(node)} if port_name else {}
+        return Xml(tag, attributes, (xml,))
 
     return export
 
 
-def _skip_unless(node: Node, xml: Xml) -> Xml | None:
-    try:
-        return xml.having(**{SKIP_IF: condition_script(node, negative=True)})
-    except Untranslatable:
-        return None
+def _skip_unless(node: Node, xml: Xml) -> Xml:
+    skip = {SKIP_IF: condition_script(node, negative=True)}
+    return replace(xml, attributes={**xml.attributes, **skip})
 
 
-def _while(node: Node, xml: Xml) -> Xml | None:
-    try:
-        condition_leaf = Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
-    except Untranslatable:
-        return None
-    return Xml(tag="WhileDoElse", children=(condition_leaf, xml))
+def _while(node: Node, xml: Xml) -> Xml:
+    condition_leaf = Xml("ScriptCondition", {"code": condition_script(node)})
+    return Xml("WhileDoElse", children=(condition_leaf, xml))
 
 
 def _option(raw: RawNode, name: str) -> str | None:
@@ -324,40 +269,37 @@ def _option(raw: RawNode, name: str) -> str | None:
     return entry.value.text if entry is not None and isinstance(entry.value, Scalar) else None
 
 
-def _fields_of(node: Node, main: str) -> dict[str, Node]:
-    if isinstance(node, MappingNode):
-        return {entry.key.text: entry.value for entry in node.entries}
-    return {main: node}
-
-
-def _weight(node: Node) -> Plain:
-    assert isinstance(node, Scalar)
-    return node.text if "${" in node.text else plain_value(node)
+def _fields(value: Node, main: str | None) -> dict[str, Node]:
+    if isinstance(value, MappingNode):
+        return {entry.key.text: entry.value for entry in value.entries}
+    if main is None or (isinstance(value, Scalar) and value.empty):
+        return {}
+    return {main: value}
 
 
 NODES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
-    "sequence": TreeExport.sequence,
-    "selector": TreeExport.selector,
-    "parallel": TreeExport.parallel,
-    "choose": TreeExport.choose,
-    "random": TreeExport.random,
-    "check": TreeExport.check,
-    "set": TreeExport.set,
-    "wait": TreeExport.wait,
-    "wait_for": TreeExport.wait_for,
-    "subtree": TreeExport.subtree,
+    "sequence": partial(TreeExport._in_turn, tag="Sequence"),
+    "selector": partial(TreeExport._in_turn, tag="Fallback"),
+    "parallel": TreeExport._parallel,
+    "choose": TreeExport._choose,
+    "random": TreeExport._random,
+    "check": TreeExport._check,
+    "set": TreeExport._set,
+    "wait": TreeExport._wait,
+    "wait_for": TreeExport._wait_for,
+    "subtree": TreeExport._subtree,
 }
 """Translator of each node type that has one; the others stay words of our language."""
 
 DECORATED: Mapping[str, Decorate] = {
     "when": _skip_unless,
-    "once": _switch("RunOnce"),
-    "succeed": _switch("ForceSuccess"),
-    "fail": _switch("ForceFailure"),
+    "once": _around("RunOnce"),
+    "succeed": _around("ForceSuccess"),
+    "fail": _around("ForceFailure"),
     "while": _while,
-    "retry": _with_port("RetryUntilSuccessful", "num_attempts", number_port),
-    "repeat": _with_port("Repeat", "num_cycles", number_port),
-    "timeout": _with_port("Timeout", "msec", milliseconds),
-    "invert": _switch("Inverter"),
+    "retry": _around("RetryUntilSuccessful", "num_attempts", number_port),
+    "repeat": _around("Repeat", "num_cycles", number_port),
+    "timeout": _around("Timeout", "msec", milliseconds),
+    "invert": _around("Inverter"),
 }
 """Translator of each decorator that has one, as :data:`NODES`."""

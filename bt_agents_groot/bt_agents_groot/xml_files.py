@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
@@ -35,8 +35,7 @@ class Attribute:
     """Attribute with its place.
 
     Attributes:
-        name: Its name.
-        value: Its value, escapes resolved.
+        value: With escapes resolved.
         position: The first character of its name.
         span: Index of the first character of its value in the file's text, and of the one after
             its last, quotation marks not counted.
@@ -53,11 +52,9 @@ class Element:
     """One element.
 
     Attributes:
-        tag: Its name.
         position: Its ``<``.
         end: The character behind its name.
         attributes: By name, in the order of the file.
-        children: In order.
         text: The text directly inside it, without spaces around it.
     """
 
@@ -256,7 +253,6 @@ class _Parser:
         self._problems.add("xml-syntax", self._source.position(index), message, hint)
 
     def _explanation(self, expat_message: str) -> tuple[str, str]:
-        """Return the message and the hint for an error of expat."""
         still_open = self._open[-1].tag if self._open else ""
         match expat_message:
             case "no element found":
@@ -279,7 +275,7 @@ class _Parser:
         return f"this is not XML ({quote(expat_message)})", _ESCAPE_HINT
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Xml:
     """Element to be written."""
 
@@ -287,10 +283,6 @@ class Xml:
     attributes: Mapping[str, str] = field(default_factory=dict)
     children: tuple[Xml, ...] = ()
     text: str = ""
-
-    def having(self, **attributes: str) -> Xml:
-        """Return the element with more attributes."""
-        return replace(self, attributes={**self.attributes, **attributes})
 
 
 def xml_text(root: Xml) -> str:

@@ -20,6 +20,7 @@ class Raw:
 
 _PLAIN = re.compile(r"[\w.(${+-](?:[^#:]|:(?! )|(?<! )#)*(?<![:\s])")
 _NOT_PLAIN = re.compile(r"- |\{|\s#")
+_YAML_CONSTANTS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
 _ORDER = list(DECORATORS)
 _SKIPPING = tuple(one.key for one in DECORATORS.values() if one.skips)
 _HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
@@ -30,11 +31,8 @@ class YamlNode:
     """Node of our language.
 
     Attributes:
-        key: Node key.
         value: Value of the key; of a composite its options.
-        children: Children of a composite, in order.
         name: Name for people; may be empty.
-        decorators: Decorators by key.
         siblings: Values of the sibling keys ``with``, ``outputs`` and ``weight``.
         comments: Comment lines above the node.
     """
@@ -54,8 +52,7 @@ class YamlNode:
             entries["weight"] = self.siblings["weight"]
         ordered = {key: self.decorators[key] for key in _ORDER if key in self.decorators}
         handlers = {key: ordered.pop(key) for key in _HANDLERS if key in ordered}
-        entries |= ordered
-        entries[self.key] = self._value()
+        entries |= {**ordered, self.key: self._value()}
         entries |= {key: self.siblings[key] for key in ("with", "outputs") if key in self.siblings}
         return entries | handlers
 
@@ -82,6 +79,11 @@ def sequence(*children: YamlNode) -> YamlNode:
 def selector(*children: YamlNode) -> YamlNode:
     """Return a selector with memory."""
     return YamlNode(key="selector", children=children)
+
+
+def check(condition: Data) -> YamlNode:
+    """Return a leaf that succeeds when a condition is true."""
+    return YamlNode(key="check", value=condition)
 
 
 def decorated(node: YamlNode, key: str, value: Data) -> YamlNode:
@@ -118,42 +120,40 @@ def comment_lines(text: str) -> list[str]:
 
 def yaml_lines(data: Mapping[str, Data], indent: int = 0) -> list[str]:
     """Return the lines of a mapping in block style."""
-    pad = " " * indent
     lines: list[str] = []
     for key, value in data.items():
-        head = f"{pad}{scalar(key)}:"
-        match value:
-            case YamlNode():
-                lines += [head, *_comments(value, indent + 2)]
-                lines += yaml_lines(value.entries(), indent + 2)
-            case dict() if value:
-                lines += [head, *yaml_lines(value, indent + 2)]
-            case list() if value:
-                lines += [head, *_list_lines(value, indent + 2)]
-            case _:
-                lines.append(f"{head} {scalar(value)}")
+        head = f"{' ' * indent}{scalar(key)}:"
+        block = _block(value, indent + 2)
+        if block:
+            lines += [head, *_comments(value, indent + 2), *block]
+        else:
+            lines.append(f"{head} {scalar(value)}")
     return lines
+
+
+def _block(value: Data, indent: int) -> list[str]:
+    """Return the lines of a value in block style; none when it takes one line behind its key."""
+    match value:
+        case YamlNode():
+            return yaml_lines(value.entries(), indent)
+        case dict():
+            return yaml_lines(value, indent)
+        case list():
+            return _list_lines(value, indent)
+    return []
 
 
 def _list_lines(items: list[Data], indent: int) -> list[str]:
     lines: list[str] = []
     for item in items:
-        match item:
-            case YamlNode():
-                lines += _comments(item, indent)
-                block = yaml_lines(item.entries(), indent + 2)
-            case dict() if item:
-                block = yaml_lines(item, indent + 2)
-            case list() if item:
-                block = _list_lines(item, indent + 2)
-            case _:
-                block = [f"{' ' * (indent + 2)}{scalar(item)}"]
-        lines += [f"{' ' * indent}- {block[0][indent + 2 :]}", *block[1:]]
+        first, *rest = _block(item, indent + 2) or [f"{' ' * (indent + 2)}{scalar(item)}"]
+        lines += [*_comments(item, indent), f"{' ' * indent}- {first[indent + 2 :]}", *rest]
     return lines
 
 
-def _comments(node: YamlNode, indent: int) -> list[str]:
-    return [" " * indent + line for text in node.comments for line in comment_lines(text)]
+def _comments(value: Data, indent: int) -> list[str]:
+    comments = value.comments if isinstance(value, YamlNode) else ()
+    return [" " * indent + line for text in comments for line in comment_lines(text)]
 
 
 def scalar(value: Data) -> str:
@@ -167,14 +167,7 @@ def scalar(value: Data) -> str:
             is_plain = re.fullmatch(r"[a-z_]+", value) and value not in _YAML_CONSTANTS
             return value if is_plain else quoted(value)
         case Raw(text):
-            return text if _is_plain(text) else quoted(text)
+            return text if _PLAIN.fullmatch(text) and not _NOT_PLAIN.match(text) else quoted(text)
         case list():
             return "[]"
     return "{}"
-
-
-_YAML_CONSTANTS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
-
-
-def _is_plain(text: str) -> bool:
-    return _PLAIN.fullmatch(text) is not None and _NOT_PLAIN.match(text) is None

@@ -38,8 +38,7 @@ from bt_agents_interfaces.msg import (
     Tunings,
 )
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder
-from bt_agents_lab.recorder.definitions import definition
-from bt_agents_lab.recorder.file import RecordedMessage, RecordedTopic
+from bt_agents_lab.recorder.file import RecordedMessage, RecordedTopic, definition
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.parameters import StartParameter, declare, describe, make_from_parameters

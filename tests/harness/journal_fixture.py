@@ -32,8 +32,7 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
 )
 from bt_agents_lab.node import definition_text
-from bt_agents_lab.recorder.definitions import definition
-from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, RecordedTopic
+from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, RecordedTopic, definition
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
 from bt_agents_language.files.folder_reader import read_trees

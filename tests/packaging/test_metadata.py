@@ -90,6 +90,7 @@ def test_the_packages_hold_more_than_python_modules():
     held = set().union(*(package.package_data for package in PYTHON_PACKAGES))
     assert {Path(package.name) / "py.typed" for package in PYTHON_PACKAGES} <= held
     assert Path("bt_agents_tools/launcher/loopback.xml") in held
+    assert Path("bt_agents_groot/builtins.yaml") in held
     language = Path("bt_agents_language")
     data = ("expression/hints.yaml", "reference/codes.yaml", "tools/templates/agent.yaml")
     assert {language / path for path in data} <= held

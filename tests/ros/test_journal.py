@@ -19,7 +19,7 @@ from bt_agents_interfaces.msg import RunRecord, Scene
 from bt_agents_interfaces.srv import ReloadAgents
 from bt_agents_lab.node import JournalNode
 from bt_agents_lab.recorder.reading import JournalReader
-from bt_agents_lab.replay.findings import ReplayVerdict, count_findings
+from bt_agents_lab.replay.findings import FindingCounts, ReplayVerdict
 from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
 from bt_agents_lab.replay.trees import replay_runs
 from bt_agents_ros import qos
@@ -142,7 +142,7 @@ def test_runs_of_every_kind_go_the_same_way_again(town: Town) -> None:
     ros.until(lambda: len(journal._hosts) == 1)
     ros.remove(journal)
     recording = town.recording()
-    found = count_findings(replay_runs(recording.runs.values()))
+    found = FindingCounts(replay_runs(recording.runs.values()))
     assert [one.text for one in found.unequal] == []
     assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 8}
     assert recording.problems == []
@@ -168,7 +168,7 @@ def test_a_journal_that_comes_late_says_what_it_has_not_heard(town: Town) -> Non
     town.market.result(handle)
     town.run("talker")
     town.ros.remove(journal)
-    found = count_findings(replay_runs(town.recording().runs.values()))
+    found = FindingCounts(replay_runs(town.recording().runs.values()))
     assert [one.text for one in found.unequal] == [
         "nothing was recorded of what its tree received"
     ]
@@ -183,7 +183,7 @@ def test_each_day_can_be_done_again_by_itself(town: Town) -> None:
     town.ros.remove(journal)
     for path in sorted(town.files.glob("*.mcap")):
         recording = index_entries(JournalReader([path]).entries())
-        found = count_findings(replay_runs(recording.runs.values()))
+        found = FindingCounts(replay_runs(recording.runs.values()))
         assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 1}
         assert recording.counts["/cards"] >= 1
 

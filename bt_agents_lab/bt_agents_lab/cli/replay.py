@@ -22,7 +22,7 @@ with loading():
         show_problems,
     )
     from bt_agents_lab.replay import decisions, replay_learning, trees
-    from bt_agents_lab.replay.findings import FindingCounts, ReplayVerdict, count_findings
+    from bt_agents_lab.replay.findings import FindingCounts, ReplayVerdict
     from bt_agents_lab.replay.recording_index import RecordingIndex
 
 _MOST_SHOWN = 10
@@ -46,7 +46,7 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
     """
     recording = read_files(files)
     with damage_reported():
-        found = count_findings(
+        found = FindingCounts(
             [
                 *decisions.replay_decisions(recording.rounds),
                 *replay_learning.replay_feedback(recording.feedbacks),

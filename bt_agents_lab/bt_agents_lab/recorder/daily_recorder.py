@@ -28,11 +28,9 @@ class DailyRecorder:
     """Recorder of messages; a full disk costs those that arrive meanwhile, and nothing else.
 
     Args:
-        folder: For the files.
         days: Number of days of which files are kept; 0 keeps all.
         today: Returns the local date.
         report: Takes a text for people, and whether it is an error.
-        write: See :class:`JournalFile`.
 
     Attributes:
         dropped: Messages that found no room since the last that did.
@@ -77,10 +75,8 @@ class DailyRecorder:
     def record(self, message: RecordedMessage, *, fact: str = "") -> None:
         """Take a message for the next flush.
 
-        Args:
-            message: The message.
-            fact: Key under which it is repeated at the beginning of later files, as it holds until
-                the next message of this key; empty for an event.
+        A fact holds until the next message of the same key, so it is repeated at the beginning of
+        later files; an event has no key.
         """
         if not self._trouble:
             try:
@@ -92,11 +88,7 @@ class DailyRecorder:
         self._add(message)
 
     def flush(self, now_ns: int) -> None:
-        """Write what waits in memory.
-
-        Args:
-            now_ns: Now [ns since 1970].
-        """
+        """Write what waits in memory; ``now_ns`` counts from 1970."""
         try:
             self._flush_file()
             self._change_file(now_ns)

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file of a journal: written by whole flushes, so that a kill costs the last one only."""
+"""One MCAP file of a journal, written by whole flushes, and definitions of the types in it."""
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
+
+from bt_agents_core.errors import Refused
 
 LIBRARY = "bt-agents"
 """Name of the writer in the header of a file."""
@@ -19,13 +23,20 @@ LIBRARY = "bt-agents"
 Write = Callable[[int, bytes, int], int]
 """As :func:`os.pwrite`."""
 
+Lookup = Callable[[str], str | None]
+"""Returns the text of a type by its full name; None when there is none."""
+
+_RULE = "=" * 80
+_FIELD = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_/]*)(?:\[[^\]]*\])?\s+[A-Za-z_]")
+_PRIMITIVE = re.compile(r"(?:bool|byte|char|w?string|(?:u?int(?:8|16|32|64))|float(?:32|64))\b")
+_LONGEST = 1_000_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedTopic:
     """A topic that is recorded.
 
     Attributes:
-        name: Its full name.
         type: ``package/msg/Name``.
         definition: Text of the type, followed by those that it uses.
     """
@@ -40,7 +51,6 @@ class RecordedMessage:
     """One message as it was sent.
 
     Attributes:
-        topic: On which it was sent.
         data: Serialised (CDR).
         sent_ns: When it was sent [ns since 1970].
         received_ns: When it was received [ns since 1970].
@@ -57,7 +67,6 @@ class JournalFile:
 
     Args:
         path: Of the file, which must not exist.
-        write: Writes at an offset of the file.
 
     Attributes:
         waiting: Number of messages that are not in the file yet.
@@ -85,12 +94,7 @@ class JournalFile:
             raise
 
     def add(self, message: RecordedMessage, sequence: int) -> None:
-        """Take a message for the next flush.
-
-        Args:
-            message: The message.
-            sequence: Its number among those of its topic.
-        """
+        """Take a message for the next flush, with its number among those of its topic."""
         self._writer.add_message(
             channel_id=self._channel(message.topic),
             log_time=message.received_ns,
@@ -107,11 +111,7 @@ class JournalFile:
         self.waiting = 0
 
     def close(self) -> int:
-        """Write what waits and the summary, as far as there is room, and close the file.
-
-        Returns:
-            How many messages found no room.
-        """
+        """Write what there is room for, and the summary; return how many messages found none."""
         try:
             with suppress(OSError):
                 self.flush()
@@ -164,3 +164,42 @@ class _Unwritten(BytesIO):
         self.start = self.tell()
         self.seek(0)
         self.truncate()
+
+
+def definition(type_name: str, lookup: Lookup) -> str:
+    """Return the text of a type, followed by those of the types in it.
+
+    They are separated as rosbag2 and Foxglove expect it: a line of 80 ``=``, ``MSG: pkg/Name``.
+
+    Raises:
+        Refused: ``NO_DEFINITION``.
+    """
+    known = cache(lookup)
+    parts: list[str] = []
+    seen = [type_name]
+    # It grows while it is walked through.
+    for name in seen:
+        text = known(name)
+        if text is None or len(text) > _LONGEST:
+            raise Refused(
+                "NO_DEFINITION",
+                f"there is no definition of {name}, which {type_name} needs; is its package "
+                "installed with its msg files?",
+            )
+        package, _, short = name.split("/")
+        parts.append(f"{_RULE}\nMSG: {package}/{short}\n{text}" if parts else text)
+        seen += [used for used in _used(text, package) if used not in seen]
+    return "\n".join(part.rstrip("\n") for part in parts) + "\n"
+
+
+def _used(text: str, package: str) -> list[str]:
+    """Return the full names of the types of the fields of a text."""
+    found: dict[str, None] = {}
+    for line in text.splitlines():
+        match = _FIELD.match(line.partition("#")[0])
+        if match is None or _PRIMITIVE.match(match[1]):
+            continue
+        parts = match[1].split("/")
+        home = package if len(parts) == 1 else parts[0]
+        found[f"{home}/msg/{parts[-1]}"] = None
+    return list(found)

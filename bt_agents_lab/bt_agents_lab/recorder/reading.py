@@ -7,7 +7,7 @@ import os
 import zlib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -33,7 +33,6 @@ class JournalEntry:
     """One message of a journal.
 
     Attributes:
-        topic: Its full name.
         type: ``package/msg/Name``.
         sent_ns: When it was sent [ns since 1970].
         lost: Number of messages of its topic right before it that the journal found no room for.
@@ -96,9 +95,6 @@ class JournalReader:
     Duplicates, such as a latched message that a journal received again after its restart, are
     returned once.
 
-    Args:
-        paths: The files.
-
     Attributes:
         problems: Texts about what could not be read; complete after reading.
         counted: RecordedTopic → its messages that were only counted; complete after reading.
@@ -139,38 +135,36 @@ class JournalReader:
         with path.open("rb") as file:
             schemas, channels = _summary(file)
             unknown = 0
-            decoders: dict[int, Callable[[bytes], Any]] = {}
             factory = DecoderFactory()
-            sequences = _Sequences()
+            ours = False
+            sequences: dict[int, int] = {}
             for record in self._records(path, file):
                 match record:
                     case Header():
-                        sequences.ours = record.library == LIBRARY
+                        # Others may count their messages otherwise.
+                        ours = record.library == LIBRARY
                     case Schema():
                         schemas[record.id] = record
                     case Channel():
                         channels[record.id] = record
-                        decoders.pop(record.id, None)
                     case Message(channel_id=number) if number in channels:
                         channel = channels[number]
                         schema = schemas.get(channel.schema_id)
                         if schema is None:
                             unknown += 1
                             continue
-                        lost = sequences.lost_before(record)
+                        lost = _lost_before(record, sequences) if ours else 0
                         if types is not None and schema.name not in types:
                             counted = self.counted.setdefault(channel.topic, Counted())
                             counted.add(record.publish_time, lost)
                             continue
-                        if number not in decoders:
-                            decoders[number] = _decoder(channel, schema, factory)
                         yield JournalEntry(
                             topic=channel.topic,
                             type=schema.name,
                             sent_ns=record.publish_time,
                             lost=lost,
                             data=record.data,
-                            decoder=decoders[number],
+                            decoder=partial(_decoded, factory, channel, schema),
                         )
                     case Message():
                         unknown += 1
@@ -214,27 +208,18 @@ class JournalReader:
             return []
 
 
-class _Sequences:
-    """Sequence numbers of the messages of a file, whose gaps are lost messages.
+def _lost_before(message: Message, sequences: dict[int, int]) -> int:
+    """Return how many messages of the same topic are missing before one.
 
     Each file counts the messages of every topic from 1. In files of earlier versions, which
-    several starts of a journal have written, each start counts from 1.
-
-    Attributes:
-        ours: Whether a journal wrote the file; others may count otherwise.
+    several starts of a journal have written, each start counts from 1. ``sequences`` holds the
+    number of the last message by channel.
     """
-
-    def __init__(self) -> None:
-        self.ours = False
-        self._last: dict[int, int] = {}
-
-    def lost_before(self, message: Message) -> int:
-        """Return how many messages of the same topic are missing before one."""
-        before = self._last.get(message.channel_id, 0)
-        self._last[message.channel_id] = message.sequence
-        if not self.ours or message.sequence <= before:
-            before = 0
-        return max(message.sequence - before - 1, 0) if self.ours else 0
+    before = sequences.get(message.channel_id, 0)
+    sequences[message.channel_id] = message.sequence
+    if message.sequence <= before:
+        before = 0
+    return max(message.sequence - before - 1, 0)
 
 
 def _summary(file: BinaryIO) -> tuple[dict[int, Schema], dict[int, Channel]]:
@@ -285,17 +270,12 @@ def _unpacked(chunk: Chunk) -> list[McapRecord]:
     return breakup_chunk(replace(chunk, compression="", data=data), validate_crc=True)
 
 
-def _decoder(channel: Channel, schema: Schema, factory: DecoderFactory) -> Callable[[bytes], Any]:
-    """Return what decodes the messages of a channel; it is made when it is first needed."""
-
-    @cache
-    def made() -> Callable[[bytes], Any]:
-        decoder = factory.decoder_for(channel.message_encoding, schema)
-        if decoder is None:
-            raise BtAgentsError(
-                f"{channel.topic} is written as {channel.message_encoding} with a "
-                f"{schema.encoding} schema, expected cdr with ros2msg"
-            )
-        return decoder
-
-    return lambda data: made()(data)
+def _decoded(factory: DecoderFactory, channel: Channel, schema: Schema, data: bytes) -> Any:
+    """Return a message of a channel; the factory makes the decoder of a schema once."""
+    decoder = factory.decoder_for(channel.message_encoding, schema)
+    if decoder is None:
+        raise BtAgentsError(
+            f"{channel.topic} is written as {channel.message_encoding} with a "
+            f"{schema.encoding} schema, expected cdr with ros2msg"
+        )
+    return decoder(data)

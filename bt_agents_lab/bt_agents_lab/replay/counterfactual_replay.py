@@ -7,7 +7,6 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.errors import BtAgentsError, Refused
@@ -47,7 +46,6 @@ class Changes:
 
     Attributes:
         strategy: By which bids are ranked; empty keeps that of each round.
-        options: Of the strategy.
         rate: Learning rate of every agent; None keeps its own.
         update: How profiles follow feedback; None keeps that of each agent.
         agents: Who bids, with the profile, learning and requirement of its file; None keeps those
@@ -93,8 +91,6 @@ class RoundComparison:
     """One round, as it was and as it would have been.
 
     Attributes:
-        epoch: The market.
-        round: Its number.
         label: Name of the scene, for people.
         was: Who won; empty for nobody.
         now: Who would have won.
@@ -118,7 +114,6 @@ class CounterfactualResult:
     """Outcome of a counterfactual replay.
 
     Attributes:
-        rounds: Round by round.
         bidders: Agents that bid at least once.
         given: Number of feedbacks that would have been given.
         withheld: Number of those that would not, as another agent would have run.
@@ -148,12 +143,7 @@ class CounterfactualResult:
 
 
 def replay_with(recording: RecordingIndex, changes: Changes) -> CounterfactualResult:
-    """Decide and learn the contents of a journal with some changes.
-
-    Args:
-        recording: The contents.
-        changes: The differences; without any everything is as it was.
-    """
+    """Decide and learn the contents of a journal with some changes, or none."""
     changes.check()
     return _Counterfactual(changes).replay(recording)
 
@@ -170,7 +160,8 @@ class _Counterfactual:
         self._winners: dict[tuple[str, int], str] = {}
 
     def replay(self, recording: RecordingIndex) -> CounterfactualResult:
-        for event in _in_order(recording):
+        events: list[Round | RecordedFeedback] = [*recording.rounds, *recording.feedbacks]
+        for event in sorted(events, key=_time):
             if isinstance(event, Round):
                 self._decide(event)
             else:
@@ -183,13 +174,12 @@ class _Counterfactual:
     def _decide(self, one: Round) -> None:
         auction = one.auction
         now, margin, problem = "", math.nan, ""
-        if one.parsed is None:
-            problem = NO_TEXTS
-        else:
-            try:
-                now, margin = self._winner(one, one.parsed.space)
-            except BtAgentsError as error:
-                problem = error.reason if isinstance(error, Refused) else str(error)
+        try:
+            if one.parsed is None:
+                raise BtAgentsError(NO_TEXTS)
+            now, margin = self._winner(one, one.parsed.space)
+        except BtAgentsError as error:
+            problem = error.reason if isinstance(error, Refused) else str(error)
         self._outlook.rounds.append(
             RoundComparison(
                 epoch=auction.epoch,
@@ -224,21 +214,18 @@ class _Counterfactual:
 
     def _terms(self, one: Round, scene: Scene) -> Terms:
         auction, epoch = one.auction, one.auction.epoch
-        self._counts.update(one)
-        runs, last_run, total = self._counts.of(epoch)
-        terms = terms_of(one, scene, total)
+        counts = self._counts.updated(one)
         terms = replace(
-            terms,
-            runs=runs,
-            last_run=last_run,
-            rounds_run=total,
+            terms_of(one, scene, counts.total),
+            runs=dict(counts.runs),
+            last_run=dict(counts.last),
+            rounds_run=counts.total,
             seed=auction.seed or f"{epoch}/{auction.round}",
             shadow="",
         )
         if self._changes.strategy:
-            terms = replace(
-                terms, strategy=self._changes.strategy, options=dict(self._changes.options)
-            )
+            options = dict(self._changes.options)
+            terms = replace(terms, strategy=self._changes.strategy, options=options)
         return terms
 
     def _bids(self, one: Round, scene: Scene, space: SceneSpace) -> list[AcceptedBid]:
@@ -253,12 +240,10 @@ class _Counterfactual:
             tunables = {tunable.name: tunable.default for tunable in spec.tunables}
             if spec.name in excluded or unmet(spec, space, scene, profile, tunables):
                 continue
-            known = bids.get(spec.name)
-            found.append(
-                replace(known, vector=profile)
-                if known is not None
-                else AcceptedBid(agent=spec.name, agent_id=0, host="", instance="", vector=profile)
+            unknown = AcceptedBid(
+                agent=spec.name, agent_id=0, host="", instance="", vector=profile
             )
+            found.append(replace(bids.get(spec.name, unknown), vector=profile))
         return found
 
     def _vector(self, bid: AcceptedBid, scene: Scene) -> Vector:
@@ -301,7 +286,11 @@ class _Counterfactual:
         kind, target = FeedbackKind(feedback.kind), tuple(feedback.target)
         rule, rate = self._learning(recorded, spec)
         asked_before = self._asked.setdefault(key, [])
-        authored = spec.profile if spec is not None else tuple(recorded.card.profile)
+        evidence = Evidence(
+            recent=tuple(asked_before),
+            changes=len(asked_before),
+            authored=spec.profile if spec is not None else tuple(recorded.card.profile),
+        )
         again = step(
             kind,
             profile,
@@ -310,9 +299,7 @@ class _Counterfactual:
             space=space,
             rule=rule,
             weight=feedback.weight,
-            evidence=Evidence(
-                recent=tuple(asked_before), changes=len(asked_before), authored=authored
-            ),
+            evidence=evidence,
         )
         if kind is not FeedbackKind.SET:
             asked_before.append(requested(kind, profile, target))
@@ -362,8 +349,8 @@ class _RunCounts:
         self._was: defaultdict[str, _Runs] = defaultdict(_Runs)
         self._now: defaultdict[str, _Runs] = defaultdict(_Runs)
 
-    def update(self, one: Round) -> None:
-        """Take over the counts in the bids of a round.
+    def updated(self, one: Round) -> _Runs:
+        """Take over the counts in the bids of a round; return them as they would have been.
 
         Where the journal does not begin with the market, its runs in all are at least those of the
         bidders, which is all of them when everybody bids.
@@ -378,31 +365,18 @@ class _RunCounts:
             was.runs[bid.agent] = bid.runs
             if bid.last_run != was.last.get(bid.agent, 0):
                 now.last[bid.agent] = was.last[bid.agent] = bid.last_run
+        return now
 
     def add(self, epoch: str, was: str, now: str) -> None:
         """Count who ran after a round, and who would have; empty for nobody."""
         self._was[epoch].add(was)
         self._now[epoch].add(now)
 
-    def of(self, epoch: str) -> tuple[dict[str, int], dict[str, int], int]:
-        """Return runs and last run of each agent, and runs in all, as they would have been."""
-        side = self._now[epoch]
-        return dict(side.runs), dict(side.last), side.total
-
 
 _EXCLUDED = ("EXCLUDED", "VETOED", "NOT_PINNED", "NOT_AWARDED")
 """Codes of refusals that do not depend on what an agent bids."""
 
 
-def _in_order(recording: RecordingIndex) -> list[Round | RecordedFeedback]:
-    """Return rounds and lessons in the order in which they happened."""
-    events: list[tuple[int, int, Round | RecordedFeedback]] = []
-    for number, one in enumerate(recording.rounds):
-        events.append((_ns(one.auction.stamp), number, one))
-    for number, recorded in enumerate(recording.feedbacks, len(recording.rounds)):
-        events.append((_ns(recorded.feedback.stamp), number, recorded))
-    return [event for _, _, event in sorted(events, key=lambda event: event[:2])]
-
-
-def _ns(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+def _time(event: Round | RecordedFeedback) -> tuple[int, int]:
+    stamp = event.auction.stamp if isinstance(event, Round) else event.feedback.stamp
+    return int(stamp.sec), int(stamp.nanosec)

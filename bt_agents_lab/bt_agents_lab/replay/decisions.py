@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterable, Iterator
 from itertools import zip_longest
 from typing import Any
 
@@ -71,9 +70,12 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
         bids_of(auction.ranking),
         external=external_of(auction) if auction.strategy == EXTERNAL else None,
     )
+    shadow = ""
+    if auction.shadow_winner != ranked.shadow_winner:
+        shadow = f"the shadow chose {auction.shadow_winner}, now {ranked.shadow_winner}"
     for strategy, difference in (
-        (auction.strategy, partial(_difference, one, ranked, scene)),
-        (auction.shadow_strategy, partial(_shadow_difference, auction, ranked)),
+        (auction.strategy, _difference(one, ranked, scene)),
+        (auction.shadow_strategy, shadow),
     ):
         if one.runs is None and strategy and STRATEGIES[strategy].counts:
             missing = (
@@ -81,8 +83,8 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
                 "begin with this market"
             )
             return not_recorded(KIND, where, missing)
-        if text := difference():
-            return compared(KIND, where, text)
+        if difference:
+            return compared(KIND, where, difference)
     text = _reason_difference(auction, terms, ranked, space) if one.format > 1 else ""
     return compared(KIND, where, text)
 
@@ -110,7 +112,9 @@ def _difference(one: Round, ranked: Ranked, scene: Scene) -> str:
         )
     if text := _outcome_difference(auction, best):
         return text
-    margin = math.nan if stopped else _margin(ranked.bids)
+    margin = math.nan
+    if not stopped and len(ranked.bids) > 1:
+        margin = ranked.bids[1].score - ranked.bids[0].score
     if not _same(auction.margin, margin):
         return _differs("the margin", auction.margin, margin)
     if one.format == 1:
@@ -139,22 +143,14 @@ def _outcome_difference(auction: Any, best: RankedBid | None) -> str:
     return ""
 
 
-def _shadow_difference(auction: Any, ranked: Ranked) -> str:
-    """Return the difference of the shadow strategy's winner; empty when there is none."""
-    if auction.shadow_winner != ranked.shadow_winner:
-        return f"the shadow chose {auction.shadow_winner}, now {ranked.shadow_winner}"
-    return ""
-
-
 def _reason_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneSpace) -> str:
     """Return what differs in the reason and explanation of a plain award; empty when nothing does.
 
     Those of other rounds depend on more than their message holds: an earlier scene, commands of
     operators, the answer of an external program, a run that goes on.
     """
-    if auction.outcome != AuctionOutcome.AWARDED or auction.follows or auction.intervention:
-        return ""
-    if auction.strategy == EXTERNAL:
+    plain = auction.outcome == AuctionOutcome.AWARDED and auction.strategy != EXTERNAL
+    if not plain or auction.follows or auction.intervention:
         return ""
     decision = Decision(
         terms=terms,
@@ -186,10 +182,6 @@ def _reason_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneS
 
 def _lines(text: str) -> list[str]:
     return [line for line in text.splitlines() if _NOT_ASKED not in line]
-
-
-def _margin(bids: Sequence[RankedBid]) -> float:
-    return bids[1].score - bids[0].score if len(bids) > 1 else math.nan
 
 
 def _same(one: float, other: float) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 
@@ -24,7 +24,6 @@ class ReplayFinding:
     Attributes:
         kind: ``decision``, ``profile change`` or ``run of a tree``.
         where: Which one, for people.
-        verdict: The outcome.
         text: The first difference, or what is missing; empty when equal.
         size: Number of its parts, ticks for example.
     """
@@ -48,7 +47,6 @@ def not_recorded(kind: str, where: str, missing: str) -> ReplayFinding:
     return ReplayFinding(kind=kind, where=where, verdict=verdict, text=missing)
 
 
-@dataclass(kw_only=True)
 class FindingCounts:
     """Counts of findings.
 
@@ -58,25 +56,18 @@ class FindingCounts:
         unequal: Findings that are not equal, in order.
     """
 
-    counts: Counter[tuple[str, ReplayVerdict]] = field(default_factory=Counter)
-    sizes: Counter[str] = field(default_factory=Counter)
-    unequal: list[ReplayFinding] = field(default_factory=list)
+    def __init__(self, findings: Iterable[ReplayFinding]) -> None:
+        self.counts: Counter[tuple[str, ReplayVerdict]] = Counter()
+        self.sizes: Counter[str] = Counter()
+        self.unequal: list[ReplayFinding] = []
+        for finding in findings:
+            self.counts[finding.kind, finding.verdict] += 1
+            if finding.verdict is ReplayVerdict.EQUAL:
+                self.sizes[finding.kind] += finding.size
+            else:
+                self.unequal.append(finding)
 
     @property
     def different(self) -> int:
         """Number of findings that are different."""
-        return sum(
-            n for (_, verdict), n in self.counts.items() if verdict is ReplayVerdict.DIFFERENT
-        )
-
-
-def count_findings(findings: Iterable[ReplayFinding]) -> FindingCounts:
-    """Count findings."""
-    counted = FindingCounts()
-    for finding in findings:
-        counted.counts[finding.kind, finding.verdict] += 1
-        if finding.verdict is ReplayVerdict.EQUAL:
-            counted.sizes[finding.kind] += finding.size
-        else:
-            counted.unequal.append(finding)
-    return counted
+        return sum(one.verdict is ReplayVerdict.DIFFERENT for one in self.unequal)

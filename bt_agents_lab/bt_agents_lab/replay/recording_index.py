@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,6 @@ class RecordedRun:
     """Messages about one run of a tree.
 
     Attributes:
-        key: Which one.
         records: Its record, in the order in which the parts were sent.
         statuses: Changes of its ticks, in the same order.
         texts: Texts of its host before it began, newest first.
@@ -50,7 +49,6 @@ class Round:
     """One round of a market.
 
     Attributes:
-        auction: Its outcome.
         runs: Number of runs that this start of the market had begun before it; None for unknown.
         parsed: Texts that define the scene and the rules of the market; None for unknown.
         format: Format of its message, see :func:`_migrate_options`. In format 1 the change by
@@ -81,7 +79,6 @@ class RecordedFeedback:
     """One change of a profile.
 
     Attributes:
-        feedback: The ``Feedback`` message.
         card: The agent as its host introduced it last; None for unknown.
         parameters: Order of the values of the card.
         parsed: Texts that define the scene parameters; None for unknown.
@@ -98,9 +95,7 @@ class RecordingIndex:
     """Contents of a journal.
 
     Attributes:
-        rounds: The rounds of all markets, in order.
-        feedbacks: The changes of profiles, in order.
-        runs: The runs of trees, in order.
+        rounds: Of all markets, in order.
         counts: Topic → messages.
         lost: Topic → messages that the journal found no room for.
         first_ns: When the first message was sent [ns since 1970]; 0 for none.
@@ -126,19 +121,12 @@ class RecordingIndex:
 
 
 def index_entries(entries: Iterable[JournalEntry]) -> RecordingIndex:
-    """Return the contents of messages.
-
-    Args:
-        entries: The messages, in the order in which they were sent.
-    """
+    """Return the contents of messages in the order in which they were sent."""
     return _Indexer().index(entries)
 
 
 def read(paths: Sequence[Path]) -> RecordingIndex:
     """Return the contents of some files; messages of no use for a replay are only counted.
-
-    Args:
-        paths: The files.
 
     Raises:
         BtAgentsError: A file cannot be opened.
@@ -227,7 +215,7 @@ class _Indexer:
         if one.runs is not None and one.runs + one.earlier < one.least:
             # A run that the journal has not received.
             self._whole.discard(epoch)
-            one = replace(one, runs=None)
+            one.runs = None
         self.recording.rounds.append(one)
 
     def _feedback(self, message: Any) -> None:

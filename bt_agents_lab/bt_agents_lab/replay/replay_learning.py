@@ -17,61 +17,36 @@ from feedback_node.learning.learning_step import Evidence, Step, requested, step
 
 KIND = "profile change"
 
+_History = list[tuple[int, Vector | None]]
+"""Revision and target of each feedback that a profile has learned; None where it was set."""
+
 
 def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFinding]:
     """Learn each feedback again and yield whether the profile after it is equal."""
-    history = FeedbackHistory()
+    histories: defaultdict[tuple[str, str], _History] = defaultdict(list)
     for recorded in feedbacks:
         feedback = recorded.feedback
-        where = f"revision {feedback.revision} of {_whose(feedback)}"
+        whose = f"{feedback.agent}, {feedback.layer}" if feedback.layer else feedback.agent
+        where = f"revision {feedback.revision} of {whose}"
         if recorded.parsed is None or recorded.card is None:
             missing = "no host has introduced the agent before"
             yield not_recorded(KIND, where, missing)
             continue
+        history = histories[feedback.agent, feedback.layer]
         try:
             yield _again(recorded, recorded.parsed.space, history, where)
-            history.add(feedback)
+            kind, asked = FeedbackKind(feedback.kind), None
+            if kind is not FeedbackKind.SET:
+                asked = requested(kind, tuple(feedback.before), tuple(feedback.target))
+            history.append((feedback.revision, asked))
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:
             yield not_recorded(KIND, where, str(error))
 
 
-class FeedbackHistory:
-    """Feedback that each profile has learned, as far as a journal holds it."""
-
-    def __init__(self) -> None:
-        self._asked: defaultdict[tuple[str, str], list[Vector]] = defaultdict(list)
-        self._revisions: defaultdict[tuple[str, str], list[int]] = defaultdict(list)
-
-    def add(self, feedback: Any) -> None:
-        """Add a feedback that was learned."""
-        key = (feedback.agent, feedback.layer)
-        self._revisions[key].append(feedback.revision)
-        kind = FeedbackKind(feedback.kind)
-        if kind is not FeedbackKind.SET:
-            before, target = tuple(feedback.before), tuple(feedback.target)
-            self._asked[key].append(requested(kind, before, target))
-
-    def recent(self, feedback: Any) -> tuple[Vector, ...]:
-        """Return the targets asked for before a feedback, newest last."""
-        return tuple(self._asked[feedback.agent, feedback.layer])
-
-    def is_whole(self, feedback: Any) -> bool:
-        """Return whether every change before a feedback is known, and was learned."""
-        key = (feedback.agent, feedback.layer)
-        known = self._revisions[key]
-        every = known == list(range(1, feedback.revision))
-        return every and len(self._asked[key]) == len(known)
-
-
 def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
-    """Return the learning rule of an agent, from its card.
-
-    Args:
-        card: An ``AgentCard``.
-        parameters: Order of its values.
-    """
+    """Return the learning rule of an ``AgentCard``, whose values have this order."""
     learning = card.learning
 
     def named(values: Sequence[float]) -> dict[str, float]:
@@ -92,7 +67,7 @@ def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
 
 
 def _again(
-    recorded: RecordedFeedback, space: SceneSpace, history: FeedbackHistory, where: str
+    recorded: RecordedFeedback, space: SceneSpace, history: _History, where: str
 ) -> ReplayFinding:
     feedback = recorded.feedback
     if list(feedback.parameters) != list(space.names):
@@ -111,13 +86,15 @@ def _again(
         rule=rule,
         weight=feedback.weight,
         evidence=Evidence(
-            recent=history.recent(feedback),
+            recent=tuple(asked for _, asked in history if asked is not None),
             changes=_changes(feedback, rule, space),
             authored=tuple(recorded.card.profile),
         ),
     )
     difference = _difference(feedback, again, space)
-    if difference and rule.update is Update.MEDIAN and not history.is_whole(feedback):
+    every = [revision for revision, _ in history] == list(range(1, feedback.revision))
+    is_whole = every and all(asked is not None for _, asked in history)
+    if difference and rule.update is Update.MEDIAN and not is_whole:
         missing = "what the agent was taught before the journal began, or was undone"
         return not_recorded(KIND, where, missing)
     return compared(KIND, where, difference)
@@ -144,7 +121,3 @@ def _difference(feedback: Any, again: Step, space: SceneSpace) -> str:
             if was != now:
                 return f"{what}{name} was {was!r}, now {now!r}"
     return ""
-
-
-def _whose(feedback: Any) -> str:
-    return f"{feedback.agent}, {feedback.layer}" if feedback.layer else str(feedback.agent)

@@ -44,10 +44,7 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
 
 
 def named(scene: Any) -> str:
-    """Return the name of a scene for people: its label, else its values.
-
-    Args:
-        scene: A ``Scene`` message.
+    """Return the name of a ``Scene`` message for people: its label, else its values.
 
     Example:
         ``age 4.5, familiarity 1, mood 3``
@@ -60,13 +57,7 @@ def named(scene: Any) -> str:
 
 
 def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
-    """Return the terms that were fixed when a round opened.
-
-    Args:
-        one: The round.
-        scene: Its scene.
-        runs: Number of runs that this start of the market had begun before it.
-    """
+    """Return the terms that were fixed when a round opened, after so many runs of this start."""
     auction = one.auction
     return Terms(
         epoch=auction.epoch,

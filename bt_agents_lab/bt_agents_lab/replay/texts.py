@@ -18,41 +18,33 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.files.market_reader import MarketRule, read_market
 
-_FOLDER = "trees"
-
 
 class RecordedInterfaces:
     """ROS types of the machine on which the agents ran, as far as bindings depend on them.
 
-    Args:
-        packages: Packages that were installed there.
+    The bindings were in force, so they had no problem; no value depends on the types of fields.
     """
 
     def __init__(self, packages: frozenset[str]) -> None:
         self._packages = packages
 
     def has_package(self, package: str) -> bool:
-        """Return whether a ROS package was installed."""
         return package in self._packages
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
-        """Return None: the bindings were in force, so they had no problem."""
         return None
 
     def field_problem(
         self, kind: BindingKind, type_name: str, section: str, path: str
     ) -> str | None:
-        """Return None: the bindings were in force, so they had no problem."""
         return None
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
-        """Return ANY, on which no value depends."""
         return FieldType.ANY
 
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return None: the bindings were in force, so they had no problem."""
         return None
 
 
@@ -61,8 +53,6 @@ class ParsedTexts:
     """Agents, scene parameters and market rules that the texts of a host define.
 
     Attributes:
-        trees: The agents, and the scene parameters.
-        rules: Of the market.
         folder: Of the texts while they were read, as it stands in positions.
     """
 
@@ -114,7 +104,7 @@ class TextFiles:
         machine = json.loads(self.files.get(HOST, "{}"))
         interfaces = RecordedInterfaces(frozenset(map(str, machine.get("packages", ()))))
         with tempfile.TemporaryDirectory(prefix="bt-agents-replay-") as scratch:
-            folder = Path(scratch) / _FOLDER
+            folder = Path(scratch) / "trees"
             for name, text in self.files.items():
                 if name != HOST:
                     path = folder / name

@@ -64,19 +64,21 @@ def _again(run: RecordedRun) -> int | str:
     recording = read_recording(line for one in run.records for line in one.record.splitlines())
     spec, parsed = _spec_of(run, recording)
     recorded = _by_tick(run)
-    before = str(recording.head.get("file", ""))
-    prefix = before.removesuffix(_inside(spec, parsed))
+    folder = parsed.folder + "/"
+    prefix = str(recording.head.get("file", "")).removesuffix(spec.file.removeprefix(folder))
     ticks = unrecorded = 0
     for step in replay(recording, spec, parsed.space):
         ticks = step.tick
-        if (
-            step.recorded_changes
-            and len(step.changes) == step.recorded_changes
-            and step.tick not in recorded
-        ):
+        again = [
+            (one.path, one.name, one.status.name, one.message.replace(folder, prefix))
+            for one in step.changes
+        ]
+        if again and len(again) == step.recorded_changes and step.tick not in recorded:
             unrecorded += 1
-            recorded[step.tick] = _changes_of(step, parsed.folder + "/", prefix)
-        difference = _difference(step, recorded, parsed.folder + "/", prefix)
+            recorded[step.tick] = again
+        was = recorded.get(step.tick, [])
+        head, recorded[step.tick] = was[: len(again)], was[len(again) :]
+        difference = _difference(step, head, again) or _end_difference(step, folder, prefix)
         if difference:
             return f"tick {step.tick}: {difference}"
     if not recording.complete:
@@ -108,11 +110,6 @@ def _spec_of(run: RecordedRun, recording: Recording) -> tuple[AgentSpec, ParsedT
     return spec, parsed
 
 
-def _inside(spec: AgentSpec, parsed: ParsedTexts) -> str:
-    """Return the path of an agent's file inside of its folder."""
-    return spec.file.removeprefix(parsed.folder + "/")
-
-
 def _by_tick(run: RecordedRun) -> dict[int, list[Change]]:
     """Return the recorded changes of each tick; a tick may have several messages."""
     recorded: dict[int, list[Change]] = {}
@@ -127,28 +124,15 @@ def _status(number: int) -> str:
     return _STATUSES[number] if 0 <= number < len(_STATUSES) else str(number)
 
 
-def _changes_of(step: ReplayedStep, folder: str, prefix: str) -> list[Change]:
-    return [
-        (one.path, one.name, one.status.name, one.message.replace(folder, prefix))
-        for one in step.changes
-    ]
-
-
-def _difference(
-    step: ReplayedStep, recorded: dict[int, list[Change]], folder: str, prefix: str
-) -> str:
+def _difference(step: ReplayedStep, before: list[Change], again: list[Change]) -> str:
     """Return the first difference in a step as text; empty when there is none."""
-    again = _changes_of(step, folder, prefix)
-    was = recorded.get(step.tick, [])
-    head, recorded[step.tick] = was[: len(again)], was[len(again) :]
-    for here, there in zip_longest(again, head):
-        if here != there:
-            return f"{_shown(there)} was reported, now {_shown(here)}"
-    asked, stored = _plain(step.requests), _plain(step.recorded_requests)
-    for one, other in zip_longest(asked, stored):
-        if one != other:
-            return f"{_asked(other)} was asked for, now {_asked(one)}"
-    return _end_difference(step, folder, prefix)
+    for was, now in zip_longest(before, again):
+        if was != now:
+            return f"{_shown(was)} was reported, now {_shown(now)}"
+    for stored, asked in zip_longest(_plain(step.recorded_requests), _plain(step.requests)):
+        if stored != asked:
+            return f"{_asked(stored)} was asked for, now {_asked(asked)}"
+    return ""
 
 
 def _end_difference(step: ReplayedStep, folder: str, prefix: str) -> str:
@@ -175,8 +159,8 @@ def _plain(asked: list[Any]) -> list[str]:
     return [json.dumps(one, sort_keys=True, default=list) for one in asked]
 
 
-def _asked(written: str | None) -> str:
-    return "nothing" if written is None else written[:200]
+def _asked(text: str | None) -> str:
+    return "nothing" if text is None else text[:200]
 
 
 def _shown(change: Change | None) -> str:

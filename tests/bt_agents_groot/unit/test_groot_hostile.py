@@ -116,6 +116,12 @@ def test_several_trees_need_a_main_one():
     assert problems(f'<root BTCPP_format="4">{twice}</root>')[0].startswith("name-taken")
 
 
+def test_trees_that_all_lack_a_name_are_each_asked_for_one():
+    trees = "<BehaviorTree><AlwaysSuccess/></BehaviorTree>" * 2
+    found = problems(f'<root BTCPP_format="4">{trees}</root>')
+    assert found == ["missing-attribute 1:24", "missing-attribute 1:69"]
+
+
 def test_a_circle_of_trees_is_refused_with_its_way():
     circle = "".join(
         f'<BehaviorTree ID="{a}"><SubTree ID="{b}"/></BehaviorTree>' for a, b in ("AB", "BC", "CA")

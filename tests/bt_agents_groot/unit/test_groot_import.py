@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from bt_agents_groot.agent_import import ImportedAgent, import_agent
+from bt_agents_groot.agent_import import ImportedAgent, import_agent, skills_file
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
@@ -360,7 +360,7 @@ def test_skills_that_nobody_declares_come_with_a_file_that_declares_them():
         WAVE,
     )
     assert [skill.name for skill in made.missing] == ["play_tune", "wave_hand"]
-    skills = read_skills_text(made.skeleton, "new.yaml")
+    skills = read_skills_text(skills_file(made.missing), "new.yaml")
     vocabulary = replace(VOCABULARY, skills={**VOCABULARY.skills, **skills})
     read_agent_text(made.text, "a.yaml", vocabulary)
     assert [one.name for one in skills["wave_hand"].inputs] == ["side", "times"]

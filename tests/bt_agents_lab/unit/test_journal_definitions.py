@@ -8,7 +8,7 @@ from mcap_ros2._dynamic import generate_dynamic
 
 from bt_agents_core.errors import Refused
 from bt_agents_lab.node import definition_text
-from bt_agents_lab.recorder.definitions import definition
+from bt_agents_lab.recorder.file import definition
 from bt_agents_ros.types import types_of
 
 TYPES = {

@@ -27,12 +27,7 @@ from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.recorder.reading import JournalEntry
 from bt_agents_lab.replay import decisions, replay_learning, trees
 from bt_agents_lab.replay.decisions import replay_decisions
-from bt_agents_lab.replay.findings import (
-    FindingCounts,
-    ReplayFinding,
-    ReplayVerdict,
-    count_findings,
-)
+from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict
 from bt_agents_lab.replay.recording_index import index_entries
 from bt_agents_lab.replay.replay_learning import replay_feedback
 from bt_agents_lab.replay.trees import replay_runs
@@ -53,7 +48,7 @@ STRATEGIES = {
 def again(path: Path) -> FindingCounts:
     recording = index_of(path)
     assert recording.problems == []
-    return count_findings(
+    return FindingCounts(
         [
             *replay_decisions(recording.rounds),
             *replay_feedback(recording.feedbacks),

@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Import of custom nodes: words of our language, else leaves that are skills of the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_groot.document import Document, Model, ModelPort, given_ports, node_id
+from bt_agents_groot.naming import field_of, port, snake
+from bt_agents_groot.ports import (
+    PortError,
+    field_type_of,
+    from_port,
+    names_in,
+    names_of_expression,
+    pointed_at,
+)
+from bt_agents_groot.simple_nodes import unknown_parent
+from bt_agents_groot.tree_import import TreeImport
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, decorated
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, WORDS
+from bt_agents_language.nodes.node_type import Children, Content, NodeType
+from bt_agents_language.nodes.parallel import PARALLEL
+from bt_agents_language.nodes.random import RANDOM
+from bt_agents_language.nodes.symbols import SymbolTable
+
+
+def _own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
+    own = NODE_TYPES.get(node_id(element))
+    if own is None or own.children is not Children.NONE:
+        return None
+    if own.open:
+        values = element.attributes.get("values")
+        outputs = _port_value(tree, values, FieldType.ANY) if values is not None else None
+        fields = outputs if isinstance(outputs, dict) else None
+    else:
+        fields = _own_fields(tree, element, own)
+        outputs = fields.get("outputs") if fields is not None else None
+    if fields is None:
+        return None
+    for name in outputs if isinstance(outputs, dict) else ():
+        tree.names.write(name)
+    return YamlNode(key=own.key, value=_value(own, fields))
+
+
+def _own_decorator(tree: TreeImport, element: Element) -> YamlNode | None:
+    own = DECORATORS.get(node_id(element))
+    if own is None or own.main is None or len(element.children) != 1:
+        return None
+    fields = _own_fields(tree, element, own)
+    if fields is None:
+        return None
+    return decorated(tree.node(element.children[0]), own.key, _value(own, fields))
+
+
+def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
+    """Return the node for our ``random``, or ``parallel`` with names; None for anything else."""
+    ports = {attribute.name for attribute in given_ports(element)}
+    if node_id(element) == PARALLEL.key and ports == {"succeed_on"}:
+        wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
+        children = tuple(map(tree.node, element.children))
+        return YamlNode(key=PARALLEL.key, value={"succeed_on": wanted}, children=children)
+    if node_id(element) != RANDOM.key or not ports <= {"seed", "weights"}:
+        return None
+    weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
+    if not isinstance(weights, list) or len(weights) not in (0, len(element.children)):
+        return None
+    tree.names.read(names_in(weights), FieldType.NUMBER)
+    chosen = [tree.node(child) for child in element.children]
+    for number, weight in enumerate(weights):
+        if weight != 1:
+            written = Raw(weight) if isinstance(weight, str) else weight
+            siblings = {**chosen[number].siblings, "weight": written}
+            chosen[number] = replace(chosen[number], siblings=siblings)
+    seed = element.get("seed")
+    options: dict[str, Data] = {"seed": Raw(seed)} if seed else {}
+    return YamlNode(key=RANDOM.key, value=options, children=tuple(chosen))
+
+
+def _own_fields(tree: TreeImport, element: Element, own: NodeType) -> dict[str, Data] | None:
+    """Return the fields of a node of our language; None when the ports are not those fields."""
+    by_port = {port(one.name): one for one in own.fields}
+    given = given_ports(element)
+    required = {port(one.name) for one in own.fields if one.required}
+    present = {attribute.name for attribute in given}
+    if not present or not required <= present <= set(by_port):
+        return None
+    fields: dict[str, Data] = {}
+    for attribute in given:
+        one = by_port[attribute.name]
+        if one.content is Content.CONDITION:
+            tree.names.read(names_of_expression(attribute.value))
+            fields[one.name] = Raw(attribute.value)
+        else:
+            fields[one.name] = _port_value(tree, attribute, one.type)
+    return fields
+
+
+def _value(own: NodeType, fields: dict[str, Data]) -> Data:
+    return fields[own.main] if own.main is not None and list(fields) == [own.main] else fields
+
+
+def _port_value(tree: TreeImport, attribute: Attribute, field_type: FieldType) -> Data:
+    """Return the value of a port; the names in it are recorded as read."""
+    try:
+        data = from_port(attribute.value, field_type, tree.names.rename)
+    except PortError as error:
+        tree.lost(attribute, str(error))
+        return attribute.value
+    if isinstance(data, str) and "${" in data.replace("$${", ""):
+        tree.note(attribute, "the ${…} in it is taken as a name of our language")
+    tree.names.read(names_in(data), field_type)
+    return data
+
+
+@dataclass
+class MissingSkill:
+    """Skill that no file declares, as far as its uses show it."""
+
+    name: str
+    inputs: dict[str, FieldType] = field(default_factory=dict)
+    outputs: dict[str, FieldType] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Signature:
+    """Signature of a skill or plug-in: types of its fields, its main field, its outputs."""
+
+    fields: Mapping[str, FieldType]
+    main: str | None
+    outputs: tuple[str, ...] = ()
+
+
+@dataclass
+class _Use:
+    name: str
+    signature: _Signature | None
+    fields: dict[str, Data] = field(default_factory=dict)
+    outputs: dict[str, Data] = field(default_factory=dict)
+
+
+class CustomNodes:
+    """Translator of custom nodes.
+
+    Attributes:
+        missing: Skills that are used but not known, by name.
+    """
+
+    def __init__(self, document: Document, symbols: SymbolTable) -> None:
+        self.missing: dict[str, MissingSkill] = {}
+        self._models = document.models
+        self._signatures: dict[str, _Signature] = {}
+        for name, skill in symbols.skills.items():
+            types = {one.name: one.type for one in skill.inputs}
+            outputs = tuple(one.name for one in skill.outputs)
+            self._signatures[name] = _Signature(types, skill.main, outputs)
+        for key, plugin in symbols.plugins.items():
+            types = {one.name: one.type for one in plugin.fields}
+            self._signatures[key] = _Signature(types, plugin.main)
+
+    def node(self, tree: TreeImport, element: Element) -> YamlNode:
+        """Return the node for a custom element."""
+        if not element.children:
+            return _own_leaf(tree, element) or self._skill(tree, element)
+        return (
+            _own_control(tree, element)
+            or _own_decorator(tree, element)
+            or unknown_parent(tree, element)
+        )
+
+    def _skill(self, tree: TreeImport, element: Element) -> YamlNode:
+        name = snake(node_id(element))
+        if name in WORDS:
+            tree.note(
+                element,
+                f"'{name}' is a word of our language, so the skill is called '{name}_skill'",
+            )
+            name = f"{name}_skill"
+        use = _Use(name, self._signatures.get(name))
+        if use.signature is None:
+            self.missing.setdefault(name, MissingSkill(name))
+        model = self._models.get(node_id(element), Model(kind="Action"))
+        for attribute in _ports(element, model):
+            declared = model.ports.get(attribute.name, ModelPort(direction=""))
+            direction = _direction(tree, use, attribute, declared)
+            if direction != "out":
+                self._input(tree, use, attribute, declared)
+            if direction != "in":
+                self._output(tree, use, attribute, declared)
+        return _skill_node(tree, use)
+
+    def _input(
+        self, tree: TreeImport, use: _Use, attribute: Attribute, declared: ModelPort
+    ) -> None:
+        name, field_type = field_of(attribute.name), field_type_of(declared.type)
+        if use.signature is not None:
+            if name not in use.signature.fields:
+                tree.lost(attribute, f"our skill '{use.name}' has no field '{name}'")
+                return
+            field_type = use.signature.fields[name]
+        data = use.fields[name] = _port_value(tree, attribute, field_type)
+        if use.signature is None:
+            apparent = _apparent_type(data) if field_type is FieldType.ANY else field_type
+            _merge_type(self.missing[use.name].inputs, name, apparent)
+
+    def _output(
+        self, tree: TreeImport, use: _Use, attribute: Attribute, declared: ModelPort
+    ) -> None:
+        name, entry = field_of(attribute.name), pointed_at(attribute.value)
+        if use.signature is None:
+            _merge_type(self.missing[use.name].outputs, name, field_type_of(declared.type))
+        elif name not in use.signature.outputs:
+            tree.lost(attribute, f"our skill '{use.name}' has no output '{name}'")
+            return
+        if entry is None:
+            shown = f"'{attribute.value[:40]}' names no entry"
+            tree.note(attribute, f"the output '{attribute.name}' is lost: {shown}")
+            return
+        use.outputs[tree.names.rename(entry)] = name
+
+
+def _direction(tree: TreeImport, use: _Use, attribute: Attribute, declared: ModelPort) -> str:
+    """Return whether a port is ``in``, ``out`` or ``both``."""
+    signature, name = use.signature, field_of(attribute.name)
+    if signature is not None and (name in signature.outputs or name in signature.fields):
+        return "out" if name not in signature.fields else "in"
+    if signature is not None or declared.direction:
+        return declared.direction or "in"
+    # Nothing declares it. An entry that nothing has set yet, but others use, is set here.
+    entry = pointed_at(attribute.value)
+    if entry is None or not tree.names.is_new(entry):
+        return "in"
+    tree.note(
+        attribute,
+        f"'{attribute.name}' is taken as an output, because nothing before it fills {{{entry}}}",
+    )
+    return "out"
+
+
+def _ports(element: Element, model: Model) -> list[Attribute]:
+    """Return the ports of an element, with those that point at an entry by default."""
+    ports = given_ports(element)
+    given = {attribute.name for attribute in ports}
+    ports += [
+        Attribute(name=name, value=one.default, position=element.position, span=(0, 0))
+        for name, one in model.ports.items()
+        if name not in given and pointed_at(one.default) is not None
+    ]
+    # '{=}' stands for the entry that is called as the port is.
+    return [
+        replace(one, value=f"{{{one.name}}}") if pointed_at(one.value) == "=" else one
+        for one in ports
+    ]
+
+
+def _skill_node(tree: TreeImport, use: _Use) -> YamlNode:
+    signature = use.signature or _Signature({}, None)
+    usual = {name: name for name in signature.outputs}
+    for name in use.outputs or usual:
+        tree.names.write(name)
+    value: Data = use.fields
+    if list(use.fields) == [signature.main]:
+        [only] = use.fields.values()
+        value = use.fields if isinstance(only, dict) else only
+    siblings: dict[str, Data] = {}
+    if use.outputs and use.outputs != usual:
+        siblings["outputs"] = use.outputs
+    return YamlNode(key=use.name, value=value, siblings=siblings)
+
+
+def _merge_type(types: dict[str, FieldType], name: str, apparent: FieldType) -> None:
+    types[name] = apparent if types.get(name, apparent) is apparent else FieldType.ANY
+
+
+def _apparent_type(data: Data) -> FieldType:
+    """Return the type that the form of a value suggests."""
+    match data:
+        case Raw(text) if "$" in text:
+            return FieldType.ANY
+        case Raw(text) if text.lower() in ("true", "false"):
+            return FieldType.BOOLEAN
+        case Raw(text) if text.lstrip("+-").isdigit():
+            return FieldType.INTEGER
+        case Raw(text) if text[-1:].isdigit():
+            return FieldType.NUMBER
+        case str():
+            return FieldType.TEXT
+    return FieldType.ANY

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Import of built-in decorators and leaves of BehaviorTree.CPP as those of our language."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_groot.document import node_id
+from bt_agents_groot.formulas import Untranslatable, negated
+from bt_agents_groot.ports import from_port, names_in, pointed_at
+from bt_agents_groot.tree_import import Translate, TreeImport
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import (
+    Data,
+    Raw,
+    YamlNode,
+    can_be_skipped,
+    check,
+    decorated,
+    selector,
+    sequence,
+)
+from bt_agents_language.nodes.node_type import FOREVER
+
+
+def _plain(key: str) -> Translate:
+    return lambda tree, element: decorated(tree.node(element.children[0]), key, True)
+
+
+def _loop(key: str, port: str) -> Translate:
+    def translate(tree: TreeImport, element: Element) -> YamlNode:
+        times = _count(tree, element, port) if port else Raw(FOREVER)
+        return tree.decorate(element, tree.node(element.children[0]), key, times)
+
+    return translate
+
+
+def _timeout(tree: TreeImport, element: Element) -> YamlNode:
+    limit = _duration(tree, element, "msec")
+    child = tree.node(element.children[0])
+    # No milliseconds mean no limit there.
+    return child if limit == Raw("0 s") else decorated(child, "timeout", limit)
+
+
+def _delay(tree: TreeImport, element: Element) -> YamlNode:
+    wait = YamlNode(key="wait", value=_duration(tree, element, "delay_msec"))
+    return sequence(wait, tree.node(element.children[0]))
+
+
+def _run_once(tree: TreeImport, element: Element) -> YamlNode:
+    if element.get("then_skip", "true").lower() not in ("true", "1"):
+        tree.note(element, "the second time it ends as it did the first; ours is left out")
+    return decorated(tree.node(element.children[0]), "once", True)
+
+
+def _precondition(tree: TreeImport, element: Element) -> YamlNode:
+    status = element.get("else", "FAILURE").strip()
+    if status.startswith("{"):
+        tree.lost(element, f"'else' is {status}; FAILURE is assumed")
+        status = "FAILURE"
+    try:
+        condition = tree.condition(element.attributes["if"])
+        text, opposite = tree.text(condition), tree.text(negated(condition))
+    except Untranslatable as error:
+        tree.lost(element.attributes["if"], f"the condition is left out: {error}")
+        return tree.node(element.children[0])
+    child = tree.node(element.children[0])
+    match status:
+        case "SKIPPED":
+            return decorated(child, "when", text)
+        case "SUCCESS":
+            if can_be_skipped(child):
+                tree.note(element, "when its child is left out, ours has failed")
+            return selector(check(opposite), child)
+        case "RUNNING":
+            wait = YamlNode(key="wait_for", value=text)
+            return wait if child == check(Raw("true")) else sequence(wait, child)
+    return sequence(check(text), child)
+
+
+def unknown_parent(tree: TreeImport, element: Element) -> YamlNode:
+    """Return the children of an element without equivalent, in a sequence if several."""
+    one = len(element.children) == 1
+    fate = "its child stands alone" if one else "its children stand in a sequence"
+    tree.lost(element, f"{_element_text(element)} has no equivalent; {fate}")
+    children = [tree.node(child) for child in element.children]
+    return children[0] if one else sequence(*children)
+
+
+def _count(tree: TreeImport, element: Element, port: str) -> Data:
+    text = element.get(port).strip()
+    entry = pointed_at(text)
+    if entry is not None:
+        name = tree.names.rename(entry)
+        tree.names.read([name], FieldType.INTEGER)
+        return Raw(f"${{{name}}}")
+    return Raw(FOREVER) if int(text) < 0 else int(text)
+
+
+def _duration(tree: TreeImport, element: Element, port: str) -> Raw:
+    """Return the time in a port, which has milliseconds."""
+    text = element.get(port).strip()
+    entry = pointed_at(text)
+    if entry is not None:
+        name = tree.names.rename(entry)
+        tree.names.read([name], FieldType.NUMBER)
+        return Raw(f"${{{name} / 1000}}")
+    amount = int(text)
+    if amount % 60_000 == 0 and amount > 0:
+        return Raw(f"{amount // 60_000} min")
+    if amount % 1000 == 0:
+        return Raw(f"{amount // 1000} s")
+    return Raw(f"{amount / 1000} s" if amount > 1000 else f"{amount} ms")
+
+
+def _sleep(tree: TreeImport, element: Element) -> YamlNode:
+    return YamlNode(key="wait", value=_duration(tree, element, "msec"))
+
+
+def _script(tree: TreeImport, element: Element) -> YamlNode:
+    try:
+        return tree.script(element.attributes["code"])
+    except Untranslatable as error:
+        return _untranslated(tree, element, f": {error}")
+
+
+def _constant(result: str) -> Translate:
+    return lambda tree, element: check(Raw(result))
+
+
+def _set_blackboard(tree: TreeImport, element: Element) -> YamlNode:
+    key = element.get("output_key")
+    value = from_port(element.get("value"), FieldType.ANY, tree.names.rename)
+    tree.names.read(names_in(value))
+    name = tree.names.rename(pointed_at(key) or key)
+    tree.names.write(name)
+    return YamlNode(key="set", value={name: value})
+
+
+def _untranslated(tree: TreeImport, element: Element, because: str = "") -> YamlNode:
+    """Return a leaf in place of one that cannot be translated: it logs so, and fails."""
+    tree.lost(element, f"{_element_text(element)} has no equivalent{because}")
+    message = f"not translated: {_element_text(element)}".replace("${", "$ {")
+    node = YamlNode(key="log", value={"message": message, "level": "error"})
+    return replace(node, decorators={"fail": True})
+
+
+def _element_text(element: Element) -> str:
+    """Return an element in one line, for messages."""
+    ports = [f'{one.name}="{one.value[:60]}"' for one in element.attributes.values()]
+    shown = " ".join((node_id(element), *(port for port in ports if port[:3] != "ID=")))
+    return f"<{' '.join(shown.split())[:160]}>"
+
+
+SIMPLE_NODES: Mapping[str, Translate] = {
+    "Inverter": _plain("invert"),
+    "ForceSuccess": _plain("succeed"),
+    "ForceFailure": _plain("fail"),
+    "Repeat": _loop("repeat", "num_cycles"),
+    "RetryUntilSuccessful": _loop("retry", "num_attempts"),
+    "KeepRunningUntilFailure": _loop("repeat", ""),
+    "Timeout": _timeout,
+    "Delay": _delay,
+    "RunOnce": _run_once,
+    "Precondition": _precondition,
+    **dict.fromkeys(
+        (
+            "LoopInt", "LoopBool", "LoopDouble", "LoopString",
+            "SkipUnlessUpdated", "WaitValueUpdate",
+        ),
+        unknown_parent,
+    ),
+    "Sleep": _sleep,
+    "Script": _script,
+    "ScriptCondition": _script,
+    "SetBlackboard": _set_blackboard,
+    "AlwaysSuccess": _constant("true"),
+    "AlwaysFailure": _constant("false"),
+    "UnsetBlackboard": _untranslated,
+    "WasEntryUpdated": _untranslated,
+}  # fmt: skip
+"""Translator of each built-in decorator and leaf."""
