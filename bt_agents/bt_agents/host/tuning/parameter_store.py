@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import (
+    FoundRevision,
     TuningAction,
     TuningCause,
     TuningChange,
@@ -17,7 +18,6 @@ from bt_agents.host.tuning.history import (
     TuningRevision,
     agent_of,
 )
-from bt_agents.host.tuning.overrides import Overrides
 from bt_agents.host.tuning.presets import Presets, check_name
 from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, same, shown_value
 from bt_agents_core.errors import Refused
@@ -59,6 +59,8 @@ class ParameterStore:
 
     Attributes:
         values: Current value of each parameter, by name.
+        presets: See above.
+        history: The changes so far.
     """
 
     def __init__(
@@ -75,21 +77,14 @@ class ParameterStore:
         self._of_agents: dict[str, dict[str, TunableParameter]] = {}
         self._log = log
         self._disk = disk
-        self._overrides = log.overrides if log is not None else Overrides()
+        self.history = log.history if log is not None else TuningHistory()
         self._now = now
         self._report = report
 
-    @property
-    def history(self) -> TuningHistory:
-        """The changes so far."""
-        return self._overrides.history
-
     def start(self, parameter: TunableParameter) -> Start:
         """Return the initial value of a parameter that was not here before."""
-        override = self._overrides.by_name.get(parameter.name)
-        if override is None:
-            return Start(value=parameter.default)
-        if same(override.value, parameter.default):
+        override = self.history.overrides.get(parameter.name)
+        if override is None or same(override.value, parameter.default):
             return Start(value=parameter.default)
         if not same(override.default, parameter.default):
             return Start(
@@ -113,9 +108,9 @@ class ParameterStore:
     def _put(self, parameter: TunableParameter) -> None:
         self._parameters[parameter.name] = parameter
         self._of_agents.setdefault(parameter.agent, {})[parameter.name] = parameter
-        override = self._overrides.by_name.get(parameter.name)
+        override = self.history.overrides.get(parameter.name)
         if override is not None and same(override.value, parameter.default):
-            self._overrides.clear(parameter.name)
+            del self.history.overrides[parameter.name]
             self._write_log(lambda log: log.clear(parameter.name), must_be_stored=False)
 
     def add(self, parameter: TunableParameter, value: Setting) -> None:
@@ -250,7 +245,7 @@ class ParameterStore:
         )
         defaults = {change.name: self._parameters[change.name].default for change in changes}
         self._write_log(lambda log: log.append(revision, defaults), must_be_stored=must_be_stored)
-        self._overrides.add(revision, defaults)
+        self.history.add(revision, defaults)
         for change in changes:
             self.values[change.name] = change.after
         return revision
@@ -265,21 +260,13 @@ class ParameterStore:
                 raise
             self._report(refused.reason)
 
-    def undo(self, agents: Collection[str]) -> tuple[TuningRevision, Mapping[str, Setting]]:
-        """Return what to undo next, and the values to set for it; as :meth:`TuningHistory.undo`.
+    def find(self, action: TuningAction, agents: Collection[str]) -> FoundRevision:
+        """Return what to undo or redo next; see :meth:`TuningHistory.find`.
 
         Raises:
-            Refused: ``UNKNOWN_AGENT`` or ``NOTHING_TO_UNDO``.
+            Refused: ``UNKNOWN_AGENT``, ``NOTHING_TO_UNDO`` or ``NOTHING_TO_REDO``.
         """
-        return self.history.undo(self._known(agents), self._possible)
-
-    def redo(self, agents: Collection[str]) -> tuple[TuningRevision, Mapping[str, Setting]]:
-        """Return what to redo next, and the values to set for it; as :meth:`TuningHistory.redo`.
-
-        Raises:
-            Refused: ``UNKNOWN_AGENT`` or ``NOTHING_TO_REDO``.
-        """
-        return self.history.redo(self._known(agents), self._possible)
+        return self.history.find(action, self._known(agents), self._possible)
 
     def preset(self, name: str) -> tuple[Mapping[str, Setting], Sequence[str]]:
         """Return the values of a preset, and the names in it that do not exist any more.

@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future as Job
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -29,9 +30,6 @@ SOMEBODY = "somebody"
 """Author of a request without a name."""
 
 _LONGEST_AUTHOR = 60
-
-FoundRevision = tuple[TuningRevision, Mapping[str, Setting]]
-"""A revision to take back or make again, and the values to set for it."""
 
 SetTogether = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | None]
 
@@ -78,8 +76,8 @@ class TuneServer:
         )
         self._actions: dict[int, Callable[[Any, str, str], _ActionResult]] = {
             Tune.Request.SET: self._set,
-            Tune.Request.UNDO: self._undo,
-            Tune.Request.REDO: self._redo,
+            Tune.Request.UNDO: partial(self._step, TuningAction.UNDO),
+            Tune.Request.REDO: partial(self._step, TuningAction.REDO),
             Tune.Request.APPLY: self._apply,
             Tune.Request.SAVE: self._save,
             Tune.Request.FORGET: self._forget,
@@ -109,8 +107,8 @@ class TuneServer:
                 host=self._node.get_fully_qualified_name(),
                 revision=history.revision,
                 tunings=list(self._shown.values()),
-                undo=self._format_next(self._store.undo),
-                redo=self._format_next(self._store.redo),
+                undo=self._format_next(TuningAction.UNDO),
+                redo=self._format_next(TuningAction.REDO),
                 presets=[
                     Preset(name=name, names=list(values), values=list(values.values()))
                     for name, values in self._store.presets.by_name.items()
@@ -118,9 +116,9 @@ class TuneServer:
             )
         )
 
-    def _format_next(self, find: Callable[[tuple[str, ...]], FoundRevision]) -> str:
+    def _format_next(self, action: TuningAction) -> str:
         try:
-            revision, values = find(())
+            revision, values = self._store.find(action, ())
         except Refused:
             return ""
         changes = (
@@ -199,16 +197,8 @@ class TuneServer:
         revision = self._set_together(values, TuningCause(author=author, reason=reason))
         return _ActionResult(message=self._summary(revision), revision=revision)
 
-    def _undo(self, request: Any, author: str, reason: str) -> _ActionResult:
-        return self._take_back(TuningAction.UNDO, self._store.undo(request.agents), author, reason)
-
-    def _redo(self, request: Any, author: str, reason: str) -> _ActionResult:
-        return self._take_back(TuningAction.REDO, self._store.redo(request.agents), author, reason)
-
-    def _take_back(
-        self, action: TuningAction, found: FoundRevision, author: str, reason: str
-    ) -> _ActionResult:
-        old, values = found
+    def _step(self, action: TuningAction, request: Any, author: str, reason: str) -> _ActionResult:
+        old, values = self._store.find(action, request.agents)
         cause = TuningCause(
             author=author,
             reason=reason or f"{action.value} of revision {old.number}",
