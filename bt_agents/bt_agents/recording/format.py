@@ -44,7 +44,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from bt_agents.engine.environment import GoalState
 from bt_agents_core.errors import Refused
 
 FORMAT = 2
@@ -82,17 +81,6 @@ class Recording:
     def complete(self) -> bool:
         """Whether it goes on to the end of the run."""
         return bool(self.entries) and "end" in self.entries[self.steps]
-
-
-def initial_goal() -> dict[str, Any]:
-    """Return the fields of a goal right after it was sent, which need no entry."""
-    return {
-        "state": GoalState.PENDING,
-        "confirmed": False,
-        "message": "",
-        "result": {},
-        "feedback": None,
-    }
 
 
 def to_line(entry: Entry) -> str:

@@ -19,7 +19,7 @@ from bt_agents.host.tuning.history import (
     agent_of,
 )
 from bt_agents.host.tuning.presets import Presets, check_name
-from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, same, shown_value
+from bt_agents.host.tuning.tunable import Setting, TunableParameter, same, shown_value
 from bt_agents_core.errors import Refused
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -27,7 +27,6 @@ from bt_agents_language.diagnostics.collection import did_you_mean
 FILE = "file"
 """Author of what a changed file has set."""
 
-_SAVED = (TunableKind.TUNABLE, TunableKind.LEARNING_RATE)
 _LONGEST_LINE = 300
 _FEW = 8
 
@@ -196,7 +195,7 @@ class ParameterStore:
     def record(
         self, values: Mapping[str, Setting], cause: TuningCause, *, must_be_stored: bool = True
     ) -> TuningRevision | None:
-        """Log values and put them into force; when this returns, they outlive the process.
+        """Log checked values and put them into force; then they outlive the process.
 
         Args:
             values: They were checked.
@@ -288,13 +287,9 @@ class ParameterStore:
         return values, [one for one in preset if one not in self._parameters]
 
     def save(self, name: str, agents: Collection[str]) -> tuple[int, Job[None]]:
-        """Save the tunables and learning rates of agents as a preset.
+        """Save the tunables and learning rates of agents, or of all for none, as a preset.
 
         Those that are as in the file are saved too, so that the preset brings back all of them.
-
-        Args:
-            name: Of the preset.
-            agents: Whose; empty for all.
 
         Returns:
             How many values, and the job that saves them; its error is as in :meth:`Presets.save`.
@@ -307,7 +302,7 @@ class ParameterStore:
         values = {
             parameter.name: parameter.format(self.values[parameter.name])
             for parameter in self._parameters.values()
-            if parameter.kind in _SAVED and (not wanted or parameter.agent in wanted)
+            if parameter.agent and (not wanted or parameter.agent in wanted)
         }
         return len(values), self._disk.submit(self.presets.save, name, values)
 
@@ -327,11 +322,9 @@ class ParameterStore:
         return set(agents)
 
     def _possible(self, name: str, value: Setting) -> bool:
-        if name not in self._parameters:
-            return False
         try:
             self._parameters[name].check(value)
-        except Refused:
+        except (KeyError, Refused):
             return False
         return True
 
