@@ -71,7 +71,7 @@ class HostCardPublisher:
         problems = self._versions.folder_problems()
         for member in members:
             name = member.spec.name
-            for line in self._versions.status(name).problems:
+            for line in self._versions.histories[name].problems:
                 if line not in problems:
                     problems.append(f"{name}: {line.removeprefix(f'{name}: ')}")
         problems += [f"{m.spec.file}: {m.refusal}" for m in members if m.refusal]
@@ -120,7 +120,7 @@ class HostCardPublisher:
 
     def _agent_card(self, member: HostedAgent) -> AgentCard:
         spec = member.spec
-        status = self._versions.status(spec.name)
+        history = self._versions.histories[spec.name]
         return AgentCard(
             name=spec.name,
             title=spec.title,
@@ -132,10 +132,10 @@ class HostCardPublisher:
             learning_rate=member.learning_rate,
             learning=learning_to_msg(spec.learning, self._registry.space),
             rules=[rule_to_msg(rule) for rule in spec.rules],
-            version=status.version,
-            waiting=status.waiting,
-            degraded=bool(status.problems),
-            problems=list(status.problems),
+            version=history.current.number,
+            waiting=history.waiting is not None,
+            degraded=bool(history.problems),
+            problems=list(history.problems),
         )
 
 

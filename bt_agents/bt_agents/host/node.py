@@ -67,7 +67,7 @@ class HostNode(BaseNode):
             self.registry,
             self.instance,
             live.begin_run,
-            version=lambda name: self._versions.status(name).version,
+            version=lambda name: self._versions.histories[name].current.number,
         )
         for member in self.registry.members.values():
             self._prepare(member.spec)
@@ -161,7 +161,7 @@ class HostNode(BaseNode):
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
         if name in self.registry.members:
-            reason = self._versions.status(name).removal_reason
+            reason = self._versions.histories[name].removal_reason
             self.registry.members[name].removal_reason = reason
 
     def _add(self, agent: AgentSpec) -> None:

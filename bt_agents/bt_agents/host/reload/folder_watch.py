@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bt_agents.host.reload.incremental_reader import KnownFiles, adopted, known_files, reread
+from bt_agents.host.reload.incremental_reader import KnownFiles, Rereading, adopted, known_files
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import Poll, Stamp, differing, poll
@@ -92,20 +92,16 @@ class FolderWatch:
             return self._trees() if back else None
         self._unsettled_polls = 0
         before = self._known
-        paths = {Path(name) for name in now}
-        self._known = reread(before, paths, {*map(Path, changed)}, self._before_file)
+        reading = Rereading(before, {*map(Path, now)}, {*map(Path, changed)}, self._before_file)
+        self._known = reading.result()
         self._read = now
         return self._trees() if back or self._known is not before else None
 
     def write(self, path: Path, version: AgentFile, known_texts: Collection[str]) -> FileWrite:
         """Write an earlier text of an agent into its file, which counts as read with that.
 
-        A text that would be lost is stored beside it, in a file with a ``~`` behind its name.
-
-        Args:
-            path: The file.
-            version: Its new content.
-            known_texts: Texts that are stored elsewhere.
+        A text that is not among the known ones, which are stored elsewhere, would be lost: it is
+        stored beside it, in a file with a ``~`` behind its name.
         """
         assert version.text is not None
         assert version.agent is not None
@@ -146,11 +142,9 @@ class FolderWatch:
 
     def _trees(self) -> Trees:
         trees = self._known.trees
-        return (
-            replace(trees, problems=(*trees.problems, self._missing_text))
-            if self._missing_text
-            else trees
-        )
+        if not self._missing_text:
+            return trees
+        return replace(trees, problems=(*trees.problems, self._missing_text))
 
     def _before_file(self) -> None:
         if self._stopped:

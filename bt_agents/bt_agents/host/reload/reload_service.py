@@ -128,17 +128,17 @@ class ReloadService:
     def roll_back(self, name: str, version: Version, done: Callable[[Request], None]) -> None:
         """Write an earlier version into its file and bring it into force; call back then."""
         request = self._request(done)
-        file = self.versions.file(name).file
-        texts = {one.file.text for one in self.versions.versions(name) if one.file.text}
+        history = self.versions.history(name)
+        texts = {one.file.text for one in history.versions if one.file.text}
 
         def handle(written: FileWrite) -> None:
-            now = self._now()
-            running = self._runs.running
+            running, now = self._runs.running, self._now()
             self._execute(self.versions.roll_back(name, version, written.file, running, now))
             if written.text:
                 request.changes.append(written.text)
             self.update(written.trees)
 
+        file = history.last_read.file
         self._read(lambda: self._watch.write(file, version.file, texts), handle, request)
 
     def update(self, trees: Trees) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Version history of one agent: the good versions of its file, and its status."""
+"""Version history of one agent: the good versions of its file, and which is in force."""
 
 from __future__ import annotations
 
@@ -37,23 +37,6 @@ class Version:
         return self.file.agent
 
 
-@dataclass(frozen=True, kw_only=True)
-class AgentStatus:
-    """Status of an agent.
-
-    Attributes:
-        version: Number of the version in force.
-        waiting: True when another one comes into force at the end of its run.
-        removal_reason: Why it is removed at the end of its run; empty when it stays.
-        problems: Why its file is not in force, one line each; empty when it is.
-    """
-
-    version: int
-    waiting: bool
-    removal_reason: str
-    problems: tuple[str, ...]
-
-
 @dataclass(kw_only=True, slots=True)
 class VersionHistory:
     """Versions of one agent.
@@ -89,11 +72,6 @@ class VersionHistory:
 
 
 def new_history(file: AgentFile, stamp: float) -> VersionHistory:
-    """Return the history of an agent that is new here, with one version.
-
-    Args:
-        file: Its file, which is good.
-        stamp: Time of reading [s].
-    """
+    """Return the history of an agent that is new here, with one version from its good file."""
     version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp)
     return VersionHistory(current=version, last_read=file, versions=[version])

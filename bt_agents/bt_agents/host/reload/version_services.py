@@ -10,7 +10,6 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from bt_agents.host.reload.reload_service import ReloadService, Request
-from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Version
@@ -20,18 +19,12 @@ from bt_agents_ros.messages import to_time
 
 
 class ReloadServices:
-    """Services ``~/reload``, ``~/versions`` and ``~/roll_back``.
-
-    Args:
-        node: The host's node.
-        reloading: Executes the requests.
-        runs: The host's action, whose run is cancelled for a request with ``now``.
-    """
+    """Services ``~/reload``, ``~/versions`` and ``~/roll_back`` of a host."""
 
     def __init__(self, node: Node, reloading: ReloadService, runs: RunServer) -> None:
         self._node = node
         self._reloading = reloading
-        self._versions: AgentVersions = reloading.versions
+        self._versions = reloading.versions
         self._runs = runs
         # A request that is awaited delays the others of its group, and nothing else.
         one_at_a_time = MutuallyExclusiveCallbackGroup()
@@ -85,25 +78,24 @@ class ReloadServices:
         self, asked: ListVersions.Request, response: ListVersions.Response
     ) -> ListVersions.Response:
         try:
-            versions = self._versions.versions(asked.agent)
-            status = self._versions.status(asked.agent)
+            history = self._versions.history(asked.agent)
         except Refused as refused:
             response.message = refused.reason
             return response
         response.accepted = True
-        response.message = f"version {status.version} of {asked.agent} is in force"
-        if status.waiting:
-            response.message += f", {versions[-1].number} waits for the end of its run"
+        response.message = f"version {history.current.number} of {asked.agent} is in force"
+        if history.waiting is not None:
+            response.message += f", {history.waiting.number} waits for the end of its run"
         response.versions = [
             Version(
                 stamp=to_time(one.stamp),
                 version=one.number,
                 cause=one.cause,
                 change=one.change,
-                current=one.number == status.version,
-                waiting=status.waiting and one is versions[-1],
+                current=one is history.current,
+                waiting=one is history.waiting,
             )
-            for one in versions
+            for one in history.versions
         ]
         return response
 

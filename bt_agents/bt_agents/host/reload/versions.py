@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents.host.reload.changes import compare
-from bt_agents.host.reload.version_history import AgentStatus, Version, VersionHistory, new_history
+from bt_agents.host.reload.version_history import Version, VersionHistory, new_history
 from bt_agents_core.errors import Refused
 from bt_agents_language.diagnostics.renderers import as_hinted_lines
 from bt_agents_language.files.agent_file import AgentFile
@@ -59,25 +59,26 @@ class AgentVersions:
 
     Attributes:
         trees: Trees folder as it was read last.
+        histories: Name of an agent → its versions; only of those that have one in force.
     """
 
     def __init__(self, trees: Trees, stamp: float) -> None:
         self.trees = trees
         self._good_files = _good_files(trees)
         self._space = trees.scene.space
-        self._histories: dict[str, VersionHistory] = {}
+        self.histories: dict[str, VersionHistory] = {}
         self._removed: OrderedDict[str, VersionHistory] = OrderedDict()
         for name, file in self._good_files.items():
-            self._histories[name] = new_history(file, stamp)
+            self.histories[name] = new_history(file, stamp)
 
     def update(self, trees: Trees) -> list[str]:
         """Store the folder as it was read now; return the agents to settle, in order."""
         self.trees = trees
         self._good_files = _good_files(trees)
-        gone = [name for name in self._histories if name not in self._good_files]
+        gone = [name for name in self.histories if name not in self._good_files]
         affected = [name for name in gone if self._is_new(name)]
         for name, file in self._good_files.items():
-            history = self._histories.get(name)
+            history = self.histories.get(name)
             if (
                 history is None
                 or history.last_read is not file
@@ -95,7 +96,7 @@ class AgentVersions:
             running: The agent whose tree runs; empty for none.
             stamp: Now [s].
         """
-        history, file = self._histories.get(name), self._good_files.get(name)
+        history, file = self.histories.get(name), self._good_files.get(name)
         if file is None:
             return self._without_good_file(name, history, running) if history is not None else None
         if history is None:
@@ -104,7 +105,7 @@ class AgentVersions:
 
     def run_ended(self, name: str) -> ReloadEffect | None:
         """Return what has waited for the end of an agent's run; None for nothing."""
-        history = self._histories.get(name)
+        history = self.histories.get(name)
         if history is None:
             return None
         if history.removal_reason:
@@ -118,16 +119,12 @@ class AgentVersions:
         """Take back a version that could not be brought into force; return what to report instead.
 
         It is tried again when the folder is read the next time.
-
-        Args:
-            effect: Effect that could not be executed.
-            error: Reason, as text.
         """
         name = effect.name
-        history = self._histories.get(name)
+        history = self.histories.get(name)
         text = f"{effect.text}; this failed: {error}"
         if history is not None and effect.action is ReloadAction.ADD:
-            del self._histories[name]
+            del self.histories[name]
             if len(history.versions) > 1:
                 self._removed[name] = history
             text = f"{name}: version {history.current.number} could not be added: {error}"
@@ -142,19 +139,9 @@ class AgentVersions:
             history.problems = (text,)
         return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text, is_error=True)
 
-    def status(self, name: str) -> AgentStatus:
-        """Return the status of an agent."""
-        history = self._histories[name]
-        return AgentStatus(
-            version=history.current.number,
-            waiting=history.waiting is not None,
-            removal_reason=history.removal_reason,
-            problems=history.problems,
-        )
-
     def waiting_text(self, name: str) -> str:
         """Return as text what waits for the end of an agent's run; empty for nothing."""
-        history = self._histories.get(name)
+        history = self.histories.get(name)
         if history is None:
             return ""
         if history.waiting is not None:
@@ -167,33 +154,24 @@ class AgentVersions:
         lines = (line for found in broken for line in as_hinted_lines(found))
         return [*lines, *self.trees.problems]
 
-    def names(self) -> tuple[str, ...]:
-        """Return the names of all agents that have a version in force."""
-        return tuple(self._histories)
-
-    def versions(self, name: str) -> tuple[Version, ...]:
-        """Return the stored versions of an agent, oldest first.
+    def history(self, name: str) -> VersionHistory:
+        """Return the versions of an agent.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``.
         """
-        return tuple(self._history(name).versions)
-
-    def file(self, name: str) -> AgentFile:
-        """Return the file of an agent as it was read last."""
-        return self._history(name).last_read
+        if name not in self.histories:
+            known = ", ".join(sorted(self.histories)) or "none"
+            raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
+        return self.histories[name]
 
     def find(self, name: str, number: int) -> Version:
-        """Return a version to roll back to.
-
-        Args:
-            name: The agent.
-            number: Its version; 0 for the one before the current.
+        """Return a version to roll back to; for the number 0 the one before the current.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_VERSION``, ``SAME_VERSION``, or ``NO_FILE``.
         """
-        history = self._history(name)
+        history = self.history(name)
         if history.removal_reason:
             raise Refused(
                 "NO_FILE",
@@ -228,20 +206,15 @@ class AgentVersions:
     def roll_back(
         self, name: str, version: Version, file: AgentFile | None, running: str, stamp: float
     ) -> ReloadEffect:
-        """Make an earlier version the newest.
+        """Make an earlier version the newest; see :meth:`find` and :meth:`settle`.
 
-        Args:
-            name: The agent.
-            version: See :meth:`find`.
-            file: Its file, written with this version; None when it could not be written.
-            running: The agent whose tree runs; empty for none.
-            stamp: Now [s].
+        The file is that of the agent, written with this version; None when it could not be.
 
         Raises:
             Refused: As in :meth:`find`; the agent may have changed since then.
         """
         self.find(name, version.number)
-        history = self._history(name)
+        history = self.history(name)
         if file is not None:
             history.last_read, history.problems = file, ()
             self._good_files[name] = file
@@ -253,15 +226,9 @@ class AgentVersions:
             name, history, file, f"roll back to {version.number}", running, stamp
         )
 
-    def _history(self, name: str) -> VersionHistory:
-        if name not in self._histories:
-            known = ", ".join(sorted(self._histories)) or "none"
-            raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
-        return self._histories[name]
-
     def _is_new(self, name: str) -> bool:
         """Return whether the status of an agent without a good file has changed."""
-        history = self._histories[name]
+        history = self.histories[name]
         problems = self._problems(name)
         return problems != history.problems if problems else not history.removal_reason
 
@@ -303,7 +270,7 @@ class AgentVersions:
         return f"it has none of the tags {', '.join(self.trees.tags)} any more"
 
     def _remove(self, name: str, history: VersionHistory, reason: str) -> ReloadEffect:
-        del self._histories[name]
+        del self.histories[name]
         history.removal_reason, history.problems = "", ()
         self._removed[name] = history
         while len(self._removed) > _MAX_REMOVED:
@@ -322,7 +289,7 @@ class AgentVersions:
             if not _same(history.current.file, file):
                 history.current = self._new_version(history, file, "file is back", stamp)
             text = f"{name}: back again, version {history.current.number} in force"
-        self._histories[name] = history
+        self.histories[name] = history
         return ReloadEffect(
             action=ReloadAction.ADD, name=name, agent=history.current.agent, text=text
         )
