@@ -4,28 +4,22 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Collection
 from typing import Any
 
 from rclpy.node import Node
 
-from bt_agents.engine.environment import Clock
 from bt_agents_language.model.specs import HeartbeatSpec
 from bt_agents_ros import qos
 from bt_agents_ros.types import load_type
 
 
 class Heartbeats:
-    """Subscriptions to the heartbeats of servers.
+    """Subscriptions to the heartbeats of servers."""
 
-    Args:
-        node: The host's node.
-        steady: A clock that never stands still [s].
-    """
-
-    def __init__(self, node: Node, steady: Clock) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
-        self._steady = steady
         self._last: dict[tuple[str, str], float] = {}
         self._subscriptions: dict[tuple[str, str], Any] = {}
 
@@ -40,7 +34,7 @@ class Heartbeats:
             kind = load_type(spec.type)
 
             def receive(_message: object) -> None:
-                self._last[key] = self._steady()
+                self._last[key] = time.monotonic()
 
             # Its content does not matter, so it is not even decoded.
             self._subscriptions[key] = self._node.create_subscription(

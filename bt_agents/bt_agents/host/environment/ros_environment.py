@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from bt_agents.engine.environment import Clock, GoalRun, Inbox, SkillGoal
+from bt_agents.engine.environment import GoalRun, Inbox, SkillGoal
 from bt_agents.host.environment.feedback_requests import FeedbackRequests
 from bt_agents.host.environment.goal import GoalDeadlines, GoalTrack, RosGoalRun, RosRequest
 from bt_agents.host.environment.heartbeat import Heartbeats
@@ -35,7 +35,6 @@ class RosEnvironment:
         space: The scene parameters.
         agent: Returns the name of the agent whose tree is running.
         scene: Returns the scene of its run as awarded.
-        steady: Clock of every deadline, which never stands still [s].
 
     Attributes:
         clock: The trees' clock.
@@ -49,7 +48,6 @@ class RosEnvironment:
         space: SceneSpace,
         agent: Callable[[], str],
         scene: Callable[[], SceneMsg] = SceneMsg,
-        steady: Clock = time.monotonic,
     ) -> None:
         self.clock = TreeClock(node)
         self._node = node
@@ -57,9 +55,8 @@ class RosEnvironment:
         self._space = space
         self._agent = agent
         self._scene = scene
-        self._steady = steady
-        self._deadlines = GoalDeadlines(node, steady)
-        self._heartbeats = Heartbeats(node, steady)
+        self._deadlines = GoalDeadlines(node)
+        self._heartbeats = Heartbeats(node)
         self._clients: dict[tuple[BindingKind, str, str], Any] = {}
         self._publishers: dict[tuple[str, str], Any] = {}
         self._latched: dict[tuple[str, str], LatchedTopic] = {}
@@ -123,22 +120,21 @@ class RosEnvironment:
         last_heartbeat = (
             self._heartbeats.subscribe(goal.heartbeat) if goal.heartbeat is not None else None
         )
-        track = GoalTrack(goal, self._steady, last_heartbeat)
+        track = GoalTrack(goal, time.monotonic, last_heartbeat)
+        reschedule = self._deadlines.reschedule
         run: RosGoalRun | RosRequest
         if is_action:
             run = RosGoalRun(
                 client,
                 message,
                 track,
-                reschedule=self._deadlines.reschedule,
+                reschedule=reschedule,
                 wake=self._wake,
                 feedback=goal.feedback,
                 warn=lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
             )
         else:
-            run = RosRequest(
-                client, message, track, reschedule=self._deadlines.reschedule, wake=self._wake
-            )
+            run = RosRequest(client, message, track, reschedule=reschedule, wake=self._wake)
         self._deadlines.add(run)
         return run
 
