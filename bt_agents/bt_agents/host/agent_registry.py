@@ -18,10 +18,6 @@ from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import AgentSpec
 
 
-def _nothing() -> None:
-    """Do nothing."""
-
-
 @dataclass(kw_only=True, slots=True)
 class HostedAgent:
     """One agent and what has changed since its file was read.
@@ -39,7 +35,7 @@ class HostedAgent:
         removal_reason: Why it is removed and bids no more; empty when it stays.
     """
 
-    on_change: Callable[[], None] = field(default=_nothing, repr=False, compare=False)
+    on_change: Callable[[], None] = field(repr=False, compare=False)
     spec: AgentSpec
     profile: Vector
     revision: int = 0
@@ -145,14 +141,13 @@ class AgentRegistry:
         self.members: dict[str, HostedAgent] = {}
         self._registered: _Registered | None = None
         self._last_subset: tuple[frozenset[str], BidderColumns] | None = None
-        self._on_change = self._invalidate
         for spec in agents:
             self.add(spec)
 
     def add(self, spec: AgentSpec) -> HostedAgent:
         """Add an agent, as its file says; return it."""
         member = self.members[spec.name] = HostedAgent(
-            on_change=self._on_change,
+            on_change=self._invalidate,
             spec=spec,
             profile=spec.profile,
             learning_rate=spec.learning_rate,
@@ -188,12 +183,9 @@ class AgentRegistry:
     def bids_for(
         self, scene: Scene, excluded: Collection[str] = (), *, obstacle: str = ""
     ) -> HostBids:
-        """Return the bids for a scene, of registered agents only.
+        """Return the bids for a scene, of registered agents that are not excluded by name.
 
-        Args:
-            scene: What is to be bid for.
-            excluded: Names of agents that are not asked.
-            obstacle: Reason why no agent of this host can run; empty if they can.
+        An obstacle is the reason why no agent of this host can run; empty if they can.
         """
         registered = self._registered or self._register()
         everybody = registered.bidders
@@ -213,34 +205,19 @@ class AgentRegistry:
             self._last_subset = None if named else some
         return HostBids(bidders=some[1], declined=declined)
 
-    def set_profile(self, name: str, values: Iterable[float], revision: int) -> HostedAgent:
-        """Give an agent a new profile; return the agent.
-
-        Raises:
-            Refused: ``UNKNOWN_AGENT``, ``STALE_REVISION``, or as in :meth:`SceneSpace.vector`.
-        """
-        member = self.member(name)
-        profile = self.space.vector(values, what=f"profile of {name}")
-        if revision < member.revision:
-            raise Refused(
-                "STALE_REVISION",
-                f"{name} has revision {member.revision} already, {revision} is older",
-            )
-        member.profile = profile
-        member.revision = revision
-        return member
-
-    def set_layer(
-        self, name: str, layer: str, values: Iterable[float], revision: int
+    def set_profile(
+        self, name: str, values: Iterable[float], revision: int, layer: str = ""
     ) -> HostedAgent:
-        """Give an agent a new profile for a person or a place; return the agent.
+        """Give an agent a new profile, for all or for a person or a place; return the agent.
 
         Raises:
-            Refused: ``BAD_LAYER``, ``TOO_MANY_LAYERS``, or as in :meth:`set_profile`.
+            Refused: ``UNKNOWN_AGENT``, ``BAD_LAYER``, ``TOO_MANY_LAYERS``, ``STALE_REVISION``, or
+                as in :meth:`SceneSpace.vector`.
         """
         member = self.member(name)
-        profile = self.space.vector(values, what=f"profile of {name} for {checked_layer(layer)}")
-        held = member.layers.get(layer)
+        whose = f" for {checked_layer(layer)}" if layer else ""
+        profile = self.space.vector(values, what=f"profile of {name}{whose}")
+        held = member.layers.get(layer) if layer else (member.profile, member.revision)
         if held is None and len(member.layers) >= MOST_LAYERS:
             raise Refused(
                 "TOO_MANY_LAYERS",
@@ -249,10 +226,13 @@ class AgentRegistry:
         if held is not None and revision < held[1]:
             raise Refused(
                 "STALE_REVISION",
-                f"{name} has revision {held[1]} for {layer} already, {revision} is older",
+                f"{name} has revision {held[1]}{whose} already, {revision} is older",
             )
-        member.layers[layer] = (profile, revision)
-        self._invalidate()
+        if layer:
+            member.layers[layer] = (profile, revision)
+            self._invalidate()
+        else:
+            member.profile, member.revision = profile, revision
         return member
 
     def remove_layer(self, name: str, layer: str) -> None:

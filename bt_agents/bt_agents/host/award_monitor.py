@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from bt_agents_core.liveness import StallDetector, extended_after_stall
 
@@ -12,11 +13,19 @@ _POLL_AGAIN_S = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class RunKey:
-    """Identity of a run: market, round and agent; round 0 is no run."""
+    """Identity of a run: market, round and agent; round 0 is no run.
+
+    A round has several runs when agents refuse theirs.
+    """
 
     epoch: str
     round: int = 0
     agent: str = ""
+
+    @classmethod
+    def of(cls, message: Any) -> RunKey:
+        """Return the run that a message is about: a goal, an event or a heartbeat."""
+        return cls(epoch=message.epoch, round=message.round, agent=message.agent)
 
 
 class AwardMonitor:

@@ -219,12 +219,10 @@ class HostNode(BaseNode):
             if request.remove:
                 self.registry.remove_layer(agent, layer)
                 response.message = f"{agent or 'everybody here'} has no {layer or 'layers'} now"
-            elif layer:
-                self.registry.set_layer(agent, layer, request.values, request.revision)
-                response.message = f"{agent} bids with revision {request.revision} for {layer}"
             else:
-                self.registry.set_profile(agent, request.values, request.revision)
-                response.message = f"{agent} bids with revision {request.revision}"
+                self.registry.set_profile(agent, request.values, request.revision, layer)
+                whose = f" for {layer}" if layer else ""
+                response.message = f"{agent} bids with revision {request.revision}{whose}"
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response

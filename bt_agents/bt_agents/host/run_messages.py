@@ -14,33 +14,13 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
 from bt_agents_interfaces.msg import TreeStatus
 
-_STATUS = {
-    Status.INVALID: StatusChangeMsg.INVALID,
-    Status.RUNNING: StatusChangeMsg.RUNNING,
-    Status.SUCCESS: StatusChangeMsg.SUCCESS,
-    Status.FAILURE: StatusChangeMsg.FAILURE,
-}
-
-OUTCOMES = {
-    TreeOutcome.SUCCEEDED: RunAgent.Result.SUCCEEDED,
-    TreeOutcome.FAILED: RunAgent.Result.FAILED,
-    TreeOutcome.CANCELLED: RunAgent.Result.CANCELLED,
-}
-"""Outcomes of a run as messages have them."""
+_STATUS = {status: getattr(StatusChangeMsg, status.name) for status in Status}
 
 
 def tree_status(
     stamp: Any, goal: Any, instance: str, run: Run, changes: Sequence[StatusChange]
 ) -> TreeStatus:
-    """Return the message of a tick.
-
-    Args:
-        stamp: When the tree was ticked.
-        goal: What it runs for.
-        instance: This start of the host.
-        run: The run, after the tick.
-        changes: What the tick has changed, in order.
-    """
+    """Return the message of a tick, with the run after it and what it has changed, in order."""
     return TreeStatus(
         stamp=stamp,
         epoch=goal.epoch,
@@ -64,7 +44,7 @@ def tree_status(
 def run_result_to_msg(result: RunResult) -> RunAgent.Result:
     """Return the result of the action."""
     return RunAgent.Result(
-        outcome=OUTCOMES[result.outcome],
+        outcome=getattr(RunAgent.Result, result.outcome.name),
         message=result.message,
         tip=result.tip,
         orphans=list(result.orphans),

@@ -12,21 +12,11 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_interfaces.msg import TunableInfo
 
 _KINDS = {
-    TunableKind.TUNABLE: TunableInfo.TUNABLE,
-    TunableKind.LEARNING_RATE: TunableInfo.LEARNING_RATE,
-    TunableKind.TICK_RATE: TunableInfo.TICK_RATE,
+    getattr(TunableInfo, one.name): one for one in TunableKind if hasattr(TunableInfo, one.name)
 }
 _TYPES = {
-    FieldType.NUMBER: TunableInfo.NUMBER,
-    FieldType.DURATION: TunableInfo.DURATION,
-    FieldType.LENGTH: TunableInfo.LENGTH,
-    FieldType.ANGLE: TunableInfo.ANGLE,
-    FieldType.INTEGER: TunableInfo.INTEGER,
-    FieldType.BOOLEAN: TunableInfo.BOOLEAN,
-    FieldType.TEXT: TunableInfo.TEXT,
+    getattr(TunableInfo, one.name): one for one in FieldType if hasattr(TunableInfo, one.name)
 }
-_KIND_OF = {number: kind for kind, number in _KINDS.items()}
-_TYPE_OF = {number: field_type for field_type, number in _TYPES.items()}
 
 
 def info_to_msg(parameter: TunableParameter) -> TunableInfo:
@@ -35,8 +25,8 @@ def info_to_msg(parameter: TunableParameter) -> TunableInfo:
         name=parameter.name,
         agent=parameter.agent,
         key=parameter.key,
-        kind=_KINDS[parameter.kind],
-        type=_TYPES[parameter.type],
+        kind=getattr(TunableInfo, parameter.kind.name),
+        type=getattr(TunableInfo, parameter.type.name),
         unit=parameter.unit,
         default_value=Parameter(parameter.name, value=parameter.default).get_parameter_value(),
         step=float(parameter.step),
@@ -54,8 +44,8 @@ def info_from_msg(message: Any) -> TunableParameter:
         name=message.name,
         agent=message.agent,
         key=message.key,
-        kind=_KIND_OF[message.kind],
-        type=_TYPE_OF[message.type],
+        kind=_KINDS[message.kind],
+        type=_TYPES[message.type],
         default=parameter_value_to_python(message.default_value),
         minimum=message.minimum if message.has_range else None,
         maximum=message.maximum if message.has_range else None,
