@@ -82,12 +82,7 @@ class BidderColumns:
 
 
 class Decline(NamedTuple):
-    """Reason of an agent for not bidding.
-
-    Attributes:
-        reason: For people.
-        unmet: What the scene lacks of what the agent requires; empty for any other reason.
-    """
+    """Reason of an agent for not bidding; ``unmet`` is what the scene lacks of its requirement."""
 
     reason: str
     unmet: str = ""
@@ -122,10 +117,7 @@ class HostBids:
 class _Registered:
     """Registered agents, prepared for scenes that name no layer.
 
-    Attributes:
-        bidders: All of them.
-        conditional: Those that may decline a scene.
-        layered: Whether any has a profile for a person or a place.
+    The conditional ones may decline a scene; when layered, any of all has a profile for a layer.
     """
 
     bidders: BidderColumns

@@ -31,11 +31,7 @@ class RunKey:
 class AwardMonitor:
     """Monitor of the run that the market names; a host that has stalled waits for it to act.
 
-    Args:
-        now: The time on the steady clock [s].
-
-    Attributes:
-        stall: Detects that this process was suspended.
+    All times are on the steady clock [s]. Its ``stall`` detects that this process was suspended.
     """
 
     def __init__(self, now: float) -> None:
@@ -43,13 +39,7 @@ class AwardMonitor:
         self._named: RunKey | None = None
 
     def on_heartbeat(self, named: RunKey, run: RunKey | None, now: float) -> bool:
-        """Handle the run that a market names; return True when the one under way was given away.
-
-        Args:
-            named: By the heartbeat.
-            run: The run under way; None without one.
-            now: The time [s].
-        """
+        """Handle the run that a market names; return whether the one under way was given away."""
         if run is not None and run.epoch != named.epoch:
             return False
         before, self._named = self._named, named
@@ -79,10 +69,8 @@ class AwardMonitor:
 class MarketLease:
     """Lease of the market on the run under way; all times are on the steady clock [s].
 
-    A market without a heartbeat so far is not missed: it may have none.
-
-    Args:
-        lease_s: The market is gone when it has been silent for this long [s].
+    A market is gone when it has been silent for ``lease_s``. One without a heartbeat so far is not
+    missed: it may have none.
     """
 
     def __init__(self, lease_s: float) -> None:

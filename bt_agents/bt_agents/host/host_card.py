@@ -32,12 +32,6 @@ class HostCardPublisher:
 
     The card stands under the name of the host. Only the host that the market has registered may
     have one: a card of another host of the same name would replace it.
-
-    Args:
-        node: The host's node.
-        instance: This start of the host.
-        registry: Its agents.
-        versions: Their versions, and what is wrong with their files.
     """
 
     def __init__(

@@ -18,12 +18,7 @@ from bt_agents_ros.parameters import declare_live_lease
 
 
 class LiveScene:
-    """The live scene of the run under way.
-
-    Args:
-        node: The host's node.
-        space: The scene parameters.
-    """
+    """The live scene of the run under way."""
 
     def __init__(self, node: Node, space: SceneSpace) -> None:
         self._node = node

@@ -40,10 +40,7 @@ _NAMES_SHOWN = 20
 class HostNode(BaseNode):
     """Host of the agents of a trees folder: registers them, bids, and ticks the winner's tree.
 
-    Args:
-        folder: What the trees folder says.
-        tunings: File in which what was tuned outlives the host; empty keeps it in memory.
-        node_kwargs: For :class:`rclpy.node.Node`.
+    What was tuned outlives it in the file ``tunings``; an empty name keeps that in memory.
     """
 
     def __init__(self, folder: TreesFolder, *, tunings: str = "", **node_kwargs: Any) -> None:

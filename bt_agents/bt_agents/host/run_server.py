@@ -182,10 +182,7 @@ class RunServer:
     ) -> None:
         """Stop the running tree; the first reason and its cause count.
 
-        Args:
-            reason: For people.
-            cause: For the market.
-            clean_up: False leaves the agent's ``on_cancel`` out, also of an earlier order.
+        Without the clean-up the agent's ``on_cancel`` is left out, also that of an earlier order.
         """
         if not self.busy:
             return

@@ -95,12 +95,9 @@ def to_line(entry: Entry) -> str:
 
 
 def read_recording(lines: Iterable[str]) -> Recording:
-    """Return a recording of any format.
+    """Return a recording of any format from its lines, in order.
 
     What follows a missing line cannot be replayed and is left out.
-
-    Args:
-        lines: As :class:`bt_agents.recording.recorded_run.RecordingRun` wrote them, in order.
 
     Raises:
         Refused: ``BAD_RECORD``; the first line is missing, or one cannot be read.

@@ -28,10 +28,7 @@ class _GoalFields:
 class RecordingGoal:
     """A goal whose fields are recorded when they are polled; a cancel may change them at once.
 
-    Args:
-        run: The goal.
-        number: Its number in the order in which goals were sent.
-        log: Takes the entries.
+    Its number is that in the order in which goals were sent.
     """
 
     def __init__(self, run: GoalRun, number: int, log: StepLog) -> None:
@@ -116,13 +113,7 @@ class ReplayGoal(_GoalFields):
 
 
 class RecordingInbox:
-    """An inbox whose messages are recorded when they are taken.
-
-    Args:
-        inbox: The inbox.
-        number: Its number in the order in which inboxes were opened.
-        log: Takes the entries.
-    """
+    """An inbox whose messages are recorded when taken; numbered in the order of opening."""
 
     def __init__(self, inbox: Inbox, number: int, log: StepLog) -> None:
         # Closures: a leaf that waits asks at each tick, mostly for nothing.
@@ -139,11 +130,7 @@ class RecordingInbox:
 
 
 class ReplayInbox:
-    """An inbox that has the recorded messages of a step.
-
-    Attributes:
-        messages: Those of this step that were not taken yet.
-    """
+    """An inbox that has the recorded messages of a step which were not taken yet."""
 
     def __init__(self) -> None:
         self.messages: deque[Mapping[str, Plain]] = deque()

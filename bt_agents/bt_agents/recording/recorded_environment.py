@@ -32,19 +32,13 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class RecordingEnvironment:
-    """The environment of a recorded run, with clocks, live scene and tunables.
-
-    Args:
-        environment: The one that is recorded.
-        live: See :class:`bt_agents.engine.run.Run`, as for the next two.
-        tunables: Current values; may change between steps.
-        steady: Clock of the bounded waits.
+    """The environment of a recorded run, with clocks, live scene and tunables; see :class:`Run`.
 
     Attributes:
         steps: The entry of the current step.
         clock: The trees' clock.
-        steady: See above.
-        tunables: See above.
+        steady: Clock of the bounded waits.
+        tunables: Current values; may change between steps.
         recorded_tunables: Their values as they were recorded last.
     """
 
@@ -163,18 +157,9 @@ class RecordingContext(RunContext):
 
 
 class ReplayEnvironment:
-    """Answers as the environment did when the run was recorded.
+    """Answers as the environment did when the run was recorded, in this step.
 
-    Args:
-        head: First entry of the recording.
-        scene: As awarded.
-
-    Attributes:
-        clock: The trees' clock.
-        steady: Clock of the bounded waits.
-        live: The live scene in this step.
-        tunables: The tunables in this step.
-        requests: What the tree has asked for in this step, in the form of the recording.
+    Its requests are what the tree has asked for in this step, in the form of the recording.
     """
 
     def __init__(self, head: Mapping[str, Any], scene: Scene) -> None:

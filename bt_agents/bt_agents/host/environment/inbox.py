@@ -46,11 +46,7 @@ class TopicInbox:
 def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> TopicInbox:
     """Return an inbox of a topic, which is subscribed to until the inbox is closed.
 
-    Args:
-        node: The host's node.
-        topic: ROS name.
-        kind: Class of the messages.
-        wake: Called when a message has come.
+    A message that has come wakes the leaf.
     """
 
     def receive(message: Any) -> None:
@@ -65,11 +61,7 @@ def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> T
 class LatchedTopic:
     """A topic with a transient-local publisher; subscribed to until it is closed.
 
-    Args:
-        node: The host's node.
-        topic: ROS name.
-        kind: Class of the messages.
-        wake: Called when a message has come while an inbox is open.
+    A message that has come while an inbox is open wakes the leaf.
     """
 
     def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:

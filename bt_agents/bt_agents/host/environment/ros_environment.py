@@ -35,9 +35,6 @@ class RosEnvironment:
         space: The scene parameters.
         agent: Returns the name of the agent whose tree is running.
         scene: Returns the scene of its run as awarded.
-
-    Attributes:
-        clock: The trees' clock.
     """
 
     def __init__(
@@ -79,12 +76,9 @@ class RosEnvironment:
             self._node.get_logger().warning(f"{spec.path}, {spec.position}: {error}")
 
     def retain(self, specs: Iterable[NodeSpec]) -> None:
-        """Destroy what was created for nodes that are no more; called while no tree runs.
+        """Destroy what none of these nodes uses; called while no tree runs.
 
         A goal whose end is not confirmed yet holds its client until the next call.
-
-        Args:
-            specs: All nodes.
         """
         clients, publishers, latched, heartbeats = set(), set(), set(), set()
         for spec in specs:

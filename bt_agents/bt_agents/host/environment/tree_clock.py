@@ -21,9 +21,6 @@ class TreeClock:
     It is steady time, or simulated time under ``use_sim_time``. When simulated time jumps back,
     as a bag that starts again makes it, and when the source changes, the trees' time goes on from
     where it was. It stands still until the first message has come on ``/clock``.
-
-    Args:
-        node: Its parameter ``use_sim_time`` and its clock count.
     """
 
     def __init__(self, node: Node) -> None:

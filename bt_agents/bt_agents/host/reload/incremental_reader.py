@@ -28,12 +28,9 @@ from bt_agents_language.nodes.symbols import SymbolTable
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFiles:
-    """Trees folder as it was read last, with the inputs of its agents.
+    """Trees folder as it was read last, with its libraries.
 
-    Attributes:
-        trees: The folder.
-        libraries: Its libraries.
-        broken_skills: Errors of the skills; the last good ones stay meanwhile.
+    While the skills are broken, the last good ones stay in ``trees``.
     """
 
     trees: Trees

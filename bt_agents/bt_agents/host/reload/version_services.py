@@ -109,13 +109,7 @@ class ReloadServices:
 
 
 def reload_lines(changes: Sequence[str], waiting: str, problems: Sequence[str]) -> list[str]:
-    """Return the lines of an answer to a reload.
-
-    Args:
-        changes: Descriptions of what has changed.
-        waiting: Description of what waits for the end of the run; empty for nothing.
-        problems: Lines about what somebody has to fix; those that a change quotes are left out.
-    """
+    """Return the lines of an answer to a reload; of the problems those that no change quotes."""
     lines = list(changes)
     if waiting:
         lines.append(f"{waiting} for the end of the run; 'bt-agents reload --now' cancels it")

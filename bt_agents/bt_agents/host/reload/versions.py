@@ -33,14 +33,10 @@ class ReloadAction(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ReloadEffect:
-    """Effect of a change of files on one agent.
+    """Effect of a change of files on one agent, with a text for people.
 
-    Attributes:
-        action: What is to be done.
-        name: The agent.
-        agent: Its new specification; None when there is nothing to bring into force.
-        text: Description for people.
-        is_error: True when somebody has to fix something.
+    It has a specification when there is one to bring into force, and is an error when somebody has
+    to fix something.
     """
 
     action: ReloadAction
@@ -52,10 +48,6 @@ class ReloadEffect:
 
 class AgentVersions:
     """Versions of all agents of a host.
-
-    Args:
-        trees: Trees folder as it was read at the start.
-        stamp: Time of that reading [s].
 
     Attributes:
         trees: Trees folder as it was read last.
@@ -91,10 +83,7 @@ class AgentVersions:
     def settle(self, name: str, running: str, stamp: float) -> ReloadEffect | None:
         """Return the effect of the last reading on an agent; None when nothing changes.
 
-        Args:
-            name: The agent.
-            running: The agent whose tree runs; empty for none.
-            stamp: Now [s].
+        What changes the tree of the running agent, empty for none, waits for the end of its run.
         """
         history, file = self.histories.get(name), self._good_files.get(name)
         if file is None:

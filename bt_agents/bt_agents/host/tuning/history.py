@@ -73,12 +73,7 @@ FoundRevision = tuple[TuningRevision, Mapping[str, Setting]]
 
 @dataclass(frozen=True, kw_only=True)
 class Override:
-    """Tuned value that outlives a restart.
-
-    Attributes:
-        value: In force.
-        default: What the file said when it was tuned.
-    """
+    """Tuned value that outlives a restart, and what the file said when it was tuned."""
 
     value: Setting
     default: Setting

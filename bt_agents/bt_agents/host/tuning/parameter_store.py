@@ -33,13 +33,7 @@ _FEW = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Initial value of a parameter.
-
-    Attributes:
-        value: Tuned before, or what the file says.
-        overruled: The value tuned before that the file has overruled; None for none.
-        why: Why it was overruled.
-    """
+    """Initial value of a parameter; the tuned value that its file has overruled, and why."""
 
     value: Setting
     overruled: Setting | None = None
@@ -58,8 +52,6 @@ class ParameterStore:
 
     Attributes:
         values: Current value of each parameter, by name.
-        presets: See above.
-        history: The changes so far.
     """
 
     def __init__(
@@ -197,10 +189,7 @@ class ParameterStore:
     ) -> TuningRevision | None:
         """Log checked values and put them into force; then they outlive the process.
 
-        Args:
-            values: They were checked.
-            cause: Who wants them, and why.
-            must_be_stored: False lets them also come into force when they cannot be written.
+        Those that need not be stored also come into force when they cannot be written.
 
         Returns:
             The revision; None when nothing differs and nothing is taken back.

@@ -27,15 +27,10 @@ Preset = Mapping[str, str]
 
 
 class Presets:
-    """Presets of a host, stored on the disk before they count.
+    """Presets of a host, stored on the disk before they count; in memory without a file.
 
-    One thread may change them, and others read them meanwhile.
-
-    Args:
-        file: YAML file; None for presets in memory.
-
-    Attributes:
-        problem: Report of what is wrong with the file; empty when it can be used.
+    One thread may change them, and others read them meanwhile. The ``problem`` reports what is
+    wrong with the file; empty when it can be used.
     """
 
     def __init__(self, file: Path | None) -> None:

@@ -122,14 +122,10 @@ class TunableParameters:
         self._publish_soon()
 
     def replace(self, member: HostedAgent, spec: AgentSpec) -> None:
-        """Replace an agent's file by another version.
+        """Replace the file of an agent by another version; its mapping of tunables stays the same.
 
         A changed default is the new value, and a revision by "file". Other values stay as far as
         the new file allows them. The profile follows the file until something was learned.
-
-        Args:
-            member: The agent; its mapping of tunables is changed in place.
-            spec: The new file.
         """
         old = {parameter.name: parameter for parameter in self._store.of(spec.name)}
         new = {parameter.name: parameter for parameter in parameters_of(spec)}

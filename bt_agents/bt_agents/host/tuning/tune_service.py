@@ -36,13 +36,7 @@ SetTogether = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | No
 
 @dataclass(frozen=True, kw_only=True)
 class _ActionResult:
-    """Result of an action.
-
-    Attributes:
-        message: For people.
-        revision: What has come into force.
-        job: Saves or removes a preset, which counts only when it has ended.
-    """
+    """What has come into force, with a text for people; a preset counts when its job has ended."""
 
     message: str
     revision: TuningRevision | None = None
@@ -52,11 +46,7 @@ class _ActionResult:
 class TuneServer:
     """Serves ``~/tune`` and publishes ``~/tunings`` and ``~/tunables``.
 
-    Args:
-        node: The host's node.
-        store: Its tunable parameters.
-        set_together: Sets values, all or none.
-        poller: Polls the jobs of the disk.
+    Values are set together, all or none; jobs of the disk are polled.
     """
 
     def __init__(
