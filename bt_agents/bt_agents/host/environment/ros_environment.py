@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from enum import Enum
 from typing import Any
 
 from rclpy.action import ActionClient
@@ -13,9 +14,7 @@ from rclpy.node import Node
 from bt_agents.engine.environment import GoalRun, Inbox, SkillGoal
 from bt_agents.host.environment.feedback_requests import FeedbackRequests
 from bt_agents.host.environment.goal import GoalDeadlines, GoalTrack, RosGoalRun, RosRequest
-from bt_agents.host.environment.heartbeat import Heartbeats
-from bt_agents.host.environment.inbox import LatchedTopic, open_inbox
-from bt_agents.host.environment.tree_clock import TreeClock
+from bt_agents.host.environment.subscriptions import Heartbeats, LatchedTopic, open_inbox
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneSpace
@@ -24,6 +23,51 @@ from bt_agents_language.model.specs import Binding, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
 from bt_agents_ros.types import fill, load_type
+
+
+class _Source(Enum):
+    STEADY = 1
+    SIMULATED = 2
+    NOT_YET = 3
+
+
+class TreeClock:
+    """Returns the trees' time [s]; only differences mean something.
+
+    It is steady time, or simulated time under ``use_sim_time``. When simulated time jumps back,
+    as a bag that starts again makes it, and when the source changes, the trees' time goes on from
+    where it was. It stands still until the first message has come on ``/clock``.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._source = _Source.STEADY
+        self._last = time.monotonic()
+        self._offset = 0.0
+
+    def __call__(self) -> float:
+        source, raw = self._read()
+        if source is not self._source or raw + self._offset < self._last:
+            self._source = source
+            self._offset = self._last - raw
+        self._last = raw + self._offset
+        return self._last
+
+    def obstacle(self) -> str:
+        """Return why time stands still; empty when it passes."""
+        source, _ = self._read()
+        if source is _Source.STEADY:
+            return ""
+        if source is _Source.NOT_YET or not self._node.count_publishers("/clock"):
+            return "use_sim_time is set, but nothing publishes /clock"
+        return ""
+
+    def _read(self) -> tuple[_Source, float]:
+        clock = self._node.get_clock()
+        if not clock.ros_time_is_active:
+            return _Source.STEADY, time.monotonic()
+        now = float(clock.now().nanoseconds) * 1e-9
+        return (_Source.SIMULATED if now else _Source.NOT_YET), now
 
 
 class RosEnvironment:
@@ -91,9 +135,15 @@ class RosEnvironment:
             if resources.topic is not None:
                 latched.add(resources.topic)
         in_use = self._deadlines.clients()
-        for key in [key for key in self._clients if key not in clients]:
-            if self._clients[key] not in in_use:
-                self._drop_client(key)
+        for key in self._clients.keys() - clients:
+            client = self._clients[key]
+            if client in in_use:
+                continue
+            del self._clients[key]
+            if key[0] is BindingKind.ACTION:
+                client.destroy()
+            else:
+                self._node.destroy_client(client)
         for name in self._publishers.keys() - publishers:
             self._node.destroy_publisher(self._publishers.pop(name))
         for name in self._latched.keys() - latched:
@@ -205,13 +255,6 @@ class RosEnvironment:
                     loaded, name, qos_profile=qos.SERVICE
                 )
         return self._clients[key]
-
-    def _drop_client(self, key: tuple[BindingKind, str, str]) -> None:
-        client = self._clients.pop(key)
-        if key[0] is BindingKind.ACTION:
-            client.destroy()
-        else:
-            self._node.destroy_client(client)
 
     def _publisher(self, name: str, type_name: str) -> Any:
         key = (name, type_name)

@@ -12,15 +12,16 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.task import Future
 
 from bt_agents.host.tuning.history import TuningAction, TuningCause, TuningChange, TuningRevision
 from bt_agents.host.tuning.parameter_store import ParameterStore, checked_line
-from bt_agents.host.tuning.tunable import Setting
-from bt_agents.host.tuning.tunable_messages import info_to_msg
+from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import quote
-from bt_agents_interfaces.msg import Preset, Tunables, Tuning, Tunings
+from bt_agents_interfaces.msg import Preset, TunableInfo, Tunables, Tuning, Tunings
 from bt_agents_interfaces.srv import Tune
 from bt_agents_ros import qos
 from bt_agents_ros.future_poller import FuturePoller
@@ -30,6 +31,12 @@ SOMEBODY = "somebody"
 """Author of a request without a name."""
 
 _LONGEST_AUTHOR = 60
+_KINDS = {
+    getattr(TunableInfo, one.name): one for one in TunableKind if hasattr(TunableInfo, one.name)
+}
+_TYPES = {
+    getattr(TunableInfo, one.name): one for one in FieldType if hasattr(TunableInfo, one.name)
+}
 
 SetTogether = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | None]
 
@@ -222,3 +229,38 @@ class TuneServer:
         if revision is None or not revision.changes:
             return "everything stands so already"
         return f"{self._store.format_changes(revision.changes)} (revision {revision.number})"
+
+
+def info_to_msg(parameter: TunableParameter) -> TunableInfo:
+    """Return the message that describes a parameter."""
+    message = TunableInfo(
+        name=parameter.name,
+        agent=parameter.agent,
+        key=parameter.key,
+        kind=getattr(TunableInfo, parameter.kind.name),
+        type=getattr(TunableInfo, parameter.type.name),
+        unit=parameter.unit,
+        default_value=Parameter(parameter.name, value=parameter.default).get_parameter_value(),
+        step=float(parameter.step),
+        description=parameter.description,
+    )
+    if parameter.minimum is not None and parameter.maximum is not None:
+        message.has_range = True
+        message.minimum, message.maximum = float(parameter.minimum), float(parameter.maximum)
+    return message
+
+
+def info_from_msg(message: Any) -> TunableParameter:
+    """Return the parameter that a message describes."""
+    return TunableParameter(
+        name=message.name,
+        agent=message.agent,
+        key=message.key,
+        kind=_KINDS[message.kind],
+        type=_TYPES[message.type],
+        default=parameter_value_to_python(message.default_value),
+        minimum=message.minimum if message.has_range else None,
+        maximum=message.maximum if message.has_range else None,
+        step=message.step,
+        description=message.description,
+    )

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions of leaves that wait: only meanwhile, or, when latched, from the start."""
+"""Subscriptions of trees: topics that leaves wait for, and the heartbeats of servers."""
 
 from __future__ import annotations
 
+import math
+import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from rclpy.node import Node
 
 from bt_agents_core.field_types import Plain
+from bt_agents_language.model.specs import HeartbeatSpec
 from bt_agents_ros import qos
 from bt_agents_ros.message_view import MessageView
+from bt_agents_ros.types import load_type
 
 DEPTH = 100
 """Most messages of an inbox; then the oldest are dropped."""
@@ -33,11 +37,9 @@ class TopicInbox:
         self._messages.append(message)
 
     def take(self) -> Mapping[str, Plain] | None:
-        """Return the oldest message not taken yet."""
         return MessageView(self._messages.popleft()) if self._messages else None
 
     def close(self) -> None:
-        """Unsubscribe."""
         if self._on_close is not None:
             on_close, self._on_close = self._on_close, None
             on_close(self)
@@ -89,3 +91,37 @@ class LatchedTopic:
             inbox.put(message)
         if self._inboxes:
             self._wake()
+
+
+class Heartbeats:
+    """Subscriptions to the heartbeats of servers."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._last: dict[tuple[str, str], float] = {}
+        self._subscriptions: dict[tuple[str, str], Any] = {}
+
+    def subscribe(self, spec: HeartbeatSpec) -> Callable[[], float]:
+        """Return a function for the time of the last one [s], minus infinity for never.
+
+        Raises:
+            Refused: ``UNKNOWN_TYPE``.
+        """
+        key = (spec.topic, spec.type)
+        if key not in self._subscriptions:
+            kind = load_type(spec.type)
+
+            def receive(_message: object) -> None:
+                self._last[key] = time.monotonic()
+
+            # Its content does not matter, so it is not even decoded.
+            self._subscriptions[key] = self._node.create_subscription(
+                kind, spec.topic, receive, qos.SENSOR, raw=True
+            )
+        return lambda: self._last.get(key, -math.inf)
+
+    def retain(self, wanted: Collection[tuple[str, str]]) -> None:
+        """Unsubscribe from all others than these topics, each with its type."""
+        for key in self._subscriptions.keys() - set(wanted):
+            self._node.destroy_subscription(self._subscriptions.pop(key))
+            self._last.pop(key, None)
