@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from py_trees.common import Status
@@ -43,15 +44,8 @@ def tree_status(
 
 def run_result_to_msg(result: RunResult) -> RunAgent.Result:
     """Return the result of the action."""
-    return RunAgent.Result(
-        outcome=getattr(RunAgent.Result, result.outcome.name),
-        message=result.message,
-        tip=result.tip,
-        orphans=list(result.orphans),
-        ticks=result.ticks,
-        overruns=result.overruns,
-        duration_s=result.duration_s,
-    )
+    outcome = getattr(RunAgent.Result, result.outcome.name)
+    return RunAgent.Result(**asdict(result) | {"outcome": outcome})
 
 
 def not_begun(error: Exception) -> RunResult:
