@@ -55,7 +55,8 @@ class RunRecords:
 
     def run(self, goal: Any, spec: AgentSpec, *, environment: Environment, **how: Any) -> Run:
         """Return the run of a goal, recorded when there are subscribers; see :class:`Run`."""
-        if not self._has_subscribers():
+        subscribed = self._records.get_subscription_count()
+        if not (subscribed and self._status.get_subscription_count()):
             return Run(spec, environment=environment, **how)
         self.flush()
         self._goal = goal
@@ -87,11 +88,6 @@ class RunRecords:
                 tick=self._tick,
                 record="\n".join(lines),
             )
-        )
-
-    def _has_subscribers(self) -> bool:
-        return bool(
-            self._records.get_subscription_count() and self._status.get_subscription_count()
         )
 
     def _collect(self, tick: int, line: str) -> None:

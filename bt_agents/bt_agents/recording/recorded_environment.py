@@ -236,17 +236,14 @@ class ReplayEnvironment:
         error = self._errors.popleft() if self._errors else None
         request: Entry = {"kind": kind, "name": name, "fields": fields}
         self.requests.append(request)
-        if error is not None:
-            request["error"] = error
-            raise _exception_of(error)
-
-
-def _exception_of(error: Entry) -> Exception:
-    """Return the exception of a recorded error; its name and text are all that a node shows."""
-    if "code" in error:
-        return Refused(str(error["code"]), str(error["reason"]))
-    kind: type[Exception] = type(str(error["type"]), (Exception,), {})
-    return kind(error["message"])
+        if error is None:
+            return
+        request["error"] = error
+        if "code" in error:
+            raise Refused(str(error["code"]), str(error["reason"]))
+        # Its name and text are all that a node shows.
+        error_type: type[Exception] = type(str(error["type"]), (Exception,), {})
+        raise error_type(error["message"])
 
 
 def _feedback_fields(values: Mapping[str, float], reason: str) -> dict[str, Plain]:

@@ -37,10 +37,10 @@ class Host:
         disk = Disk()
         log = ChangeLog(file, disk, self.told.append) if file is not None else None
         self.store = ParameterStore(log, Presets(None), disk, lambda: 1.0, self.told.append)
-        self.starts = {parameter.name: self.store.start(parameter) for parameter in parameters}
-        for parameter in parameters:
-            self.store.add(parameter, self.starts[parameter.name].value)
-        self.store.overrule({n: s for n, s in self.starts.items() if s.overruled is not None})
+        starts = {parameter: self.store.start(parameter) for parameter in parameters}
+        for parameter, (value, _why) in starts.items():
+            self.store.add(parameter, value)
+        self.store.overrule({one.name: why for one, (_value, why) in starts.items() if why})
 
     def undo(self, *agents: str) -> None:
         found, values = self.store.find(TuningAction.UNDO, agents)

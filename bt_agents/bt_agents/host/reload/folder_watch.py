@@ -11,7 +11,7 @@ from pathlib import Path
 from bt_agents.host.reload.incremental_reader import KnownFiles, Rereading, adopted, known_files
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.file_watch import Poll, Stamp, differing, poll
+from bt_agents_core.file_watch import Stamp, differing, poll
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import SUFFIXES, Trees, text_of
 
@@ -39,24 +39,15 @@ class FileWrite:
 
 
 class FolderWatch:
-    """Watch of one trees folder; used by one thread only.
+    """Watch of one trees folder, as it was read at the start; used by one thread only.
 
-    Args:
-        trees: The folder as it was read at the start.
-        pause: Called before each file is read; it yields to other threads.
-        poll_files: Returns the stamp of every YAML file of the folder.
+    Before each file is read, ``pause`` yields to other threads.
     """
 
-    def __init__(
-        self,
-        trees: Trees,
-        pause: Callable[[], None] = lambda: None,
-        poll_files: Poll | None = None,
-    ) -> None:
+    def __init__(self, trees: Trees, pause: Callable[[], None] = lambda: None) -> None:
         self._folder = trees.folder
         self._known: KnownFiles = known_files(trees)
         self._pause = pause
-        self._poll_files = poll_files or (lambda: poll([self._folder], SUFFIXES))
         self._stopped = False
         self._last_poll: dict[str, Stamp] | None = None
         self._read: dict[str, Stamp] = {}
@@ -83,7 +74,7 @@ class FolderWatch:
             self._missing_text = gone
             return self._trees() if is_new else None
         back, self._missing_text = bool(self._missing_text), ""
-        now = dict(self._poll_files())
+        now = dict(poll([self._folder], SUFFIXES))
         still = now == self._last_poll
         self._last_poll = now
         changed = differing(self._read, now)

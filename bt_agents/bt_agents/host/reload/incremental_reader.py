@@ -83,8 +83,11 @@ class Rereading:
             path for path in {*texts, *trees.texts} if texts.get(path) != trees.texts.get(path)
         )
         scene = self._folder / "scene.yaml"
-        # The scene of the start counts; its text stays what it was then.
-        problems = self._scene_problems(scene) if scene in self._changed else trees.problems
+        problems = trees.problems
+        if scene in self._changed:
+            # The scene of the start counts; its text stays what it was then.
+            unchanged = text_of(scene) == trees.texts.get(scene)
+            problems = () if unchanged else (f"{scene} has changed; restart everything to use it",)
         if any(path.parent == self._folder / "skills" for path in self._differing):
             before = self._with_skills(before)
         if self._differing:
@@ -109,11 +112,6 @@ class Rereading:
             else:
                 texts.pop(path, None)
         return texts
-
-    def _scene_problems(self, scene: Path) -> tuple[str, ...]:
-        if text_of(scene) == self._before.trees.texts.get(scene):
-            return ()
-        return (f"{scene} has changed; restart everything to use it",)
 
     def _with_skills(self, before: KnownFiles) -> KnownFiles:
         trees, paths = before.trees, self._own_files("skills")

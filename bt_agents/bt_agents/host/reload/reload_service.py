@@ -68,14 +68,9 @@ class ReloadService:
     """Watch of the trees folder of a host, which executes what changes of files lead to.
 
     One thread polls and reads the files, however long that takes. Its results are handled on the
-    executor's thread in the order of the requests, in slices that block no other callback.
-
-    Args:
-        node: The host's node.
-        versions: Versions of its agents.
-        runs: Its action.
-        apply: Executes an effect.
-        applied: Called after one or more effects, and when the folder as a whole has changed.
+    executor's thread in the order of the requests, in slices that block no other callback: each
+    effect is applied; after one or more, and when the folder as a whole has changed, ``applied``
+    is called.
     """
 
     def __init__(
@@ -216,7 +211,7 @@ class ReloadService:
             if self._enabled:
                 self._read(self._watch.poll, self._handle_poll, None)
         for request in list(self._requests):
-            if not self._unsettled and not self._is_awaited(request):
+            if not self._unsettled and all(one.request is not request for one in self._readings):
                 self._end(request)
             elif now >= request.deadline:
                 request.error = f"not done within {ANSWER_LIMIT_S:g} s, but it goes on"
@@ -230,19 +225,15 @@ class ReloadService:
         except WatchStopped:
             return
         except Exception as error:
-            self._report_error(error, reading.request)
-
-    def _report_error(self, error: Exception, request: Request | None) -> None:
-        message = (
-            str(error) if isinstance(error, BtAgentsError) else f"{type(error).__name__}: {error}"
-        )
-        if request is not None:
-            request.error = message
-        # The next poll meets the same error half a second later.
-        if message != self._last_error:
-            self._last_error = message
-            report = "".join(traceback.format_exception(error))
-            self._node.get_logger().error(f"the agents could not be read again:\n{report}")
+            reason = f"{type(error).__name__}: {error}"
+            message = str(error) if isinstance(error, BtAgentsError) else reason
+            if reading.request is not None:
+                reading.request.error = message
+            # The next poll meets the same error half a second later.
+            if message != self._last_error:
+                self._last_error = message
+                log = self._node.get_logger()
+                log.error(f"the agents could not be read again:\n{traceback.format_exc()}")
 
     def _read(
         self, work: Callable[[], Any], handle: Callable[[Any], None], request: Request | None
@@ -260,9 +251,6 @@ class ReloadService:
         request = Request(done=done, deadline=time.monotonic() + ANSWER_LIMIT_S)
         self._requests.append(request)
         return request
-
-    def _is_awaited(self, request: Request) -> bool:
-        return any(reading.request is request for reading in self._readings)
 
     def _end(self, request: Request) -> None:
         self._requests.remove(request)

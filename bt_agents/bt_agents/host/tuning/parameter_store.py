@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from concurrent.futures import Future as Job
-from dataclasses import dataclass
 
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import (
@@ -29,15 +28,6 @@ FILE = "file"
 
 _LONGEST_LINE = 300
 _FEW = 8
-
-
-@dataclass(frozen=True, kw_only=True)
-class Start:
-    """Initial value of a parameter; the tuned value that its file has overruled, and why."""
-
-    value: Setting
-    overruled: Setting | None = None
-    why: str = ""
 
 
 class ParameterStore:
@@ -72,21 +62,18 @@ class ParameterStore:
         self._now = now
         self._report = report
 
-    def start(self, parameter: TunableParameter) -> Start:
-        """Return the initial value of a parameter that was not here before."""
+    def start(self, parameter: TunableParameter) -> tuple[Setting, str]:
+        """Return the initial value of a new parameter, and why it is not what was tuned before."""
+        default = parameter.default
         override = self.history.overrides.get(parameter.name)
-        if override is None or same(override.value, parameter.default):
-            return Start(value=parameter.default)
-        if not same(override.default, parameter.default):
-            return Start(
-                value=parameter.default,
-                overruled=override.value,
-                why=f"the file says {parameter.format(parameter.default)} now",
-            )
+        if override is None or same(override.value, default):
+            return default, ""
+        if not same(override.default, default):
+            return default, f"the file says {parameter.format(default)} now"
         try:
-            return Start(value=parameter.check(override.value))
+            return parameter.check(override.value), ""
         except Refused as refused:
-            return Start(value=parameter.default, overruled=override.value, why=refused.reason)
+            return default, refused.reason
 
     def has(self, name: str) -> bool:
         """Return whether there is a parameter of this name."""
@@ -213,16 +200,17 @@ class ParameterStore:
         """
         return self._log.flush() if self._log is not None else None
 
-    def overrule(self, overruled: Mapping[str, Start]) -> TuningRevision | None:
-        """Record that files have overruled values that were tuned before the start."""
+    def overrule(self, reasons: Mapping[str, str]) -> TuningRevision | None:
+        """Record, with a reason by name, that files have overruled what was tuned before."""
         changes = tuple(
-            TuningChange(name=name, before=start.overruled, after=start.value)
-            for name, start in overruled.items()
-            if start.overruled is not None
+            TuningChange(
+                name=name, before=self.history.overrides[name].value, after=self.values[name]
+            )
+            for name in reasons
         )
         if not changes:
             return None
-        reason = "; ".join(f"{name}: {start.why}" for name, start in overruled.items())
+        reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
         return self._take(changes, TuningCause(author=FILE, reason=reason[:_LONGEST_LINE]), False)
 
     def _take(

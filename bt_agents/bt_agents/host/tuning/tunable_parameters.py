@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import TuningCause, TuningRevision
-from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, Start
+from bt_agents.host.tuning.parameter_store import FILE, ParameterStore
 from bt_agents.host.tuning.presets import Presets
 from bt_agents.host.tuning.tunable import (
     TICK_RATE,
@@ -48,14 +48,8 @@ class TunableParameters:
 
     ``ros2 param``, the service ``~/tune`` and reloaded files all end in
     ``set_parameters_atomically``: the values are checked and logged before they count, and act
-    together between two ticks.
-
-    Args:
-        node: The host's node.
-        registry: Its agents; their values are changed between two ticks.
-        changed: Called a moment after learning rates were tuned.
-        set_rate: Called with the ticks a second.
-        tunings: File in which tunings outlive the host; empty keeps them in memory.
+    together between two ticks. A moment after learning rates were tuned, ``changed`` is called.
+    What was tuned outlives the host in the file ``tunings``; an empty name keeps it in memory.
     """
 
     def __init__(
@@ -179,17 +173,15 @@ class TunableParameters:
         self._store.close()
         self._disk.shutdown()
 
-    def _declare_together(
-        self, parameters: tuple[TunableParameter, ...] | list[TunableParameter]
-    ) -> None:
-        overruled: dict[str, Start] = {}
+    def _declare_together(self, parameters: Iterable[TunableParameter]) -> None:
+        reasons = {}
         for parameter in parameters:
-            start = self._store.start(parameter)
-            value = self._declare(parameter, start.value)
+            start, why = self._store.start(parameter)
+            value = self._declare(parameter, start)
             self._store.add(parameter, value)
-            if start.overruled is not None and value == start.value:
-                overruled[parameter.name] = start
-        revision = self._store.overrule(overruled)
+            if why and value == start:
+                reasons[parameter.name] = why
+        revision = self._store.overrule(reasons)
         if revision is not None:
             self._flush_due = True
             self._node.get_logger().warning(
