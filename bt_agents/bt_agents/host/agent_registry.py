@@ -101,7 +101,6 @@ class HostBids:
         return self.bidders.members
 
     def fields(self) -> dict[str, Any]:
-        """Return the fields of ``Bids.msg`` that hold it."""
         return {
             "agents": self.bidders.names,
             "agent_ids": self.bidders.ids,

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.reload.source_bundle import source_bundle
@@ -44,7 +43,7 @@ class HostCardPublisher:
         self._folder = str(versions.trees.folder.resolve())
         self._node = node
         self._registered = False
-        self._cards = self._card_publisher()
+        self._cards = node.create_publisher(HostCard, "cards", qos.FACT)
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
         self._files = node.create_publisher(AgentFiles, "~/files", qos.FACT)
 
@@ -52,7 +51,7 @@ class HostCardPublisher:
         """Publish the card of a host that the market has registered, or withdraw it."""
         if self._registered and not registered:
             self._node.destroy_publisher(self._cards)
-            self._cards = self._card_publisher()
+            self._cards = self._node.create_publisher(HostCard, "cards", qos.FACT)
         self._registered = registered
         self.card()
 
@@ -108,9 +107,6 @@ class HostCardPublisher:
                 versions=list(found.versions.values()),
             )
         )
-
-    def _card_publisher(self) -> Publisher[HostCard]:
-        return self._node.create_publisher(HostCard, "cards", qos.FACT)
 
     def _agent_card(self, member: HostedAgent) -> AgentCard:
         spec = member.spec

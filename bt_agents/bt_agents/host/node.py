@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
+from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents.host.host_card import HostCardPublisher
-from bt_agents.host.live_scene import LiveScene
 from bt_agents.host.market_registration import MarketRegistration
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.version_services import ReloadServices
@@ -111,15 +111,12 @@ class HostNode(BaseNode):
         return self._registration.complete
 
     def request_stop(self) -> None:
-        """Cancel the running tree."""
         self._runs.stop("the host is stopping")
 
     def stopped(self) -> bool:
-        """Return True when no tree runs."""
         return not self._runs.busy
 
     def destroy_node(self) -> None:
-        """Destroy the node, its action first."""
         self._reloading.close()
         self._tunables.close()
         self._runs.close()

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.task import Future
 
 from bt_agents.host.reload.folder_watch import FileWrite, FolderWatch, WatchStopped
 from bt_agents.host.reload.version_history import Version
@@ -43,14 +44,14 @@ class Request:
     """Request to read files, answered when all their effects have been executed.
 
     Attributes:
-        done: Called once, at the end.
+        done: Has this request as its result at the end.
         deadline: Steady time at which it is answered at the latest [s].
         changes: Descriptions of what has changed.
         agents: Names of the agents that have changed.
         error: Reason of a failure; empty for none.
     """
 
-    done: Callable[[Request], None]
+    done: Future
     deadline: float
     changes: list[str] = field(default_factory=list)
     agents: set[str] = field(default_factory=set)
@@ -115,14 +116,15 @@ class ReloadService:
             self._execute(effect)
             self._report_effects()
 
-    def poll_now(self, done: Callable[[Request], None]) -> None:
-        """Read changed files at once, and call back when all their effects are executed."""
-        request = self._request(done)
+    def poll_now(self) -> Future:
+        """Read changed files at once; return the future of the request."""
+        request = self._request()
         self._read(lambda: self._watch.poll(settle=False), self._handle_poll, request)
+        return request.done
 
-    def roll_back(self, name: str, version: Version, done: Callable[[Request], None]) -> None:
-        """Write an earlier version into its file and bring it into force; call back then."""
-        request = self._request(done)
+    def roll_back(self, name: str, version: Version) -> Future:
+        """Write an earlier version into its file and bring it into force, as :meth:`poll_now`."""
+        request = self._request()
         history = self.versions.history(name)
         texts = {one.file.text for one in history.versions if one.file.text}
 
@@ -135,6 +137,7 @@ class ReloadService:
 
         file = history.last_read.file
         self._read(lambda: self._watch.write(file, version.file, texts), handle, request)
+        return request.done
 
     def update(self, trees: Trees) -> None:
         """Handle a folder that was read; agents that do not fit into one slice follow later."""
@@ -247,14 +250,15 @@ class ReloadService:
         if trees is not None:
             self.update(trees)
 
-    def _request(self, done: Callable[[Request], None]) -> Request:
+    def _request(self) -> Request:
+        done = Future(executor=self._node.executor)
         request = Request(done=done, deadline=time.monotonic() + ANSWER_LIMIT_S)
         self._requests.append(request)
         return request
 
     def _end(self, request: Request) -> None:
         self._requests.remove(request)
-        request.done(request)
+        request.done.set_result(request)
 
     def _now(self) -> float:
         return seconds(self._node.get_clock().now().to_msg())

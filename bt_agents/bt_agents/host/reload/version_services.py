@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
-from rclpy.task import Future
 
 from bt_agents.host.reload.reload_service import ReloadService, Request
 from bt_agents.host.run_server import RunServer
@@ -22,7 +21,6 @@ class ReloadServices:
     """Services ``~/reload``, ``~/versions`` and ``~/roll_back`` of a host."""
 
     def __init__(self, node: Node, reloading: ReloadService, runs: RunServer) -> None:
-        self._node = node
         self._reloading = reloading
         self._versions = reloading.versions
         self._runs = runs
@@ -40,9 +38,7 @@ class ReloadServices:
     async def _reload(
         self, asked: ReloadAgents.Request, response: ReloadAgents.Response
     ) -> ReloadAgents.Response:
-        done = Future(executor=self._node.executor)
-        self._reloading.poll_now(done.set_result)
-        request: Request = await done
+        request: Request = await self._reloading.poll_now()
         problems = self._versions.folder_problems()
         response.accepted = not (request.error or problems)
         changes = [request.error] if request.error else list(request.changes)
@@ -62,9 +58,7 @@ class ReloadServices:
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
-        done = Future(executor=self._node.executor)
-        self._reloading.roll_back(asked.agent, version, done.set_result)
-        request: Request = await done
+        request: Request = await self._reloading.roll_back(asked.agent, version)
         if request.error:
             response.code, response.message = "NOT_DONE", request.error
             return response

@@ -61,11 +61,6 @@ class TuningRevision:
     cause: TuningCause
     changes: tuple[TuningChange, ...]
 
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of what has changed."""
-        return frozenset(change.name for change in self.changes)
-
 
 FoundRevision = tuple[TuningRevision, Mapping[str, Setting]]
 """A revision to undo or redo, and the values to set for it."""

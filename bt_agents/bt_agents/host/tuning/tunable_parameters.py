@@ -261,7 +261,10 @@ class TunableParameters:
 
     def _publish(self) -> None:
         self._publish_timer.cancel()
-        self._flush()
+        job = self._store.flush() if self._flush_due else None
+        self._flush_due = False
+        if job is not None:
+            self._poller.watch(job, self._report_flush)
         if self._infos_due:
             self._infos_due = False
             self._server.publish_infos(["", *self._registry.members])
@@ -269,12 +272,6 @@ class TunableParameters:
         if self._cards_due:
             self._cards_due = False
             self._changed()
-
-    def _flush(self) -> None:
-        job = self._store.flush() if self._flush_due else None
-        self._flush_due = False
-        if job is not None:
-            self._poller.watch(job, self._report_flush)
 
     def _report_flush(self, error: str) -> None:
         if error:
