@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -262,24 +262,20 @@ class AgentRegistry:
     ) -> BidderColumns:
         """Return agents column by column for scenes that name these layers."""
         bidders = tuple(members)
-        vectors = array("d")
+        vectors, weights = array("d"), array("d")
         for member in bidders:
             vectors.extend(member._profile_in(named) if named else member.profile)
+        own_weights = [member.spec.weights for member in bidders]
+        if any(own_weights):
+            for own in own_weights:
+                weights.extend(own.get(p.name, p.weight) for p in self.space.parameters)
         return BidderColumns(
             members=bidders,
             names=[member.spec.name for member in bidders],
             ids=array("I", [member.agent_id for member in bidders]),
             vectors=vectors,
-            weights=self._weights(bidders),
+            weights=weights,
         )
-
-    def _weights(self, members: Sequence[HostedAgent]) -> array[float]:
-        own = [member.spec.weights for member in members]
-        weights = array("d")
-        if any(own):
-            for one in own:
-                weights.extend(one.get(p.name, p.weight) for p in self.space.parameters)
-        return weights
 
     def _declined(
         self, conditional: Iterable[HostedAgent], scene: Scene, excluded: Collection[str]

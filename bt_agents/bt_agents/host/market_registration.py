@@ -128,7 +128,7 @@ class MarketRegistration:
             MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.SENSOR
         )
         node.create_subscription(Run, "runs", self._unreported.on_run_event, qos.HISTORY)
-        runs.on_begin(self._on_run_begin)
+        runs.on_begin(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
         runs.on_end(self._on_run_end)
         steady_timer(node, _RETRY_S, self._retry)
         self._pending_epoch = ""
@@ -161,9 +161,6 @@ class MarketRegistration:
         meaning = "a tree is stopped when the market that started it is silent for this long [s]"
         limits = describe(meaning, minimum=0.3, maximum=10.0)
         return float(declare_and_watch(self._node, MARKET_LEASE, 1.0, limits, take))
-
-    def _on_run_begin(self, goal: Any) -> None:
-        self._lease.begin(goal.epoch, time.monotonic())
 
     def _on_run_end(self, goal: Any, result: RunAgent.Result) -> None:
         self._lease.end()

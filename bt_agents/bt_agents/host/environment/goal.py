@@ -119,13 +119,8 @@ class GoalTrack:
         if not self.state.ended:
             self.state = GoalState.ACTIVE
 
-    def rejected(self) -> None:
-        """Handle its rejection."""
-        self._end(GoalState.REJECTED)
-        self.confirmed = True
-
     def ended(self, state: GoalState, message: str = "") -> None:
-        """Handle its end, which may come after it was given up."""
+        """Handle its end or rejection, which may come after it was given up."""
         self._end(state, message)
         self.confirmed = True
 
@@ -155,11 +150,7 @@ class GoalTrack:
         return due
 
     def poll(self, server_there: bool) -> None:
-        """Compare it with the clock.
-
-        Args:
-            server_there: Whether its server is on the graph.
-        """
+        """Compare it with the clock, and with whether its server is on the graph."""
         if self.state.ended:
             return
         now, timeouts = self._steady(), self._timeouts
@@ -394,7 +385,7 @@ class RosGoalRun(SentGoal):
 
     def _answered(self, handle: Any) -> None:
         if not handle.accepted:
-            self._track.rejected()
+            self._track.ended(GoalState.REJECTED)
             return
         self._handle = handle
         self._track.accepted()
