@@ -95,11 +95,6 @@ class HostBids:
     bidders: BidderColumns
     declined: Mapping[str, Decline]
 
-    @property
-    def bids(self) -> tuple[HostedAgent, ...]:
-        """The agents that bid."""
-        return self.bidders.members
-
     def fields(self) -> dict[str, Any]:
         return {
             "agents": self.bidders.names,

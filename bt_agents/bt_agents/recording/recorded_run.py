@@ -169,14 +169,8 @@ class RecordingRun(Run):
 class ReplayedStep:
     """One step of a replayed run beside what was recorded about it.
 
-    Attributes:
-        tick: Ticks of the tree so far.
-        changes: What has changed, in order.
-        recorded_changes: How many changes were recorded.
-        requests: What it asked for, in the form of the recording.
-        recorded_requests: What it asked for when it was recorded.
-        result: How the run has ended; None before that.
-        recorded_end: How it ended when it was recorded; None before that.
+    The tick is the number of ticks of the tree so far. Requests have the form of the recording; of
+    changes only the number was recorded. The result and the recorded end are None before the end.
     """
 
     tick: int

@@ -17,7 +17,7 @@ def declined(registry: AgentRegistry, **values: float) -> dict[str, str]:
     names = list(registry.members)
     registry.apply_registration(names, range(1, len(names) + 1), [""] * len(names))
     answer = registry.bids_for(scene(**values))
-    assert {m.spec.name for m in answer.bids} == set(names) - set(answer.declined)
+    assert {m.spec.name for m in answer.bidders.members} == set(names) - set(answer.declined)
     return {name: decline.reason for name, decline in answer.declined.items()}
 
 
@@ -61,7 +61,10 @@ def test_when_nobody_here_can_run_all_decline_with_that_reason():
     registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     registry.apply_registration(["a"], [1], [""])
     answer = registry.bids_for(scene(age=2), obstacle="nothing publishes /clock")
-    assert (answer.bids, answer.declined) == ((), {"a": Decline("nothing publishes /clock")})
+    assert (answer.bidders.members, answer.declined) == (
+        (),
+        {"a": Decline("nothing publishes /clock")},
+    )
 
 
 def layered(kinds: str, **layers: float) -> AgentRegistry:

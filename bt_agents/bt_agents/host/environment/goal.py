@@ -53,7 +53,8 @@ class GoalTrack:
 
     The client reports what the server does: :meth:`sent`, :meth:`accepted`, :meth:`ended` and so
     on. :meth:`poll` compares that with the clock. What ends once stays ended for the leaf; what
-    comes later only confirms that the server has ended it too.
+    comes later only confirms that the server has ended it too. The attributes are those of
+    :class:`bt_agents.engine.environment.GoalRun`.
 
     =================== ==================================== ============================
     state               event                                next state
@@ -75,11 +76,6 @@ class GoalTrack:
         steady: A clock that never stands still [s].
         last_heartbeat: Returns the time of the server's last heartbeat [s], minus infinity for
             none so far; None where it has no heartbeat.
-
-    Attributes:
-        state: See :class:`bt_agents.engine.environment.GoalRun`, as for the next two.
-        message: Reason of the state.
-        confirmed: Whether the server surely does nothing for it any more.
     """
 
     def __init__(
@@ -224,14 +220,8 @@ class GoalTrack:
 class SentGoal:
     """Base of the clients of one goal or one request; sends it when its server appears.
 
-    Reading its state polls the server and the clock.
-
-    Args:
-        client: Client of the action or service.
-        message: The goal or request.
-        track: Its state machine.
-        reschedule: Called when its deadline may have changed.
-        wake: Called when it has ended for its leaf, or is confirmed ended.
+    Reading its state polls the server and the clock. It calls ``reschedule`` when its deadline may
+    have changed, and ``wake`` when it has ended for its leaf, or is confirmed ended.
     """
 
     def __init__(

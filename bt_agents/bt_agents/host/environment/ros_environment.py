@@ -56,11 +56,10 @@ class TreeClock:
     def obstacle(self) -> str:
         """Return why time stands still; empty when it passes."""
         source, _ = self._read()
-        if source is _Source.STEADY:
+        published = source is _Source.SIMULATED and self._node.count_publishers("/clock")
+        if source is _Source.STEADY or published:
             return ""
-        if source is _Source.NOT_YET or not self._node.count_publishers("/clock"):
-            return "use_sim_time is set, but nothing publishes /clock"
-        return ""
+        return "use_sim_time is set, but nothing publishes /clock"
 
     def _read(self) -> tuple[_Source, float]:
         clock = self._node.get_clock()

@@ -28,11 +28,7 @@ DEPTH = 100
 
 
 class TopicInbox:
-    """Messages of a topic for one leaf.
-
-    Args:
-        on_close: Called with the inbox when it is closed.
-    """
+    """Messages of a topic for one leaf; ``on_close`` is called with it when it is closed."""
 
     def __init__(self, on_close: Callable[[TopicInbox], None]) -> None:
         self._messages: deque[Any] = deque(maxlen=DEPTH)

@@ -25,12 +25,9 @@ class WatchStopped(BtAgentsError):
 
 @dataclass(frozen=True, kw_only=True)
 class FileWrite:
-    """Result of writing an earlier text into an agent file.
+    """Result of writing an earlier text into an agent file, which is None when that failed.
 
-    Attributes:
-        trees: The folder with that text.
-        file: The file with that text; None when it could not be written.
-        text: Description for people; empty when there is nothing to say.
+    The text is a description for people; empty when there is nothing to say.
     """
 
     trees: Trees

@@ -119,7 +119,7 @@ class ReloadService:
     def poll_now(self) -> Future:
         """Read changed files at once; return the future of the request."""
         request = self._request()
-        self._read(lambda: self._watch.poll(settle=False), self._handle_poll, request)
+        self._read(lambda: self._watch.poll(settle=False), self.update, request)
         return request.done
 
     def roll_back(self, name: str, version: Version) -> Future:
@@ -139,8 +139,10 @@ class ReloadService:
         self._read(lambda: self._watch.write(file, version.file, texts), handle, request)
         return request.done
 
-    def update(self, trees: Trees) -> None:
-        """Handle a folder that was read; agents that do not fit into one slice follow later."""
+    def update(self, trees: Trees | None) -> None:
+        """Handle a folder that was read, None for no change; what fits no slice follows later."""
+        if trees is None:
+            return
         before = self.versions.trees
         log = self._node.get_logger()
         known = {broken.error.lines for broken in before.broken}
@@ -212,7 +214,7 @@ class ReloadService:
         if now >= self._next_poll and not (self._readings or self._unsettled):
             self._next_poll = now + PERIOD_S
             if self._enabled:
-                self._read(self._watch.poll, self._handle_poll, None)
+                self._read(self._watch.poll, self.update, None)
         for request in list(self._requests):
             if not self._unsettled and all(one.request is not request for one in self._readings):
                 self._end(request)
@@ -245,10 +247,6 @@ class ReloadService:
             _Reading(job=self._thread.submit(work), handle=handle, request=request)
         )
         self._set_timer()
-
-    def _handle_poll(self, trees: Trees | None) -> None:
-        if trees is not None:
-            self.update(trees)
 
     def _request(self) -> Request:
         done = Future(executor=self._node.executor)

@@ -14,14 +14,9 @@ MAX_VERSIONS = 50
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Version:
-    """Good version of an agent.
+    """Good version of an agent, whose cause and change from the one before are texts.
 
-    Attributes:
-        number: Counts up from 1.
-        file: Text and agent.
-        cause: What made this version, as text.
-        change: Difference from the version before, as text.
-        stamp: Time of reading [s].
+    Numbers count up from 1; the stamp is the time of reading [s].
     """
 
     number: int

@@ -102,7 +102,7 @@ class AgentVersions:
         if history.waiting is None:
             return None
         history.current, history.waiting = history.waiting, None
-        return self._bring_into_force(name, history.current, ReloadAction.REPLACE_TREE)
+        return self._bring_into_force(history.current, ReloadAction.REPLACE_TREE)
 
     def failed(self, effect: ReloadEffect, error: str) -> ReloadEffect:
         """Take back a version that could not be brought into force; return what to report instead.
@@ -210,10 +210,8 @@ class AgentVersions:
         if version is history.newest:
             text = f"{name}: version {version.number} stays"
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
-        file = file or version.file
-        return self._add_version(
-            name, history, file, f"roll back to {version.number}", running, stamp
-        )
+        cause = f"roll back to {version.number}"
+        return self._add_version(history, file or version.file, cause, running, stamp)
 
     def _is_new(self, name: str) -> bool:
         """Return whether the status of an agent without a good file has changed."""
@@ -300,18 +298,13 @@ class AgentVersions:
                 "not wait any more"
             )
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
-        return self._add_version(name, history, file, file.cause, running, stamp)
+        return self._add_version(history, file, file.cause, running, stamp)
 
     def _add_version(
-        self,
-        name: str,
-        history: VersionHistory,
-        file: AgentFile,
-        cause: str,
-        running: str,
-        stamp: float,
+        self, history: VersionHistory, file: AgentFile, cause: str, running: str, stamp: float
     ) -> ReloadEffect:
         version = self._new_version(history, file, cause, stamp)
+        name = version.agent.name
         changes_tree = compare(history.current.file, file, self._space).changes_tree
         if changes_tree and name == running:
             history.waiting = version
@@ -320,11 +313,8 @@ class AgentVersions:
             )
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
         history.current, history.waiting = version, None
-        return self._bring_into_force(
-            name,
-            version,
-            ReloadAction.REPLACE_TREE if changes_tree else ReloadAction.UPDATE_VALUES,
-        )
+        action = ReloadAction.REPLACE_TREE if changes_tree else ReloadAction.UPDATE_VALUES
+        return self._bring_into_force(version, action)
 
     def _new_version(
         self, history: VersionHistory, file: AgentFile, cause: str, stamp: float
@@ -335,9 +325,10 @@ class AgentVersions:
             Version(number=number, file=file, cause=cause, change=change, stamp=stamp)
         )
 
-    def _bring_into_force(self, name: str, version: Version, action: ReloadAction) -> ReloadEffect:
-        text = f"{name}: version {version.number} in force ({version.change})"
-        return ReloadEffect(action=action, name=name, agent=version.agent, text=text)
+    def _bring_into_force(self, version: Version, action: ReloadAction) -> ReloadEffect:
+        agent = version.agent
+        text = f"{agent.name}: version {version.number} in force ({version.change})"
+        return ReloadEffect(action=action, name=agent.name, agent=agent, text=text)
 
 
 def _good_files(trees: Trees) -> dict[str, AgentFile]:

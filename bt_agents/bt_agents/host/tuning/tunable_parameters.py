@@ -214,9 +214,7 @@ class TunableParameters:
         values = {
             one.key: self._store.values[one.name] for one in own if one.kind is TunableKind.TUNABLE
         }
-        for key in [*member.tunables]:
-            if key not in values:
-                del member.tunables[key]
+        member.tunables.clear()
         member.tunables.update(values)
         rate = self._store.values[f"{member.spec.name}.learning_rate"]
         member.learning_rate = float(rate)
