@@ -7,7 +7,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from enum import Enum
 
-from bt_agents.host.reload.changes import compare
+from bt_agents.host.reload.changes import change_text, changes_tree
 from bt_agents.host.reload.version_history import Version, VersionHistory, new_history
 from bt_agents_core.errors import Refused
 from bt_agents_language.diagnostics.renderers import as_hinted_lines
@@ -305,21 +305,21 @@ class AgentVersions:
     ) -> ReloadEffect:
         version = self._new_version(history, file, cause, stamp)
         name = version.agent.name
-        changes_tree = compare(history.current.file, file, self._space).changes_tree
-        if changes_tree and name == running:
+        has_other_tree = changes_tree(history.current.file, file)
+        if has_other_tree and name == running:
             history.waiting = version
             text = (
                 f"{name}: version {version.number} waits for the end of its run ({version.change})"
             )
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
         history.current, history.waiting = version, None
-        action = ReloadAction.REPLACE_TREE if changes_tree else ReloadAction.UPDATE_VALUES
+        action = ReloadAction.REPLACE_TREE if has_other_tree else ReloadAction.UPDATE_VALUES
         return self._bring_into_force(version, action)
 
     def _new_version(
         self, history: VersionHistory, file: AgentFile, cause: str, stamp: float
     ) -> Version:
-        change = compare(history.newest.file, file, self._space).text
+        change = change_text(history.newest.file, file, self._space)
         number = history.versions[-1].number + 1
         return history.add(
             Version(number=number, file=file, cause=cause, change=change, stamp=stamp)
