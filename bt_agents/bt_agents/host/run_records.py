@@ -55,8 +55,7 @@ class RunRecords:
 
     def run(self, goal: Any, spec: AgentSpec, *, environment: Environment, **how: Any) -> Run:
         """Return the run of a goal, recorded when there are subscribers; see :class:`Run`."""
-        subscribed = self._records.get_subscription_count()
-        if not (subscribed and self._status.get_subscription_count()):
+        if not self._has_subscribers():
             return Run(spec, environment=environment, **how)
         self.flush()
         self._goal = goal
@@ -88,6 +87,11 @@ class RunRecords:
                 tick=self._tick,
                 record="\n".join(lines),
             )
+        )
+
+    def _has_subscribers(self) -> bool:
+        return bool(
+            self._records.get_subscription_count() and self._status.get_subscription_count()
         )
 
     def _collect(self, tick: int, line: str) -> None:
