@@ -40,7 +40,8 @@ _NAMES_SHOWN = 20
 class HostNode(BaseNode):
     """Host of the agents of a trees folder: registers them, bids, and ticks the winner's tree.
 
-    What was tuned outlives it in the file ``tunings``; an empty name keeps that in memory.
+    What was tuned outlives it in the file ``tunings``; an empty name keeps that in memory. Other
+    arguments are those of :class:`rclpy.node.Node`.
     """
 
     def __init__(self, folder: TreesFolder, *, tunings: str = "", **node_kwargs: Any) -> None:
