@@ -97,8 +97,8 @@ class Watched:
     def roll_back(self, name: str, number: int = 0) -> list[str]:
         """Roll back as a host does; return what was said."""
         version = self.versions.find(name, number)
-        texts = {one.file.text for one in self.versions.versions(name)}
-        file = self.versions.file(name).file
+        texts = {one.file.text for one in self.versions.history(name).versions}
+        file = self.versions.history(name).last_read.file
         written = self.watch.write(file, version.file, texts)
         effect = self.versions.roll_back(name, version, written.file, self.running, self.now)
         return [self.apply(effect), *filter(None, [written.text])]

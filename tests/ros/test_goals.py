@@ -17,8 +17,8 @@ from std_srvs.srv import SetBool
 from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock
 from bt_agents.host.environment.goal import MOST_UNCONFIRMED, GoalTrack, RosGoalRun
-from bt_agents.host.environment.inbox import DEPTH
 from bt_agents.host.environment.ros_environment import RosEnvironment
+from bt_agents.host.environment.subscriptions import DEPTH
 from bt_agents_core.field_types import BindingKind
 from bt_agents_interfaces.action import Ask
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts

@@ -17,7 +17,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_msgs.msg import Float64
 
-from bt_agents.host.live_scene import LiveScene
+from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Run

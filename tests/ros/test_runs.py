@@ -21,6 +21,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock as ClockMsg
 from std_msgs.msg import Bool
 
+from bt_agents.host.award_monitor import RunKey
 from bt_agents.host.node import HostNode
 from bt_agents_core.diagnostic import Position
 from bt_agents_interfaces.action import RunAgent
@@ -564,7 +565,8 @@ def test_a_run_that_its_market_has_announced_is_not_told_again(
         results(ros, market.send(goal))
     ros.until(market._runs.get_subscription_count)
     market.announce(1, "quick")
-    ros.until(lambda: ("e1", 1, "quick") in host._registration._unreported._closed)
+    closed = RunKey(epoch="e1", round=1, agent="quick")
+    ros.until(lambda: closed in host._registration._unreported._closed)
     market.epoch = "e2"
     market.open()
     ros.until(lambda: market.requests[-1].unreported)

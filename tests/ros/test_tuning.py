@@ -17,8 +17,8 @@ from rclpy.parameter import Parameter
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.tuning.tunable import TICK_RATE, parameters_of
-from bt_agents.host.tuning.tunable_messages import info_from_msg
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
+from bt_agents.host.tuning.tune_service import info_from_msg
 from bt_agents_interfaces.msg import Tunables, Tunings
 from bt_agents_interfaces.srv import Tune
 from bt_agents_language.model.specs import AgentSpec

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -16,10 +16,6 @@ from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_language.expression.expression_values import EvaluationError
 from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import AgentSpec
-
-
-def _nothing() -> None:
-    """Do nothing."""
 
 
 @dataclass(kw_only=True, slots=True)
@@ -39,7 +35,7 @@ class HostedAgent:
         removal_reason: Why it is removed and bids no more; empty when it stays.
     """
 
-    on_change: Callable[[], None] = field(default=_nothing, repr=False, compare=False)
+    on_change: Callable[[], None] = field(repr=False, compare=False)
     spec: AgentSpec
     profile: Vector
     revision: int = 0
@@ -86,12 +82,7 @@ class BidderColumns:
 
 
 class Decline(NamedTuple):
-    """Reason of an agent for not bidding.
-
-    Attributes:
-        reason: For people.
-        unmet: What the scene lacks of what the agent requires; empty for any other reason.
-    """
+    """Reason of an agent for not bidding; ``unmet`` is what the scene lacks of its requirement."""
 
     reason: str
     unmet: str = ""
@@ -104,13 +95,7 @@ class HostBids:
     bidders: BidderColumns
     declined: Mapping[str, Decline]
 
-    @property
-    def bids(self) -> tuple[HostedAgent, ...]:
-        """The agents that bid."""
-        return self.bidders.members
-
     def fields(self) -> dict[str, Any]:
-        """Return the fields of ``Bids.msg`` that hold it."""
         return {
             "agents": self.bidders.names,
             "agent_ids": self.bidders.ids,
@@ -126,10 +111,7 @@ class HostBids:
 class _Registered:
     """Registered agents, prepared for scenes that name no layer.
 
-    Attributes:
-        bidders: All of them.
-        conditional: Those that may decline a scene.
-        layered: Whether any has a profile for a person or a place.
+    The conditional ones may decline a scene; when layered, any of all has a profile for a layer.
     """
 
     bidders: BidderColumns
@@ -145,14 +127,13 @@ class AgentRegistry:
         self.members: dict[str, HostedAgent] = {}
         self._registered: _Registered | None = None
         self._last_subset: tuple[frozenset[str], BidderColumns] | None = None
-        self._on_change = self._invalidate
         for spec in agents:
             self.add(spec)
 
     def add(self, spec: AgentSpec) -> HostedAgent:
         """Add an agent, as its file says; return it."""
         member = self.members[spec.name] = HostedAgent(
-            on_change=self._on_change,
+            on_change=self._invalidate,
             spec=spec,
             profile=spec.profile,
             learning_rate=spec.learning_rate,
@@ -188,12 +169,9 @@ class AgentRegistry:
     def bids_for(
         self, scene: Scene, excluded: Collection[str] = (), *, obstacle: str = ""
     ) -> HostBids:
-        """Return the bids for a scene, of registered agents only.
+        """Return the bids for a scene, of registered agents that are not excluded by name.
 
-        Args:
-            scene: What is to be bid for.
-            excluded: Names of agents that are not asked.
-            obstacle: Reason why no agent of this host can run; empty if they can.
+        An obstacle is the reason why no agent of this host can run; empty if they can.
         """
         registered = self._registered or self._register()
         everybody = registered.bidders
@@ -213,34 +191,19 @@ class AgentRegistry:
             self._last_subset = None if named else some
         return HostBids(bidders=some[1], declined=declined)
 
-    def set_profile(self, name: str, values: Iterable[float], revision: int) -> HostedAgent:
-        """Give an agent a new profile; return the agent.
-
-        Raises:
-            Refused: ``UNKNOWN_AGENT``, ``STALE_REVISION``, or as in :meth:`SceneSpace.vector`.
-        """
-        member = self.member(name)
-        profile = self.space.vector(values, what=f"profile of {name}")
-        if revision < member.revision:
-            raise Refused(
-                "STALE_REVISION",
-                f"{name} has revision {member.revision} already, {revision} is older",
-            )
-        member.profile = profile
-        member.revision = revision
-        return member
-
-    def set_layer(
-        self, name: str, layer: str, values: Iterable[float], revision: int
+    def set_profile(
+        self, name: str, values: Iterable[float], revision: int, layer: str = ""
     ) -> HostedAgent:
-        """Give an agent a new profile for a person or a place; return the agent.
+        """Give an agent a new profile, for all or for a person or a place; return the agent.
 
         Raises:
-            Refused: ``BAD_LAYER``, ``TOO_MANY_LAYERS``, or as in :meth:`set_profile`.
+            Refused: ``UNKNOWN_AGENT``, ``BAD_LAYER``, ``TOO_MANY_LAYERS``, ``STALE_REVISION``, or
+                as in :meth:`SceneSpace.vector`.
         """
         member = self.member(name)
-        profile = self.space.vector(values, what=f"profile of {name} for {checked_layer(layer)}")
-        held = member.layers.get(layer)
+        whose = f" for {checked_layer(layer)}" if layer else ""
+        profile = self.space.vector(values, what=f"profile of {name}{whose}")
+        held = member.layers.get(layer) if layer else (member.profile, member.revision)
         if held is None and len(member.layers) >= MOST_LAYERS:
             raise Refused(
                 "TOO_MANY_LAYERS",
@@ -249,10 +212,13 @@ class AgentRegistry:
         if held is not None and revision < held[1]:
             raise Refused(
                 "STALE_REVISION",
-                f"{name} has revision {held[1]} for {layer} already, {revision} is older",
+                f"{name} has revision {held[1]}{whose} already, {revision} is older",
             )
-        member.layers[layer] = (profile, revision)
-        self._invalidate()
+        if layer:
+            member.layers[layer] = (profile, revision)
+            self._invalidate()
+        else:
+            member.profile, member.revision = profile, revision
         return member
 
     def remove_layer(self, name: str, layer: str) -> None:
@@ -291,24 +257,20 @@ class AgentRegistry:
     ) -> BidderColumns:
         """Return agents column by column for scenes that name these layers."""
         bidders = tuple(members)
-        vectors = array("d")
+        vectors, weights = array("d"), array("d")
         for member in bidders:
             vectors.extend(member._profile_in(named) if named else member.profile)
+        own_weights = [member.spec.weights for member in bidders]
+        if any(own_weights):
+            for own in own_weights:
+                weights.extend(own.get(p.name, p.weight) for p in self.space.parameters)
         return BidderColumns(
             members=bidders,
             names=[member.spec.name for member in bidders],
             ids=array("I", [member.agent_id for member in bidders]),
             vectors=vectors,
-            weights=self._weights(bidders),
+            weights=weights,
         )
-
-    def _weights(self, members: Sequence[HostedAgent]) -> array[float]:
-        own = [member.spec.weights for member in members]
-        weights = array("d")
-        if any(own):
-            for one in own:
-                weights.extend(one.get(p.name, p.weight) for p in self.space.parameters)
-        return weights
 
     def _declined(
         self, conditional: Iterable[HostedAgent], scene: Scene, excluded: Collection[str]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from bt_agents_core.liveness import StallDetector, extended_after_stall
 
@@ -12,21 +13,25 @@ _POLL_AGAIN_S = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class RunKey:
-    """Identity of a run: market, round and agent; round 0 is no run."""
+    """Identity of a run: market, round and agent; round 0 is no run.
+
+    A round has several runs when agents refuse theirs.
+    """
 
     epoch: str
     round: int = 0
     agent: str = ""
 
+    @classmethod
+    def of(cls, message: Any) -> RunKey:
+        """Return the run that a message is about: a goal, an event or a heartbeat."""
+        return cls(epoch=message.epoch, round=message.round, agent=message.agent)
+
 
 class AwardMonitor:
     """Monitor of the run that the market names; a host that has stalled waits for it to act.
 
-    Args:
-        now: The time on the steady clock [s].
-
-    Attributes:
-        stall: Detects that this process was suspended.
+    All times are on the steady clock [s]. Its ``stall`` detects that this process was suspended.
     """
 
     def __init__(self, now: float) -> None:
@@ -34,13 +39,7 @@ class AwardMonitor:
         self._named: RunKey | None = None
 
     def on_heartbeat(self, named: RunKey, run: RunKey | None, now: float) -> bool:
-        """Handle the run that a market names; return True when the one under way was given away.
-
-        Args:
-            named: By the heartbeat.
-            run: The run under way; None without one.
-            now: The time [s].
-        """
+        """Handle the run that a market names; return whether the one under way was given away."""
         if run is not None and run.epoch != named.epoch:
             return False
         before, self._named = self._named, named
@@ -70,10 +69,8 @@ class AwardMonitor:
 class MarketLease:
     """Lease of the market on the run under way; all times are on the steady clock [s].
 
-    A market without a heartbeat so far is not missed: it may have none.
-
-    Args:
-        lease_s: The market is gone when it has been silent for this long [s].
+    A market is gone when it has been silent for ``lease_s``. One without a heartbeat so far is not
+    missed: it may have none.
     """
 
     def __init__(self, lease_s: float) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import asdict
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.reload.source_bundle import source_bundle
@@ -37,12 +36,6 @@ class HostCardPublisher:
 
     The card stands under the name of the host. Only the host that the market has registered may
     have one: a card of another host of the same name would replace it.
-
-    Args:
-        node: The host's node.
-        instance: This start of the host.
-        registry: Its agents.
-        versions: Their versions, and what is wrong with their files.
     """
 
     def __init__(
@@ -55,7 +48,7 @@ class HostCardPublisher:
         self._folder = str(versions.trees.folder.resolve())
         self._node = node
         self._registered = False
-        self._cards = self._card_publisher()
+        self._cards = node.create_publisher(HostCard, "cards", qos.FACT)
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
         self._files = node.create_publisher(AgentFiles, "~/files", qos.FACT)
 
@@ -63,7 +56,7 @@ class HostCardPublisher:
         """Publish the card of a host that the market has registered, or withdraw it."""
         if self._registered and not registered:
             self._node.destroy_publisher(self._cards)
-            self._cards = self._card_publisher()
+            self._cards = self._node.create_publisher(HostCard, "cards", qos.FACT)
         self._registered = registered
         self.card()
 
@@ -75,7 +68,7 @@ class HostCardPublisher:
         members = self._registry.members.values()
         problems = self._versions.folder_problems()
         for member in members:
-            problems += self._versions.status(member.spec.name).problems
+            problems += self._versions.histories[member.spec.name].problems
             if member.refusal:
                 problems.append(FileProblem(agent=member.spec.name, message=member.refusal))
         self._cards.publish(
@@ -118,12 +111,9 @@ class HostCardPublisher:
             )
         )
 
-    def _card_publisher(self) -> Publisher[HostCard]:
-        return self._node.create_publisher(HostCard, "cards", qos.FACT)
-
     def _agent_card(self, member: HostedAgent) -> AgentCard:
         spec = member.spec
-        status = self._versions.status(spec.name)
+        history = self._versions.histories[spec.name]
         return AgentCard(
             name=spec.name,
             title=spec.title,
@@ -135,11 +125,11 @@ class HostCardPublisher:
             learning_rate=member.learning_rate,
             learning=learning_to_msg(spec.learning, self._registry.space),
             rules=[rule_to_msg(rule) for rule in spec.rules],
-            version=status.version,
-            waiting=status.waiting,
-            degraded=bool(status.problems),
-            problems=_problems_to_msg(status.problems),
-            removal_reason=status.removal_reason,
+            version=history.current.number,
+            waiting=history.waiting is not None,
+            degraded=bool(history.problems),
+            problems=_problems_to_msg(history.problems),
+            removal_reason=history.removal_reason,
         )
 
 

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Registers the host at the market, and re-registers after a restart of either."""
+"""Registers the host at the market, again after a restart of either, and reports ended runs."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry
-from bt_agents.host.award_monitor import MarketLease
+from bt_agents.host.award_monitor import MarketLease, RunKey
 from bt_agents.host.run_server import RunServer
-from bt_agents.host.unreported_runs import UnreportedRuns
 from bt_agents_core.liveness import STALL_S
 from bt_agents_core.stop_cause import StopCause
 from bt_agents_interfaces.action import RunAgent
@@ -26,10 +26,53 @@ from bt_agents_ros.timers import steady_timer
 MARKET_LEASE = "market_lease"
 """Parameter of hosts: how long a run goes on without a sign of life of its market."""
 
+MOST_UNREPORTED = 10
+"""Most unreported runs; more push the oldest ones out."""
+
+_REMEMBERED = 50
 _LIMIT_S = 1.0
 _RETRY_S = 1.0
 _POLL_S = 0.02
 _LOG_PERIOD_S = 30.0
+
+
+class UnreportedRuns:
+    """Ended runs of a host that their market has not closed yet.
+
+    A market has closed a run when it has announced itself that it ended, was lost or was refused.
+    """
+
+    def __init__(self) -> None:
+        self._runs: dict[RunKey, Run] = {}
+        self._closed: deque[RunKey] = deque(maxlen=_REMEMBERED)
+
+    def store(self, run: Run) -> None:
+        """Store a run that has ended, unless its market has closed it before."""
+        key = RunKey.of(run)
+        if key in self._closed:
+            return
+        self._runs[key] = run
+        if len(self._runs) > MOST_UNREPORTED:
+            del self._runs[next(iter(self._runs))]
+
+    def on_run_event(self, run: Run) -> None:
+        """Remove a run that its market has closed; other events mean nothing."""
+        if run.event in (Run.ENDED, Run.REFUSED):
+            self._close(run)
+
+    def of_others(self, epoch: str) -> list[Run]:
+        """Return the runs of other markets than this one, the oldest first."""
+        return [run for run in self._runs.values() if run.epoch != epoch]
+
+    def acknowledge(self, runs: list[Run]) -> None:
+        """Remove runs that a market has recorded."""
+        for run in runs:
+            self._close(run)
+
+    def _close(self, run: Run) -> None:
+        key = RunKey.of(run)
+        self._runs.pop(key, None)
+        self._closed.append(key)
 
 
 class MarketRegistration:
@@ -85,7 +128,7 @@ class MarketRegistration:
             MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.SENSOR
         )
         node.create_subscription(Run, "runs", self._unreported.on_run_event, qos.HISTORY)
-        runs.on_begin(self._on_run_begin)
+        runs.on_begin(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
         runs.on_end(self._on_run_end)
         steady_timer(node, _RETRY_S, self._retry)
         self._pending_epoch = ""
@@ -118,9 +161,6 @@ class MarketRegistration:
         meaning = "a tree is stopped when the market that started it is silent for this long [s]"
         limits = describe(meaning, minimum=0.3, maximum=10.0)
         return float(declare_and_watch(self._node, MARKET_LEASE, 1.0, limits, take))
-
-    def _on_run_begin(self, goal: Any) -> None:
-        self._lease.begin(goal.epoch, time.monotonic())
 
     def _on_run_end(self, goal: Any, result: RunAgent.Result) -> None:
         self._lease.end()

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
+from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents.host.host_card import HostCardPublisher
-from bt_agents.host.live_scene import LiveScene
 from bt_agents.host.market_registration import MarketRegistration
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.version_services import ReloadServices
@@ -40,10 +40,8 @@ _NAMES_SHOWN = 20
 class HostNode(BaseNode):
     """Host of the agents of a trees folder: registers them, bids, and ticks the winner's tree.
 
-    Args:
-        folder: What the trees folder says.
-        tunings: File in which what was tuned outlives the host; empty keeps it in memory.
-        node_kwargs: For :class:`rclpy.node.Node`.
+    What was tuned outlives it in the file ``tunings``; an empty name keeps that in memory. Other
+    arguments are those of :class:`rclpy.node.Node`.
     """
 
     def __init__(self, folder: TreesFolder, *, tunings: str = "", **node_kwargs: Any) -> None:
@@ -67,7 +65,7 @@ class HostNode(BaseNode):
             self.registry,
             self.instance,
             live.begin_run,
-            version=lambda name: self._versions.status(name).version,
+            version=lambda name: self._versions.histories[name].current.number,
         )
         for member in self.registry.members.values():
             self._prepare(member.spec)
@@ -114,15 +112,12 @@ class HostNode(BaseNode):
         return self._registration.complete
 
     def request_stop(self) -> None:
-        """Cancel the running tree."""
         self._runs.stop("the host is stopping")
 
     def stopped(self) -> bool:
-        """Return True when no tree runs."""
         return not self._runs.busy
 
     def destroy_node(self) -> None:
-        """Destroy the node, its action first."""
         self._reloading.close()
         self._tunables.close()
         self._runs.close()
@@ -161,7 +156,7 @@ class HostNode(BaseNode):
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
         if name in self.registry.members:
-            reason = self._versions.status(name).removal_reason
+            reason = self._versions.histories[name].removal_reason
             self.registry.members[name].removal_reason = reason
 
     def _add(self, agent: AgentSpec) -> None:
@@ -219,12 +214,10 @@ class HostNode(BaseNode):
             if request.remove:
                 self.registry.remove_layer(agent, layer)
                 response.message = f"{agent or 'everybody here'} has no {layer or 'layers'} now"
-            elif layer:
-                self.registry.set_layer(agent, layer, request.values, request.revision)
-                response.message = f"{agent} bids with revision {request.revision} for {layer}"
             else:
-                self.registry.set_profile(agent, request.values, request.revision)
-                response.message = f"{agent} bids with revision {request.revision}"
+                self.registry.set_profile(agent, request.values, request.revision, layer)
+                whose = f" for {layer}" if layer else ""
+                response.message = f"{agent} bids with revision {request.revision}{whose}"
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response

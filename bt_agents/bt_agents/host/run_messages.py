@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from py_trees.common import Status
@@ -14,33 +15,13 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
 from bt_agents_interfaces.msg import TreeStatus
 
-_STATUS = {
-    Status.INVALID: StatusChangeMsg.INVALID,
-    Status.RUNNING: StatusChangeMsg.RUNNING,
-    Status.SUCCESS: StatusChangeMsg.SUCCESS,
-    Status.FAILURE: StatusChangeMsg.FAILURE,
-}
-
-OUTCOMES = {
-    TreeOutcome.SUCCEEDED: RunAgent.Result.SUCCEEDED,
-    TreeOutcome.FAILED: RunAgent.Result.FAILED,
-    TreeOutcome.CANCELLED: RunAgent.Result.CANCELLED,
-}
-"""Outcomes of a run as messages have them."""
+_STATUS = {status: getattr(StatusChangeMsg, status.name) for status in Status}
 
 
 def tree_status(
     stamp: Any, goal: Any, instance: str, run: Run, changes: Sequence[StatusChange]
 ) -> TreeStatus:
-    """Return the message of a tick.
-
-    Args:
-        stamp: When the tree was ticked.
-        goal: What it runs for.
-        instance: This start of the host.
-        run: The run, after the tick.
-        changes: What the tick has changed, in order.
-    """
+    """Return the message of a tick, with the run after it and what it has changed, in order."""
     return TreeStatus(
         stamp=stamp,
         epoch=goal.epoch,
@@ -63,15 +44,8 @@ def tree_status(
 
 def run_result_to_msg(result: RunResult) -> RunAgent.Result:
     """Return the result of the action."""
-    return RunAgent.Result(
-        outcome=OUTCOMES[result.outcome],
-        message=result.message,
-        tip=result.tip,
-        orphans=list(result.orphans),
-        ticks=result.ticks,
-        overruns=result.overruns,
-        duration_s=result.duration_s,
-    )
+    outcome = getattr(RunAgent.Result, result.outcome.name)
+    return RunAgent.Result(**asdict(result) | {"outcome": outcome})
 
 
 def not_begun(error: Exception) -> RunResult:

@@ -32,12 +32,6 @@ class RunRecords:
 
     A run is recorded when there are subscribers of both the records and the status of trees at
     its begin: a recording alone can be replayed, but not be compared with what happened.
-
-    Args:
-        node: The host's node.
-        instance: This start of the host.
-        status: Publishes the changes of each tick.
-        version: Returns the version of an agent's file that is in force.
     """
 
     def __init__(
@@ -60,14 +54,7 @@ class RunRecords:
         self._characters = 0
 
     def run(self, goal: Any, spec: AgentSpec, *, environment: Environment, **how: Any) -> Run:
-        """Return the run of a goal, recorded when there are subscribers.
-
-        Args:
-            goal: The goal.
-            spec: The agent.
-            environment: What its tree reaches.
-            how: Other arguments of :class:`Run`.
-        """
+        """Return the run of a goal, recorded when there are subscribers; see :class:`Run`."""
         if not self._has_subscribers():
             return Run(spec, environment=environment, **how)
         self.flush()

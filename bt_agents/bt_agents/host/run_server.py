@@ -182,10 +182,7 @@ class RunServer:
     ) -> None:
         """Stop the running tree; the first reason and its cause count.
 
-        Args:
-            reason: For people.
-            cause: For the market.
-            clean_up: False leaves the agent's ``on_cancel`` out, also of an earlier order.
+        Without the clean-up the agent's ``on_cancel`` is left out, also that of an earlier order.
         """
         if not self.busy:
             return
@@ -221,8 +218,8 @@ class RunServer:
 
     def on_market_heartbeat(self, heartbeat: MarketHeartbeat) -> None:
         """Handle a heartbeat of a market, which names the run that it knows of."""
-        run = _run_key(self.goal) if self.busy else None
-        if self._award_monitor.on_heartbeat(_run_key(heartbeat), run, time.monotonic()):
+        run = RunKey.of(self.goal) if self.busy else None
+        if self._award_monitor.on_heartbeat(RunKey.of(heartbeat), run, time.monotonic()):
             self.cancel("the market has given its run away", clean_up=False)
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
@@ -255,7 +252,7 @@ class RunServer:
                 "WRONG_INSTANCE",
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
             )
-        if self._award_monitor.is_over(_run_key(goal)):
+        if self._award_monitor.is_over(RunKey.of(goal)):
             raise Refused("OVER", f"the market has gone on from round {goal.round} already")
         member = self._registry.member(goal.agent)
         if not member.agent_id or member.agent_id != goal.agent_id:
@@ -413,7 +410,7 @@ class RunServer:
 
     def _hold_off_s(self, now: float) -> float:
         """Return how long not to tick, as the run may have been given away meanwhile [s]."""
-        return self._award_monitor.hold_off_s(_run_key(self.goal), now)
+        return self._award_monitor.hold_off_s(RunKey.of(self.goal), now)
 
     def _report_overrun(self, run: Run, overrun: Overrun) -> None:
         self._node.get_logger().warning(
@@ -437,11 +434,6 @@ class RunServer:
     def _status_of(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> TreeStatus:
         stamp = self._node.get_clock().now().to_msg()
         return tree_status(stamp, goal, self._instance, run, changes)
-
-
-def _run_key(message: Any) -> RunKey:
-    """Return the identity of the run that a goal is for, or that a heartbeat names."""
-    return RunKey(epoch=message.epoch, round=message.round, agent=message.agent)
 
 
 def _close(handle: Any, result: RunResult) -> None:

@@ -44,7 +44,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from bt_agents.engine.environment import GoalState
 from bt_agents_core.errors import Refused
 
 FORMAT = 2
@@ -84,17 +83,6 @@ class Recording:
         return bool(self.entries) and "end" in self.entries[self.steps]
 
 
-def initial_goal() -> dict[str, Any]:
-    """Return the fields of a goal right after it was sent, which need no entry."""
-    return {
-        "state": GoalState.PENDING,
-        "confirmed": False,
-        "message": "",
-        "result": {},
-        "feedback": None,
-    }
-
-
 def to_line(entry: Entry) -> str:
     """Return an entry as JSON; most have only numbers, which are written much quicker.
 
@@ -107,12 +95,9 @@ def to_line(entry: Entry) -> str:
 
 
 def read_recording(lines: Iterable[str]) -> Recording:
-    """Return a recording of any format.
+    """Return a recording of any format from its lines, in order.
 
     What follows a missing line cannot be replayed and is left out.
-
-    Args:
-        lines: As :class:`bt_agents.recording.recorded_run.RecordingRun` wrote them, in order.
 
     Raises:
         Refused: ``BAD_RECORD``; the first line is missing, or one cannot be read.

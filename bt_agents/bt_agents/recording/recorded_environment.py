@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from random import Random
 from typing import Any
@@ -15,11 +16,14 @@ from bt_agents.engine.environment import Clock, Environment, GoalRun, Inbox, Ski
 from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.scope import RunScope, Scope
 from bt_agents.recording.format import Entry
-from bt_agents.recording.recorded_clock import RecordingClock, ReplayClock
-from bt_agents.recording.recorded_goal import RecordingGoal, ReplayGoal
-from bt_agents.recording.recorded_inbox import RecordingInbox, ReplayInbox
+from bt_agents.recording.recorded_answers import (
+    RecordingGoal,
+    RecordingInbox,
+    ReplayGoal,
+    ReplayInbox,
+)
 from bt_agents.recording.recorded_plugin import RecordingPlugin, ReplayPlugin
-from bt_agents.recording.step_log import StepLog
+from bt_agents.recording.steps import RecordingClock, ReplayClock, StepLog
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
@@ -28,19 +32,13 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class RecordingEnvironment:
-    """The environment of a recorded run, with clocks, live scene and tunables.
-
-    Args:
-        environment: The one that is recorded.
-        live: See :class:`bt_agents.engine.run.Run`, as for the next two.
-        tunables: Current values; may change between steps.
-        steady: Clock of the bounded waits.
+    """The environment of a recorded run, with clocks, live scene and tunables; see :class:`Run`.
 
     Attributes:
         steps: The entry of the current step.
         clock: The trees' clock.
-        steady: The steady clock.
-        tunables: Their current values.
+        steady: Clock of the bounded waits.
+        tunables: Current values; may change between steps.
         recorded_tunables: Their values as they were recorded last.
     """
 
@@ -67,13 +65,9 @@ class RecordingEnvironment:
     def first(self) -> Entry:
         """Return what is known before the first step, which begins with that."""
         self.live()
-        first = {
-            "tunables": self.recorded_tunables,
-            "live": self._recorded_live,
-            "t": self.clock(),
-        }
+        now = self.clock()
         self.steps.end()
-        return first
+        return {"tunables": self.recorded_tunables, "live": self._recorded_live, "t": now}
 
     def record_tunables(self) -> None:
         """Record the tunables, of which one has changed."""
@@ -81,21 +75,18 @@ class RecordingEnvironment:
 
     def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal; see :class:`Environment`."""
-        request = self._request(goal.kind.value, goal.name, goal.fields)
-        run = _attempt(lambda: self._environment.send(goal), request)
-        return self._track(run)
+        with self._request(goal.kind.value, goal.name, goal.fields):
+            return self._track(self._environment.send(goal))
 
     def publish(self, goal: SkillGoal) -> None:
         """Publish a message; see :class:`Environment`."""
-        request = self._request(goal.kind.value, goal.name, goal.fields)
-        _attempt(lambda: self._environment.publish(goal), request)
+        with self._request(goal.kind.value, goal.name, goal.fields):
+            self._environment.publish(goal)
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
         """Subscribe; see :class:`Environment`."""
-        request = self._request("watch", topic, {})
-        inbox = _attempt(
-            lambda: self._environment.watch(topic, type_name, latched=latched), request
-        )
+        with self._request("watch", topic, {}):
+            inbox = self._environment.watch(topic, type_name, latched=latched)
         self._inboxes += 1
         return RecordingInbox(inbox, self._inboxes - 1, self.steps)
 
@@ -107,16 +98,14 @@ class RecordingEnvironment:
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> GoalRun:
         """Ask for a change of the profile; see :class:`Environment`."""
-        request = self._request("feedback", kind.name, _feedback_fields(values, reason))
-        run = _attempt(lambda: self._environment.give_feedback(kind, values, reason), request)
-        return self._track(run)
+        with self._request("feedback", kind.name, _feedback_fields(values, reason)):
+            return self._track(self._environment.give_feedback(kind, values, reason))
 
     def live(self) -> Scene:
         """Return the live scene, which stands still during a step."""
-        step = self.steps.step
-        if self._scene is not None and self._scene_step == step:
+        if self._scene is not None and self._scene_step == self.steps.step:
             return self._scene
-        self._scene_step = step
+        self._scene_step = self.steps.step
         scene = self._live()
         if scene is not self._scene:
             self._scene = scene
@@ -133,10 +122,19 @@ class RecordingEnvironment:
         """Return the leaf of a behaviour of a package."""
         return RecordingPlugin(spec, context, scope, self.steps)
 
-    def _request(self, kind: str, name: str, fields: Mapping[str, Plain]) -> Entry:
-        request = {"kind": kind, "name": name, "fields": fields}
+    @contextmanager
+    def _request(self, kind: str, name: str, fields: Mapping[str, Plain]) -> Iterator[None]:
+        """Record a request, and the error of the call inside."""
+        request: Entry = {"kind": kind, "name": name, "fields": fields}
         self.steps.add("requests", request)
-        return request
+        try:
+            yield
+        except Refused as refused:
+            request["error"] = {"code": refused.code, "reason": refused.reason}
+            raise
+        except Exception as error:
+            request["error"] = {"type": type(error).__name__, "message": str(error)}
+            raise
 
     def _track(self, run: GoalRun) -> GoalRun:
         self._goals += 1
@@ -152,7 +150,6 @@ class RecordingContext(RunContext):
         self._is_due = environment.clock.is_due
 
     def is_due(self, path: str, at: float) -> bool:
-        """See :meth:`RunContext.is_due`."""
         if self._is_due(at):
             return True
         self.deadlines[path] = at
@@ -160,18 +157,9 @@ class RecordingContext(RunContext):
 
 
 class ReplayEnvironment:
-    """Answers as the environment did when the run was recorded.
+    """Answers as the environment did when the run was recorded, in this step.
 
-    Args:
-        head: First entry of the recording.
-        scene: As awarded.
-
-    Attributes:
-        clock: The trees' clock.
-        steady: The steady clock.
-        live: The live scene in this step.
-        tunables: The tunables in this step.
-        requests: What the tree has asked for in this step, in the form of the recording.
+    Its requests are what the tree has asked for in this step, in the form of the recording.
     """
 
     def __init__(self, head: Mapping[str, Any], scene: Scene) -> None:
@@ -248,29 +236,14 @@ class ReplayEnvironment:
         error = self._errors.popleft() if self._errors else None
         request: Entry = {"kind": kind, "name": name, "fields": fields}
         self.requests.append(request)
-        if error is not None:
-            request["error"] = error
-            raise _exception_of(error)
-
-
-def _attempt(call: Callable[[], Any], request: Entry) -> Any:
-    """Return what a call returns; record its error."""
-    try:
-        return call()
-    except Refused as refused:
-        request["error"] = {"code": refused.code, "reason": refused.reason}
-        raise
-    except Exception as error:
-        request["error"] = {"type": type(error).__name__, "message": str(error)}
-        raise
-
-
-def _exception_of(error: Entry) -> Exception:
-    """Return the exception of a recorded error; its name and text are all that a node shows."""
-    if "code" in error:
-        return Refused(str(error["code"]), str(error["reason"]))
-    kind: type[Exception] = type(str(error["type"]), (Exception,), {})
-    return kind(error["message"])
+        if error is None:
+            return
+        request["error"] = error
+        if "code" in error:
+            raise Refused(str(error["code"]), str(error["reason"]))
+        # Its name and text are all that a node shows.
+        error_type: type[Exception] = type(str(error["type"]), (Exception,), {})
+        raise error_type(error["message"])
 
 
 def _feedback_fields(values: Mapping[str, float], reason: str) -> dict[str, Plain]:

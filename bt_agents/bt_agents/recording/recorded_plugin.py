@@ -14,7 +14,7 @@ from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.nodes.plugin import PluginLeaf
 from bt_agents.engine.scope import Scope
 from bt_agents.recording.format import Entry
-from bt_agents.recording.step_log import StepLog
+from bt_agents.recording.steps import StepLog
 from bt_agents_language.model.specs import NodeSpec
 
 
@@ -26,14 +26,12 @@ class RecordingPlugin(PluginLeaf):
         self._log = log
 
     def update(self) -> Status:
-        """Tick the behaviour and record its answer."""
         status = super().update()
         entry = {"path": self.spec.path, "status": status.name, "message": self.feedback_message}
         self._log.add("plugins", entry)
         return status
 
     def terminate(self, new_status: Status) -> None:
-        """End the behaviour and record an error of that."""
         before = self.feedback_message
         super().terminate(new_status)
         if self.feedback_message != before:
@@ -43,11 +41,7 @@ class RecordingPlugin(PluginLeaf):
 class ReplayPlugin(Leaf):
     """A leaf with the recorded answers of a behaviour.
 
-    Args:
-        spec: See :class:`Leaf`.
-        context: See :class:`Leaf`.
-        scope: See :class:`Leaf`.
-        answers: Path of a node → the entries of this step that were not used yet.
+    Its ``answers`` are, by the path of a node, the entries of this step that were not used yet.
     """
 
     has_side_effects = True
@@ -63,7 +57,6 @@ class ReplayPlugin(Leaf):
         self._answers = answers
 
     def update(self) -> Status:
-        """Return the recorded answer."""
         answer = self._answers[self.spec.path].popleft()
         self.feedback_message = answer["message"]
         return cast(Status, Status[answer["status"]])

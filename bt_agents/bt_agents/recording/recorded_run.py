@@ -95,7 +95,6 @@ class RecordingRun(Run):
         )
 
     def tick(self) -> list[StatusChange]:
-        """Tick; see :meth:`Run.tick`."""
         recorded = self._recorded
         steps = recorded.steps
         if not steps.began and recorded.recorded_tunables != recorded.tunables:
@@ -109,19 +108,16 @@ class RecordingRun(Run):
         return changes
 
     def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
-        """Stop; see :meth:`Run.cancel`."""
         self._record_call({"call": "cancel", "reason": reason, "clean_up": clean_up})
         changes = super().cancel(reason, clean_up=clean_up)
         self._changed += len(changes)
         return changes
 
     def shorten_settling(self, settle_s: float) -> None:
-        """Wait less at the end; see :meth:`Run.shorten_settling`."""
         self._record_call({"call": "shorten_settling", "settle_s": settle_s})
         super().shorten_settling(settle_s)
 
     def give_up(self, reason: str) -> RunResult:
-        """End at once, as the engine has failed; see :meth:`Run.give_up`."""
         result = super().give_up(reason)
         self._stop(f"the engine has failed: {reason}")
         return result
@@ -173,18 +169,10 @@ class RecordingRun(Run):
 class ReplayedStep:
     """One step of a replayed run beside what was recorded about it.
 
-    Attributes:
-        number: From 1.
-        tick: Ticks of the tree so far.
-        changes: What has changed, in order.
-        recorded_changes: How many changes were recorded.
-        requests: What it asked for.
-        recorded_requests: What was recorded that it asked for.
-        result: How the run has ended; None before that.
-        recorded_end: How it was recorded to have ended; None before that.
+    The tick is the number of ticks of the tree so far. Requests have the form of the recording; of
+    changes only the number was recorded. The result and the recorded end are None before the end.
     """
 
-    number: int
     tick: int
     changes: list[StatusChange]
     recorded_changes: int
@@ -196,11 +184,6 @@ class ReplayedStep:
 
 def replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterator[ReplayedStep]:
     """Replay a run step by step, up to its end or to that of its recording.
-
-    Args:
-        recording: The recorded run.
-        spec: The agent.
-        space: The scene parameters.
 
     Raises:
         Refused: ``BAD_RECORD``; an entry has not the form that it should have.
@@ -244,7 +227,6 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
                 changes += run.cancel(str(call["reason"]), clean_up=bool(call["clean_up"]))
         changes += run.tick()
         yield ReplayedStep(
-            number=number,
             tick=run.ticks,
             changes=changes,
             recorded_changes=int(entry.get("changes", 0)),

@@ -13,8 +13,7 @@ from typing import Any
 from rclpy.parameter import parameter_value_to_python
 
 from bt_agents.host.tuning.tunable import TunableParameter, profile_values
-from bt_agents.host.tuning.tunable_messages import info_from_msg
-from bt_agents.host.tuning.tune_service import SOMEBODY
+from bt_agents.host.tuning.tune_service import SOMEBODY, info_from_msg
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import TUNING, FeedbackKind
 from bt_agents_core.text import quote

@@ -159,5 +159,5 @@ def test_in_the_end_the_robot_does_what_the_files_say(happening):
         assert {name: marks(one) for name, one in world.watched.in_force.items()} == {
             "bob": (world.count - 1, world.count)
         }
-        world.watched.versions.status("bob")
+        world.watched.versions.history("bob")
         assert not world.watched.versions.trees.broken

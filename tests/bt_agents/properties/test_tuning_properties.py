@@ -22,7 +22,6 @@ from bt_agents.host.tuning.history import (
     TuningHistory,
     TuningRevision,
 )
-from bt_agents.host.tuning.overrides import Overrides
 from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
 from bt_agents.host.tuning.tunable import (
     Setting,
@@ -55,20 +54,15 @@ class Desk:
 
     def __init__(self) -> None:
         self.values = dict(START)
-        self.overrides = Overrides()
+        self.history = TuningHistory()
         self.revisions: list[TuningRevision] = []
-
-    @property
-    def history(self) -> TuningHistory:
-        return self.overrides.history
 
     def set(self, values: Mapping[str, Setting]) -> None:
         self._record(values, TuningCause(author="x"))
 
     def step(self, action: TuningAction, agents: tuple[str, ...] = ()) -> bool:
-        find = self.history.undo if action is TuningAction.UNDO else self.history.redo
         try:
-            found, values = find(agents, lambda _name, _value: True)
+            found, values = self.history.find(action, agents, lambda _name, _value: True)
         except Refused:
             return False
         self._record(values, TuningCause(author="x", action=action, of=found.number))
@@ -84,9 +78,9 @@ class Desk:
             return
         number = self.history.revision + 1
         revision = TuningRevision(number=number, stamp=1.0, cause=cause, changes=changes)
-        defaults = {name: START[name] for name in revision.names}
+        defaults = {name: START[name] for name in names(revision)}
         self.revisions.append(revision)
-        self.overrides.add(revision, defaults)
+        self.history.add(revision, defaults)
         self.values |= values
 
 
@@ -135,6 +129,10 @@ STEPS = st.lists(
 )
 
 
+def names(revision: TuningRevision) -> set[str]:
+    return {change.name for change in revision.changes}
+
+
 def done(steps: list[object]) -> Desk:
     desk = Desk()
     for step in steps:
@@ -157,14 +155,14 @@ def test_whatever_was_undone_in_between_all_undos_give_back_the_start(steps):
 def test_the_undo_of_an_agent_is_its_last_change_as_a_whole(steps, agent):
     desk = done(steps)
     before = dict(desk.values)
-    stack = desk.history.undoable
+    stack = tuple(desk.history.undoable)
     if not desk.step(TuningAction.UNDO, (agent,)):
         return
     [taken] = set(stack) - set(desk.history.undoable)
-    assert any(name.startswith(f"{agent}.") for name in taken.names)
+    assert any(name.startswith(f"{agent}.") for name in names(taken))
     assert desk.values == before | {change.name: change.before for change in taken.changes}
     later = stack[stack.index(taken) + 1 :]
-    assert all(not taken.names & one.names for one in later)
+    assert all(not names(taken) & names(one) for one in later)
     assert desk.step(TuningAction.REDO, (agent,))
     assert desk.values == before
 
@@ -176,7 +174,7 @@ def test_the_file_says_everything_however_often_the_host_restarts(tmp_path_facto
     path = tmp_path_factory.mktemp("log") / "tunings.sqlite"
     log = ChangeLog(path, Disk(), pytest.fail)
     for revision in desk.revisions:
-        log.append(revision, dict.fromkeys(revision.names, 0))
+        log.append(revision, dict.fromkeys(names(revision), 0))
         match data.draw(st.sampled_from(["go on", "go on", "compact", "restart"])):
             case "compact":
                 log._compact()
@@ -187,13 +185,13 @@ def test_the_file_says_everything_however_often_the_host_restarts(tmp_path_facto
     read = ChangeLog(path, Disk(), pytest.fail)
     read.close()
     assert read.problems == []
-    found = read.overrides
-    assert found.by_name == desk.overrides.by_name
-    assert found.history.revision == desk.history.revision
-    assert found.history.undoable == desk.history.undoable
-    assert found.history.redoable == desk.history.redoable
-    assert found.history.shown == desk.history.shown
-    assert {n: k.value for n, k in found.by_name.items()} == {
+    found = read.history
+    assert found.overrides == desk.history.overrides
+    assert found.revision == desk.history.revision
+    assert found.undoable == desk.history.undoable
+    assert found.redoable == desk.history.redoable
+    assert found.shown == desk.history.shown
+    assert {n: k.value for n, k in found.overrides.items()} == {
         name: value for name, value in desk.values.items() if value != 0
     }
 
@@ -215,8 +213,8 @@ def test_no_row_does_more_than_be_left_out(tmp_path_factory, content):
     db.close()
     log = ChangeLog(path, Disk(), pytest.fail)
     log.close()
-    assert log.overrides.history.revision == 1
-    for kept in log.overrides.by_name.values():
+    assert log.history.revision == 1
+    for kept in log.history.overrides.values():
         assert isinstance(kept.value, bool | int | float | str)
 
 

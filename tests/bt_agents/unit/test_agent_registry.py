@@ -17,7 +17,7 @@ def declined(registry: AgentRegistry, **values: float) -> dict[str, str]:
     names = list(registry.members)
     registry.apply_registration(names, range(1, len(names) + 1), [""] * len(names))
     answer = registry.bids_for(scene(**values))
-    assert {m.spec.name for m in answer.bids} == set(names) - set(answer.declined)
+    assert {m.spec.name for m in answer.bidders.members} == set(names) - set(answer.declined)
     return {name: decline.reason for name, decline in answer.declined.items()}
 
 
@@ -61,14 +61,17 @@ def test_when_nobody_here_can_run_all_decline_with_that_reason():
     registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     registry.apply_registration(["a"], [1], [""])
     answer = registry.bids_for(scene(age=2), obstacle="nothing publishes /clock")
-    assert (answer.bids, answer.declined) == ((), {"a": Decline("nothing publishes /clock")})
+    assert (answer.bidders.members, answer.declined) == (
+        (),
+        {"a": Decline("nothing publishes /clock")},
+    )
 
 
 def layered(kinds: str, **layers: float) -> AgentRegistry:
     registry = AgentRegistry(SPACE, [agent("say: x", f"learning: {{layers: {kinds}}}")])
     for layer, age in layers.items():
         kind, _, name = layer.partition("_")
-        registry.set_layer("a", f"{kind}/{name}", [age, 3.0, 3.0], 1)
+        registry.set_profile("a", [age, 3.0, 3.0], 1, f"{kind}/{name}")
     return registry
 
 
@@ -99,19 +102,19 @@ def test_a_layer_of_an_older_revision_or_of_nobody_is_refused():
         ("person/", 2, "BAD_LAYER"),
     ):
         with pytest.raises(Refused, match=code):
-            registry.set_layer("a", layer, [1.0, 1.0, 1.0], revision)
+            registry.set_profile("a", [1.0, 1.0, 1.0], revision, layer)
     with pytest.raises(Refused, match="OUT_OF_RANGE"):
-        registry.set_layer("a", "person/anna", [9.0, 3.0, 3.0], 2)
+        registry.set_profile("a", [9.0, 3.0, 3.0], 2, "person/anna")
     assert registry.member("a").layers == {"person/anna": ((4.0, 3.0, 3.0), 1)}
 
 
 def test_the_layers_of_an_agent_are_bounded():
     registry = layered("[person]")
     for number in range(MOST_LAYERS):
-        registry.set_layer("a", f"person/{number}", [3.0, 3.0, 3.0], 1)
+        registry.set_profile("a", [3.0, 3.0, 3.0], 1, f"person/{number}")
     with pytest.raises(Refused, match="TOO_MANY_LAYERS"):
-        registry.set_layer("a", "person/more", [3.0, 3.0, 3.0], 1)
-    registry.set_layer("a", "person/7", [4.0, 3.0, 3.0], 2)
+        registry.set_profile("a", [3.0, 3.0, 3.0], 1, "person/more")
+    registry.set_profile("a", [4.0, 3.0, 3.0], 2, "person/7")
 
 
 def test_a_layer_is_forgotten_by_name_and_all_of_a_host_at_once():
@@ -148,9 +151,9 @@ def test_every_change_of_an_agent_counts_in_the_next_answer():
     assert bid() == ["a", 7, 3.0, 3.0, 3.0]
     registry.set_profile("a", [2.0, 3.0, 3.0], 1)
     assert bid() == ["a", 7, 2.0, 3.0, 3.0]
-    registry.set_layer("a", "person/anna", [4.0, 3.0, 3.0], 1)
+    registry.set_profile("a", [4.0, 3.0, 3.0], 1, "person/anna")
     assert bid() == ["a", 7, 4.0, 3.0, 3.0]
-    registry.set_layer("a", "person/anna", [5.0, 3.0, 3.0], 2)
+    registry.set_profile("a", [5.0, 3.0, 3.0], 2, "person/anna")
     assert bid() == ["a", 7, 5.0, 3.0, 3.0]
     registry.remove_layer("", "")
     assert bid() == ["a", 7, 2.0, 3.0, 3.0]

@@ -89,7 +89,7 @@ def test_a_goal_that_is_given_up_and_rejected_later_has_nothing_to_stop() -> Non
     subject = Followed()
     subject.track.sent()
     subject.after(3.0)
-    subject.track.rejected()
+    subject.track.ended(GoalState.REJECTED)
     assert subject.track.confirmed
     assert subject.track.state is GoalState.UNREACHABLE
     assert subject.cancels() == 0
@@ -120,7 +120,7 @@ def test_a_cancel_before_a_rejection_has_nothing_to_stop() -> None:
     subject = Followed()
     subject.track.sent()
     subject.track.cancel()
-    subject.track.rejected()
+    subject.track.ended(GoalState.REJECTED)
     assert (subject.track.state, subject.track.confirmed) == (GoalState.REJECTED, True)
     assert subject.cancels() == 0
 

@@ -33,7 +33,7 @@ def edit(watched: Watched, name: str, text: str) -> list[str]:
 
 
 def causes(watched: Watched, name: str) -> list[tuple[int, str, str]]:
-    return [(v.number, v.cause, v.change) for v in watched.versions.versions(name)]
+    return [(v.number, v.cause, v.change) for v in watched.versions.history(name).versions]
 
 
 def test_a_changed_tree_is_replaced_when_the_agent_does_not_run(watched):
@@ -66,21 +66,21 @@ def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_readi
     assert fail(watched, "bob") == [
         "bob: version 2 could not be brought into force, version 1 stays: OSError: disk"
     ]
-    assert watched.versions.status("bob").version == 1
-    assert watched.versions.status("bob").problems
+    assert watched.versions.history("bob").current.number == 1
+    assert watched.versions.history("bob").problems
     assert causes(watched, "bob") == [(1, "start", "")]
     assert edit(watched, "ann", agent("ann", "{say: hi}")) == [
         "replace ann: version 2 in force (tree changed: 1 node changed)",
         "replace bob: version 2 in force (tree changed: 1 node changed)",
     ]
-    assert not watched.versions.status("bob").problems
+    assert not watched.versions.history("bob").problems
 
 
 def test_an_agent_that_could_not_be_added_is_not_there_and_is_tried_again(watched):
     write(watched.folder, "cid", agent("cid"))
     assert fail(watched, "cid") == ["cid: version 1 could not be added: OSError: disk"]
     with pytest.raises(Refused, match="no agent 'cid'"):
-        watched.versions.versions("cid")
+        watched.versions.history("cid")
     said = edit(watched, "ann", agent("ann", "{say: hi}"))
     assert "add cid: new agent from cid.yaml, version 1 in force" in said
 
@@ -132,11 +132,11 @@ def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
         "report bob: version 2 waits for the end of its run (tree changed: 1 node changed)"
     ]
     assert watched.in_force["bob"] is before
-    assert watched.versions.status("bob").waiting
+    assert watched.versions.history("bob").waiting
     assert watched.versions.waiting_text("bob") == "version 2 of bob waits"
     assert watched.end_run() == ["replace bob: version 2 in force (tree changed: 1 node changed)"]
-    assert not watched.versions.status("bob").waiting
-    assert watched.versions.status("bob").version == 2
+    assert not watched.versions.history("bob").waiting
+    assert watched.versions.history("bob").current.number == 2
 
 
 def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
@@ -148,7 +148,7 @@ def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
         "report bob: version 1 stays in force, 3 does not wait any more"
     ]
     assert watched.end_run() == []
-    assert watched.versions.status("bob").version == 1
+    assert watched.versions.history("bob").current.number == 1
 
 
 def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wrong(watched):
@@ -157,12 +157,12 @@ def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wr
     assert said.startswith("report bob: bob.yaml is broken, version 1 stays in force: ")
     assert "bob.yaml:4:8: error[unknown-node]" in said
     assert watched.in_force["bob"] is before
-    status = watched.versions.status("bob")
-    assert "error[unknown-node]" in status.problems[0].message
+    problem = watched.versions.history("bob").problems[0]
+    assert "error[unknown-node]" in problem.message
     assert edit(watched, "bob", agent("bob")) == [
         "report bob: bob.yaml is good again, version 1 stays"
     ]
-    assert watched.versions.status("bob").problems == ()
+    assert watched.versions.history("bob").problems == ()
     assert watched.in_force["bob"] is before
 
 
@@ -172,7 +172,7 @@ def test_a_file_that_breaks_while_a_version_waits_lets_that_wait_on(watched):
     (said,) = edit(watched, "bob", "[")
     assert "version 2 still waits for the end of its run" in said
     assert watched.end_run()[0].startswith("replace bob: version 2 in force")
-    assert watched.versions.status("bob").problems
+    assert watched.versions.history("bob").problems
 
 
 def test_new_agents_come_and_deleted_ones_go(watched):
@@ -202,11 +202,11 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(watched):
     (watched.folder / "agents" / "bob.yaml").unlink()
     (said,) = watched.poll()
     assert said.endswith("is gone; it leaves at the end of its run")
-    assert watched.versions.status("bob").removal_reason
+    assert watched.versions.history("bob").removal_reason
     with pytest.raises(Refused, match="NO_FILE"):
         watched.versions.find("bob", 1)
     assert edit(watched, "bob", text) == ["report bob: bob.yaml is good again, version 1 stays"]
-    assert not watched.versions.status("bob").removal_reason
+    assert not watched.versions.history("bob").removal_reason
     (watched.folder / "agents" / "bob.yaml").unlink()
     watched.poll()
     (said,) = watched.end_run()
@@ -264,7 +264,7 @@ def test_a_roll_back_keeps_a_text_that_was_never_good(watched):
     said = watched.roll_back("bob", 2)
     assert said == ["report bob: version 2 stays", "what stood in bob.yaml is kept in bob.yaml~"]
     assert (watched.folder / "agents" / "bob.yaml~").read_text() == "# work of an hour\n["
-    assert watched.versions.status("bob").problems == ()
+    assert watched.versions.history("bob").problems == ()
     assert watched.poll() == []
 
 
@@ -314,7 +314,7 @@ def test_the_last_versions_are_kept_and_the_one_in_force_always(watched):
     watched.running = "bob"
     for number in range(MAX_VERSIONS + 10):
         edit(watched, "bob", agent("bob", f"{{say: text {number}}}"))
-    kept = [version.number for version in watched.versions.versions("bob")]
+    kept = [version.number for version in watched.versions.history("bob").versions]
     assert len(kept) == MAX_VERSIONS
     assert kept[0] == 1
     assert kept[1:] == list(range(MAX_VERSIONS + 11 - (MAX_VERSIONS - 2), MAX_VERSIONS + 12))

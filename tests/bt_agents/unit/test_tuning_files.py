@@ -15,8 +15,13 @@ import pytest
 
 from bt_agents.host.tuning import change_log
 from bt_agents.host.tuning.change_log import ChangeLog
-from bt_agents.host.tuning.history import TuningAction, TuningCause, TuningChange, TuningRevision
-from bt_agents.host.tuning.overrides import Override
+from bt_agents.host.tuning.history import (
+    Override,
+    TuningAction,
+    TuningCause,
+    TuningChange,
+    TuningRevision,
+)
 from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
 from bt_agents_core.errors import BtAgentsError, Refused
 from faulty_disk import Disk
@@ -56,10 +61,10 @@ def test_what_was_written_is_there_after_a_restart(path):
     log.close()
     again = reopened(path)
     assert again.problems == []
-    assert again.overrides.by_name == {"a.x": Override(value=10.0, default=8.0)}
-    assert again.overrides.history.undoable == (revision(3, 8.0, 10.0),)
-    assert again.overrides.history.revision == 3
-    assert [one.number for one, _ in again.overrides.history.shown] == [1, 2, 3]
+    assert again.history.overrides == {"a.x": Override(value=10.0, default=8.0)}
+    assert list(again.history.undoable) == [revision(3, 8.0, 10.0)]
+    assert again.history.revision == 3
+    assert [one.number for one, _ in again.history.shown] == [1, 2, 3]
     assert list(path.parent.iterdir()) == [path]
 
 
@@ -70,7 +75,7 @@ def test_a_value_that_is_as_in_the_file_again_is_not_kept(path):
     log.append(revision(3, 8.0, 9.0), {"a.x": 8.0})
     log.clear("a.x")
     log.close()
-    assert reopened(path).overrides.by_name == {}
+    assert reopened(path).history.overrides == {}
 
 
 @pytest.mark.parametrize("value", [True, 1, 1.0, "1.0 s", "it's «1»\n", 2**63 - 1, 1e300])
@@ -80,7 +85,7 @@ def test_a_value_keeps_its_type(path, value):
     cause = TuningCause(author="anna")
     log.append(TuningRevision(number=1, stamp=1.0, cause=cause, changes=(change,)), {"a.x": ""})
     log.close()
-    found = reopened(path).overrides.by_name["a.x"].value
+    found = reopened(path).history.overrides["a.x"].value
     assert (found, type(found)) == (value, type(value))
 
 
@@ -112,12 +117,12 @@ def test_a_damaged_file_is_set_aside_with_a_warning_and_a_new_one_begins(path, d
     assert problem.endswith("everything stands as the files of the agents say")
     [aside] = path.parent.glob("*.damaged-*")
     assert aside.read_bytes() == before
-    assert again.overrides.by_name == {}
+    assert again.history.overrides == {}
     again.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
     again.close()
     last = reopened(path)
     assert last.problems == []
-    assert last.overrides.by_name["a.x"].value == 12.0
+    assert last.history.overrides["a.x"].value == 12.0
 
 
 @pytest.mark.parametrize(
@@ -158,10 +163,10 @@ def test_a_torn_write_is_dropped_and_what_was_before_it_is_used(path):
     os.truncate(f"{copy}-wal", whole + 700)
     again = opened(copy)
     assert again.problems == []
-    assert again.overrides.by_name["a.x"].value == 12.0
+    assert again.history.overrides["a.x"].value == 12.0
     again.append(revision(2, 12.0, 7.0), {"a.x": 8.0})
     again.close()
-    assert reopened(copy).overrides.by_name["a.x"].value == 7.0
+    assert reopened(copy).history.overrides["a.x"].value == 7.0
 
 
 @pytest.mark.parametrize(
@@ -193,8 +198,8 @@ def test_a_row_that_cannot_be_read_is_left_out_with_its_number_and_the_rest_is_u
     assert problem.startswith(f"{path}: revision 1: ")
     assert re.search(words, problem)
     assert problem.endswith("; it is left out")
-    assert again.overrides.by_name["a.x"].value == 9.0
-    assert [one.number for one in again.overrides.history.undoable] == [2]
+    assert again.history.overrides["a.x"].value == 9.0
+    assert [one.number for one in again.history.undoable] == [2]
 
 
 def test_many_rows_that_cannot_be_read_are_reported_in_a_few_lines(path):
@@ -212,7 +217,7 @@ def test_a_long_log_is_compacted_and_says_the_same(path, monkeypatch):
     for number in range(1, 2501):
         one = revision(number, number - 1.0, float(number))
         log.append(one, {"a.x": 0.0})
-        log.overrides.add(one, {"a.x": 0.0})
+        log.history.add(one, {"a.x": 0.0})
     assert Path(f"{path}-wal").stat().st_size == 0
     log.append(revision(2501, 2500.0, 2501.0), {"a.x": 0.0})
     log.close()
@@ -221,10 +226,10 @@ def test_a_long_log_is_compacted_and_says_the_same(path, monkeypatch):
     db.close()
     again = reopened(path)
     assert again.problems == []
-    assert again.overrides.by_name["a.x"].value == 2501.0
-    numbers = [one.number for one in again.overrides.history.undoable]
+    assert again.history.overrides["a.x"].value == 2501.0
+    numbers = [one.number for one in again.history.undoable]
     assert numbers == list(range(1502, 2502))
-    assert len(again.overrides.history.shown) == 100
+    assert len(again.history.shown) == 100
 
 
 def test_a_log_that_cannot_be_compacted_stays_and_is_reported(path, monkeypatch):
@@ -241,7 +246,7 @@ def test_a_log_that_cannot_be_compacted_stays_and_is_reported(path, monkeypatch)
     assert "the file of tunings grows, it cannot be compacted: NOT_KEPT" in report
     disk.at_once = True
     log.close()
-    assert reopened(path).overrides.by_name["a.x"].value == 9.0
+    assert reopened(path).history.overrides["a.x"].value == 9.0
 
 
 def test_a_disk_that_takes_nothing_refuses_and_leaves_the_log_as_it_was(path):
@@ -259,7 +264,7 @@ def test_a_disk_that_takes_nothing_refuses_and_leaves_the_log_as_it_was(path):
     log.close()
     again = reopened(path)
     assert again.problems == []
-    assert again.overrides.history.undoable == (revision(1, 8.0, 12.0), full)
+    assert list(again.history.undoable) == [revision(1, 8.0, 12.0), full]
 
 
 def test_a_change_outlives_a_process_that_is_killed(path):
@@ -279,7 +284,7 @@ def test_a_change_outlives_a_process_that_is_killed(path):
         check=False,
     )
     assert killed.returncode == -signal.SIGKILL
-    assert reopened(path).overrides.by_name["a.x"].value == 12.0
+    assert reopened(path).history.overrides["a.x"].value == 12.0
 
 
 @pytest.fixture

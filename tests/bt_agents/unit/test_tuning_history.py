@@ -32,12 +32,12 @@ class Desk:
         self._record(_named(values), TuningCause(author="test"))
 
     def undo(self, *agents: str) -> int:
-        found, values = self.history.undo(agents, self._possible)
+        found, values = self.history.find(TuningAction.UNDO, agents, self._possible)
         self._record(values, TuningCause(author="test", action=TuningAction.UNDO, of=found.number))
         return found.number
 
     def redo(self, *agents: str) -> int:
-        found, values = self.history.redo(agents, self._possible)
+        found, values = self.history.find(TuningAction.REDO, agents, self._possible)
         self._record(values, TuningCause(author="test", action=TuningAction.REDO, of=found.number))
         return found.number
 
@@ -50,7 +50,9 @@ class Desk:
             for name, value in values.items()
         )
         number = self.history.revision + 1
-        self.history.add(TuningRevision(number=number, stamp=0.0, cause=cause, changes=changes))
+        self.history.add(
+            TuningRevision(number=number, stamp=0.0, cause=cause, changes=changes), {}
+        )
         self.values |= values
 
 
@@ -140,11 +142,11 @@ def test_the_tick_rate_belongs_to_no_agent():
     history = TuningHistory()
     change = TuningChange(name="tick_rate", before=20.0, after=30.0)
     history.add(
-        TuningRevision(number=1, stamp=0.0, cause=TuningCause(author="x"), changes=(change,))
+        TuningRevision(number=1, stamp=0.0, cause=TuningCause(author="x"), changes=(change,)), {}
     )
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
-        history.undo(["tick_rate"], lambda _n, _v: True)
-    assert history.undo([], lambda _n, _v: True)[1] == {"tick_rate": 20.0}
+        history.find(TuningAction.UNDO, ["tick_rate"], lambda _n, _v: True)
+    assert history.find(TuningAction.UNDO, [], lambda _n, _v: True)[1] == {"tick_rate": 20.0}
 
 
 def test_ten_thousand_changes_leave_a_bounded_history():
@@ -165,5 +167,5 @@ def test_an_undo_of_an_unknown_revision_is_refused_and_changes_nothing():
     history = TuningHistory()
     cause = TuningCause(author="x", action=TuningAction.UNDO, of=7)
     with pytest.raises(Refused, match="UNKNOWN_REVISION: revision 7"):
-        history.add(TuningRevision(number=1, stamp=0.0, cause=cause, changes=()))
+        history.add(TuningRevision(number=1, stamp=0.0, cause=cause, changes=()), {})
     assert history.revision == 0

@@ -37,13 +37,13 @@ class Host:
         disk = Disk()
         log = ChangeLog(file, disk, self.told.append) if file is not None else None
         self.store = ParameterStore(log, Presets(None), disk, lambda: 1.0, self.told.append)
-        self.starts = {parameter.name: self.store.start(parameter) for parameter in parameters}
-        for parameter in parameters:
-            self.store.add(parameter, self.starts[parameter.name].value)
-        self.store.overrule({n: s for n, s in self.starts.items() if s.overruled is not None})
+        starts = {parameter: self.store.start(parameter) for parameter in parameters}
+        for parameter, (value, _why) in starts.items():
+            self.store.add(parameter, value)
+        self.store.overrule({one.name: why for one, (_value, why) in starts.items() if why})
 
     def undo(self, *agents: str) -> None:
-        found, values = self.store.undo(agents)
+        found, values = self.store.find(TuningAction.UNDO, agents)
         self.store.record(
             values, TuningCause(author="anna", action=TuningAction.UNDO, of=found.number)
         )
@@ -76,7 +76,7 @@ def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
         again.undo()
     again.store.close()
-    assert Host(tmp_path / "t.sqlite").store.redo(())[1] == {"a.patience": 12.0}
+    assert Host(tmp_path / "t.sqlite").store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0}
 
 
 def test_a_restart_brings_back_the_values_and_what_can_be_undone(tmp_path):
@@ -91,7 +91,7 @@ def test_a_restart_brings_back_the_values_and_what_can_be_undone(tmp_path):
     assert again.store.values["a.attempts"] == 2
     again.undo()
     assert again.store.values["a.patience"] == 8.0
-    assert again.store.redo(())[1] == {"a.patience": 12.0, "tick_rate": 30.0}
+    assert again.store.find(TuningAction.REDO, ())[1] == {"a.patience": 12.0, "tick_rate": 30.0}
     again.store.close()
 
 
@@ -133,7 +133,7 @@ def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
     first.store.close()
     without = Host(tmp_path / "t.sqlite", (TICK_RATE,))
     with pytest.raises(Refused, match=r"revision 1 cannot be: its value of a\.patience is not"):
-        without.store.undo(())
+        without.store.find(TuningAction.UNDO, ())
     without.store.record({"tick_rate": 30.0}, ANNA)
     without.store.close()
     again = Host(tmp_path / "t.sqlite")
@@ -209,7 +209,11 @@ def test_a_preset_leaves_out_what_is_gone_and_refuses_what_does_not_fit():
 
 def test_an_unknown_agent_is_refused_with_the_nearest():
     store = Host().store
-    for ask in (store.undo, store.redo, lambda agents: store.save("x", agents)):
+    for ask in (
+        lambda agents: store.find(TuningAction.UNDO, agents),
+        lambda agents: store.find(TuningAction.REDO, agents),
+        lambda agents: store.save("x", agents),
+    ):
         with pytest.raises(Refused, match="UNKNOWN_AGENT: no agent 'b' here; possible here: a"):
             ask(["b"])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.host.unreported_runs import MOST, UnreportedRuns
+from bt_agents.host.market_registration import MOST_UNREPORTED, UnreportedRuns
 from bt_agents_interfaces.msg import Run
 
 
@@ -72,6 +72,6 @@ def test_the_same_round_of_another_market_is_another_run() -> None:
 
 def test_only_the_last_ones_are_kept() -> None:
     runs = UnreportedRuns()
-    for number in range(MOST + 3):
+    for number in range(MOST_UNREPORTED + 3):
         runs.store(ended(number))
-    assert rounds(runs.of_others("e2")) == list(range(3, MOST + 3))
+    assert rounds(runs.of_others("e2")) == list(range(3, MOST_UNREPORTED + 3))

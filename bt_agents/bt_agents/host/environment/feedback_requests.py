@@ -29,12 +29,7 @@ STORED = "stored: the feedback node is away and gets it when it is back"
 class FeedbackRequests:
     """Requests for feedback of running trees; none is lost while the feedback node is away.
 
-    Args:
-        node: The host's node.
-        wake: Called when an answer has come that a leaf may wait for.
-        space: The scene parameters.
-        agent: Returns the name of the agent whose tree is running.
-        scene: Returns the scene of its run as awarded.
+    Its arguments are as in ``RosEnvironment``; an answer that a leaf may wait for wakes the host.
     """
 
     def __init__(

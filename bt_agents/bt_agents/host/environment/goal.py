@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -45,7 +46,6 @@ _ENDS = {
     GoalStatus.STATUS_CANCELED: GoalState.CANCELLED,
     GoalStatus.STATUS_ABORTED: GoalState.ABORTED,
 }
-_NOTHING: Mapping[str, Plain] = {}
 
 
 class GoalTrack:
@@ -53,7 +53,8 @@ class GoalTrack:
 
     The client reports what the server does: :meth:`sent`, :meth:`accepted`, :meth:`ended` and so
     on. :meth:`poll` compares that with the clock. What ends once stays ended for the leaf; what
-    comes later only confirms that the server has ended it too.
+    comes later only confirms that the server has ended it too. The attributes are those of
+    :class:`bt_agents.engine.environment.GoalRun`.
 
     =================== ==================================== ============================
     state               event                                next state
@@ -75,11 +76,6 @@ class GoalTrack:
         steady: A clock that never stands still [s].
         last_heartbeat: Returns the time of the server's last heartbeat [s], minus infinity for
             none so far; None where it has no heartbeat.
-
-    Attributes:
-        state: Its state for the leaf.
-        message: Reason of the state for people.
-        confirmed: See :class:`bt_agents.engine.environment.GoalRun`.
     """
 
     def __init__(
@@ -119,13 +115,8 @@ class GoalTrack:
         if not self.state.ended:
             self.state = GoalState.ACTIVE
 
-    def rejected(self) -> None:
-        """Handle its rejection."""
-        self._end(GoalState.REJECTED)
-        self.confirmed = True
-
     def ended(self, state: GoalState, message: str = "") -> None:
-        """Handle its end, which may come after it was given up."""
+        """Handle its end or rejection, which may come after it was given up."""
         self._end(state, message)
         self.confirmed = True
 
@@ -155,11 +146,7 @@ class GoalTrack:
         return due
 
     def poll(self, server_there: bool) -> None:
-        """Compare it with the clock.
-
-        Args:
-            server_there: Whether its server is on the graph.
-        """
+        """Compare it with the clock, and with whether its server is on the graph."""
         if self.state.ended:
             return
         now, timeouts = self._steady(), self._timeouts
@@ -233,15 +220,8 @@ class GoalTrack:
 class SentGoal:
     """Base of the clients of one goal or one request; sends it when its server appears.
 
-    Args:
-        client: Client of the action or service.
-        message: The goal or request.
-        track: Its state machine.
-        reschedule: Called when its deadline may have changed.
-        wake: Called when it has ended for its leaf, or is confirmed ended.
-
-    Attributes:
-        client: See above.
+    Reading its state polls the server and the clock. It calls ``reschedule`` when its deadline may
+    have changed, and ``wake`` when it has ended for its leaf, or is confirmed ended.
     """
 
     def __init__(
@@ -258,35 +238,35 @@ class SentGoal:
         self._track = track
         self._reschedule = reschedule
         self._wake = wake
-        self._result = _NOTHING
+        self._result: Mapping[str, Plain] = {}
+        self._feedback: Mapping[str, Plain] | None = None
         self._futures: list[Any] = []
         self.poll()
 
     @property
     def state(self) -> GoalState:
-        """Its current state; reading it polls the server and the clock."""
         self.poll()
         return self._track.state
 
     @property
     def confirmed(self) -> bool:
-        """True when its server surely does nothing for it any more."""
         return self._track.confirmed
 
     @property
     def message(self) -> str:
-        """Reason of the state for people."""
         return self._track.message
 
     @property
     def result(self) -> Mapping[str, Plain]:
-        """Fields of the result or response."""
         return self._result
 
     @property
     def feedback(self) -> Mapping[str, Plain] | None:
-        """Fields of the latest feedback; None for none."""
-        return None
+        return self._feedback
+
+    def cancel(self) -> None:
+        with self._transition():
+            self._track.cancel()
 
     @property
     def due(self) -> float:
@@ -311,9 +291,12 @@ class SentGoal:
 
     def _try_to_send(self) -> None:
         try:
-            self._send()
+            future = self._send()
         except Exception as error:
             self._track.ended(GoalState.UNREACHABLE, f"it cannot be sent: {error}")
+        else:
+            self._track.sent()
+            self._expect(future, self._answered)
 
     @contextmanager
     def _transition(self) -> Iterator[None]:
@@ -328,11 +311,16 @@ class SentGoal:
     def _server_ready(self) -> bool:
         raise NotImplementedError
 
-    def _send(self) -> None:
+    def _send(self) -> Any:
+        """Send it; return the future of the answer."""
+        raise NotImplementedError
+
+    def _answered(self, answer: Any) -> None:
         raise NotImplementedError
 
     def _follow_up(self) -> None:
         """Act on a new state."""
+        raise NotImplementedError
 
     def _expect(self, future: Any, then: Callable[[Any], None]) -> None:
         """Handle an answer when it comes, which may be after the goal was given up."""
@@ -353,16 +341,9 @@ class SentGoal:
 
 
 class RosGoalRun(SentGoal):
-    """A goal of an action.
+    """A goal of an action; see :class:`SentGoal`.
 
-    Args:
-        client: The action client.
-        message: The goal.
-        track: Its state machine.
-        reschedule: See :class:`SentGoal`.
-        wake: See :class:`SentGoal`.
-        feedback: Whether to subscribe to its feedback.
-        warn: Called with a text when the server refuses a cancel.
+    It may subscribe to feedback, and warns when its server refuses a cancel.
     """
 
     def __init__(
@@ -378,28 +359,15 @@ class RosGoalRun(SentGoal):
     ) -> None:
         self._handle: Any = None
         self._wants_feedback = feedback
-        self._feedback: MessageView | None = None
         self._warn = warn
         super().__init__(client, message, track, reschedule=reschedule, wake=wake)
-
-    @property
-    def feedback(self) -> Mapping[str, Plain] | None:
-        """Fields of the latest feedback; None for none."""
-        return self._feedback
-
-    def cancel(self) -> None:
-        """Ask for the end; a goal not accepted yet is cancelled on acceptance."""
-        with self._transition():
-            self._track.cancel()
 
     def _server_ready(self) -> bool:
         return bool(self.client.server_is_ready())
 
-    def _send(self) -> None:
+    def _send(self) -> Any:
         callback = _feedback_callback(self) if self._wants_feedback else None
-        future = self.client.send_goal_async(self._message, feedback_callback=callback)
-        self._track.sent()
-        self._expect(future, self._answered)
+        return self.client.send_goal_async(self._message, feedback_callback=callback)
 
     def _follow_up(self) -> None:
         if self._track.take_cancel():
@@ -407,7 +375,7 @@ class RosGoalRun(SentGoal):
 
     def _answered(self, handle: Any) -> None:
         if not handle.accepted:
-            self._track.rejected()
+            self._track.ended(GoalState.REJECTED)
             return
         self._handle = handle
         self._track.accepted()
@@ -436,13 +404,7 @@ class RosGoalRun(SentGoal):
 class RosRequest(SentGoal):
     """A request of a service."""
 
-    def cancel(self) -> None:
-        """Stop waiting for the answer."""
-        with self._transition():
-            self._track.cancel()
-
     def abandon(self) -> None:
-        """Discard the answer."""
         for future in self._futures:
             self.client.remove_pending_request(future)
         self._futures.clear()
@@ -450,10 +412,8 @@ class RosRequest(SentGoal):
     def _server_ready(self) -> bool:
         return bool(self.client.service_is_ready())
 
-    def _send(self) -> None:
-        future = self.client.call_async(self._message)
-        self._track.sent()
-        self._expect(future, self._answered)
+    def _send(self) -> Any:
+        return self.client.call_async(self._message)
 
     def _follow_up(self) -> None:
         if self._track.state.ended:
@@ -478,15 +438,9 @@ def _feedback_callback(goal: RosGoalRun) -> Callable[[Any], None]:
 
 
 class GoalDeadlines:
-    """One steady timer for the earliest deadline of all open goals.
+    """One steady timer for the earliest deadline of all open goals."""
 
-    Args:
-        node: The host's node.
-        steady: A clock that never stands still [s].
-    """
-
-    def __init__(self, node: Node, steady: Clock) -> None:
-        self._steady = steady
+    def __init__(self, node: Node) -> None:
         self._open: list[SentGoal] = []
         self._unconfirmed: deque[SentGoal] = deque()
         self._timer = steady_timer(node, 1.0, self._poll, running=False)
@@ -508,7 +462,7 @@ class GoalDeadlines:
         if due == math.inf:
             self._timer.cancel()
             return
-        self._timer.timer_period_ns = int(max(due - self._steady(), _SHORTEST_S) * 1e9)
+        self._timer.timer_period_ns = int(max(due - time.monotonic(), _SHORTEST_S) * 1e9)
         self._timer.reset()
 
     def _poll(self) -> None:

@@ -5,17 +5,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from enum import Enum
 from typing import Any
 
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from bt_agents.engine.environment import Clock, GoalRun, Inbox, SkillGoal
+from bt_agents.engine.environment import GoalRun, Inbox, SkillGoal
 from bt_agents.host.environment.feedback_requests import FeedbackRequests
 from bt_agents.host.environment.goal import GoalDeadlines, GoalTrack, RosGoalRun, RosRequest
-from bt_agents.host.environment.heartbeat import Heartbeats
-from bt_agents.host.environment.inbox import LatchedTopic, open_inbox
-from bt_agents.host.environment.tree_clock import TreeClock
+from bt_agents.host.environment.subscriptions import Heartbeats, LatchedTopic, open_inbox
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneSpace
@@ -24,6 +23,50 @@ from bt_agents_language.model.specs import Binding, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
 from bt_agents_ros.types import fill, load_type
+
+
+class _Source(Enum):
+    STEADY = 1
+    SIMULATED = 2
+    NOT_YET = 3
+
+
+class TreeClock:
+    """Returns the trees' time [s]; only differences mean something.
+
+    It is steady time, or simulated time under ``use_sim_time``. When simulated time jumps back,
+    as a bag that starts again makes it, and when the source changes, the trees' time goes on from
+    where it was. It stands still until the first message has come on ``/clock``.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._source = _Source.STEADY
+        self._last = time.monotonic()
+        self._offset = 0.0
+
+    def __call__(self) -> float:
+        source, raw = self._read()
+        if source is not self._source or raw + self._offset < self._last:
+            self._source = source
+            self._offset = self._last - raw
+        self._last = raw + self._offset
+        return self._last
+
+    def obstacle(self) -> str:
+        """Return why time stands still; empty when it passes."""
+        source, _ = self._read()
+        published = source is _Source.SIMULATED and self._node.count_publishers("/clock")
+        if source is _Source.STEADY or published:
+            return ""
+        return "use_sim_time is set, but nothing publishes /clock"
+
+    def _read(self) -> tuple[_Source, float]:
+        clock = self._node.get_clock()
+        if not clock.ros_time_is_active:
+            return _Source.STEADY, time.monotonic()
+        now = float(clock.now().nanoseconds) * 1e-9
+        return (_Source.SIMULATED if now else _Source.NOT_YET), now
 
 
 class RosEnvironment:
@@ -35,10 +78,6 @@ class RosEnvironment:
         space: The scene parameters.
         agent: Returns the name of the agent whose tree is running.
         scene: Returns the scene of its run as awarded.
-        steady: Clock of every deadline, which never stands still [s].
-
-    Attributes:
-        clock: The trees' clock.
     """
 
     def __init__(
@@ -49,7 +88,6 @@ class RosEnvironment:
         space: SceneSpace,
         agent: Callable[[], str],
         scene: Callable[[], SceneMsg] = SceneMsg,
-        steady: Clock = time.monotonic,
     ) -> None:
         self.clock = TreeClock(node)
         self._node = node
@@ -57,9 +95,8 @@ class RosEnvironment:
         self._space = space
         self._agent = agent
         self._scene = scene
-        self._steady = steady
-        self._deadlines = GoalDeadlines(node, steady)
-        self._heartbeats = Heartbeats(node, steady)
+        self._deadlines = GoalDeadlines(node)
+        self._heartbeats = Heartbeats(node)
         self._clients: dict[tuple[BindingKind, str, str], Any] = {}
         self._publishers: dict[tuple[str, str], Any] = {}
         self._latched: dict[tuple[str, str], LatchedTopic] = {}
@@ -82,12 +119,9 @@ class RosEnvironment:
             self._node.get_logger().warning(f"{spec.path}, {spec.position}: {error}")
 
     def retain(self, specs: Iterable[NodeSpec]) -> None:
-        """Destroy what was created for nodes that are no more; called while no tree runs.
+        """Destroy what none of these nodes uses; called while no tree runs.
 
         A goal whose end is not confirmed yet holds its client until the next call.
-
-        Args:
-            specs: All nodes.
         """
         clients, publishers, latched, heartbeats = set(), set(), set(), set()
         for spec in specs:
@@ -100,9 +134,15 @@ class RosEnvironment:
             if resources.topic is not None:
                 latched.add(resources.topic)
         in_use = self._deadlines.clients()
-        for key in [key for key in self._clients if key not in clients]:
-            if self._clients[key] not in in_use:
-                self._drop_client(key)
+        for key in self._clients.keys() - clients:
+            client = self._clients[key]
+            if client in in_use:
+                continue
+            del self._clients[key]
+            if key[0] is BindingKind.ACTION:
+                client.destroy()
+            else:
+                self._node.destroy_client(client)
         for name in self._publishers.keys() - publishers:
             self._node.destroy_publisher(self._publishers.pop(name))
         for name in self._latched.keys() - latched:
@@ -123,22 +163,21 @@ class RosEnvironment:
         last_heartbeat = (
             self._heartbeats.subscribe(goal.heartbeat) if goal.heartbeat is not None else None
         )
-        track = GoalTrack(goal, self._steady, last_heartbeat)
+        track = GoalTrack(goal, time.monotonic, last_heartbeat)
+        reschedule = self._deadlines.reschedule
         run: RosGoalRun | RosRequest
         if is_action:
             run = RosGoalRun(
                 client,
                 message,
                 track,
-                reschedule=self._deadlines.reschedule,
+                reschedule=reschedule,
                 wake=self._wake,
                 feedback=goal.feedback,
                 warn=lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
             )
         else:
-            run = RosRequest(
-                client, message, track, reschedule=self._deadlines.reschedule, wake=self._wake
-            )
+            run = RosRequest(client, message, track, reschedule=reschedule, wake=self._wake)
         self._deadlines.add(run)
         return run
 
@@ -215,13 +254,6 @@ class RosEnvironment:
                     loaded, name, qos_profile=qos.SERVICE
                 )
         return self._clients[key]
-
-    def _drop_client(self, key: tuple[BindingKind, str, str]) -> None:
-        client = self._clients.pop(key)
-        if key[0] is BindingKind.ACTION:
-            client.destroy()
-        else:
-            self._node.destroy_client(client)
 
     def _publisher(self, name: str, type_name: str) -> Any:
         key = (name, type_name)

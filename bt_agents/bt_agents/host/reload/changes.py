@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import ellipsize
@@ -17,28 +16,18 @@ _LONGEST = 300
 _DIGITS = 6
 
 
-@dataclass(frozen=True, kw_only=True)
-class AgentChange:
-    """Difference between two versions.
-
-    Attributes:
-        text: Description for people; never empty.
-        changes_tree: True when the tree, its clean-up or the names it uses differ, so that a
-            running tree cannot take the change.
-    """
-
-    text: str
-    changes_tree: bool
+def changes_tree(before: AgentFile, after: AgentFile) -> bool:
+    """Return whether the tree, its clean-up or its names differ: no running one takes that."""
+    return before.prints != after.prints or _types(before.agent) != _types(after.agent)
 
 
-def compare(before: AgentFile, after: AgentFile, space: SceneSpace) -> AgentChange:
-    """Return the difference between two good versions."""
+def change_text(before: AgentFile, after: AgentFile, space: SceneSpace) -> str:
+    """Return the difference between two good versions for people; never empty."""
     old, new = before.agent, after.agent
     assert old is not None
     assert new is not None
     tree = difference(before.prints[0], after.prints[0])
     clean_up = difference(before.prints[1], after.prints[1])
-    typed = _types(old) != _types(new)
     parts = [f"tree changed: {tree}"] if tree else []
     parts += [f"on_cancel changed: {clean_up}"] if clean_up else []
     parts += _tunables(old, new)
@@ -53,12 +42,11 @@ def compare(before: AgentFile, after: AgentFile, space: SceneSpace) -> AgentChan
     if not parts:
         same = before.text == after.text
         parts = ["only places in files differ" if same else "only comments or layout changed"]
-    return AgentChange(
-        text=ellipsize("; ".join(parts), _LONGEST), changes_tree=bool(tree or clean_up or typed)
-    )
+    return ellipsize("; ".join(parts), _LONGEST)
 
 
-def _types(spec: AgentSpec) -> dict[str, object]:
+def _types(spec: AgentSpec | None) -> dict[str, object]:
+    assert spec is not None
     return {tunable.name: tunable.type for tunable in spec.tunables}
 
 

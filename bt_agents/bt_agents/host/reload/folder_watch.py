@@ -8,10 +8,10 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bt_agents.host.reload.incremental_reader import KnownFiles, adopted, known_files, reread
+from bt_agents.host.reload.incremental_reader import KnownFiles, Rereading, adopted, known_files
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.file_watch import Poll, Stamp, differing, poll
+from bt_agents_core.file_watch import Stamp, differing, poll
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import SUFFIXES, Trees, text_of
 
@@ -25,12 +25,9 @@ class WatchStopped(BtAgentsError):
 
 @dataclass(frozen=True, kw_only=True)
 class FileWrite:
-    """Result of writing an earlier text into an agent file.
+    """Result of writing an earlier text into an agent file, which is None when that failed.
 
-    Attributes:
-        trees: The folder with that text.
-        file: The file with that text; None when it could not be written.
-        text: Description for people; empty when there is nothing to say.
+    The text is a description for people; empty when there is nothing to say.
     """
 
     trees: Trees
@@ -39,24 +36,15 @@ class FileWrite:
 
 
 class FolderWatch:
-    """Watch of one trees folder; used by one thread only.
+    """Watch of one trees folder, as it was read at the start; used by one thread only.
 
-    Args:
-        trees: The folder as it was read at the start.
-        pause: Called before each file is read; it yields to other threads.
-        poll_files: Returns the stamp of every YAML file of the folder.
+    Before each file is read, ``pause`` yields to other threads.
     """
 
-    def __init__(
-        self,
-        trees: Trees,
-        pause: Callable[[], None] = lambda: None,
-        poll_files: Poll | None = None,
-    ) -> None:
+    def __init__(self, trees: Trees, pause: Callable[[], None] = lambda: None) -> None:
         self._folder = trees.folder
         self._known: KnownFiles = known_files(trees)
         self._pause = pause
-        self._poll_files = poll_files or (lambda: poll([self._folder], SUFFIXES))
         self._stopped = False
         self._last_poll: dict[str, Stamp] | None = None
         self._read: dict[str, Stamp] = {}
@@ -83,7 +71,7 @@ class FolderWatch:
             self._missing_text = gone
             return self._trees() if is_new else None
         back, self._missing_text = bool(self._missing_text), ""
-        now = dict(self._poll_files())
+        now = dict(poll([self._folder], SUFFIXES))
         still = now == self._last_poll
         self._last_poll = now
         changed = differing(self._read, now)
@@ -92,20 +80,16 @@ class FolderWatch:
             return self._trees() if back else None
         self._unsettled_polls = 0
         before = self._known
-        paths = {Path(name) for name in now}
-        self._known = reread(before, paths, {*map(Path, changed)}, self._before_file)
+        reading = Rereading(before, {*map(Path, now)}, {*map(Path, changed)}, self._before_file)
+        self._known = reading.result()
         self._read = now
         return self._trees() if back or self._known is not before else None
 
     def write(self, path: Path, version: AgentFile, known_texts: Collection[str]) -> FileWrite:
         """Write an earlier text of an agent into its file, which counts as read with that.
 
-        A text that would be lost is stored beside it, in a file with a ``~`` behind its name.
-
-        Args:
-            path: The file.
-            version: Its new content.
-            known_texts: Texts that are stored elsewhere.
+        A text that is not among the known ones, which are stored elsewhere, would be lost: it is
+        stored beside it, in a file with a ``~`` behind its name.
         """
         assert version.text is not None
         assert version.agent is not None
@@ -146,11 +130,9 @@ class FolderWatch:
 
     def _trees(self) -> Trees:
         trees = self._known.trees
-        return (
-            replace(trees, problems=(*trees.problems, self._missing_text))
-            if self._missing_text
-            else trees
-        )
+        if not self._missing_text:
+            return trees
+        return replace(trees, problems=(*trees.problems, self._missing_text))
 
     def _before_file(self) -> None:
         if self._stopped:

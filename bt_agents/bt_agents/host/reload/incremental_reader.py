@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,20 +25,12 @@ from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import SymbolTable
 
-FILE_CHANGED = "file changed"
-NEW_FILE = "new file"
-SKILLS_CHANGED = "skills changed"
-LIBRARY_CHANGED = "library changed"
-
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFiles:
-    """Trees folder as it was read last, with the inputs of its agents.
+    """Trees folder as it was read last, with its libraries.
 
-    Attributes:
-        trees: The folder.
-        libraries: Its libraries.
-        broken_skills: Errors of the skills; the last good ones stay meanwhile.
+    While the skills are broken, the last good ones stay in ``trees``.
     """
 
     trees: Trees
@@ -50,15 +43,15 @@ def known_files(trees: Trees) -> KnownFiles:
     return KnownFiles(trees=trees, libraries=_libraries(trees, trees.vocabulary))
 
 
-def reread(
-    before: KnownFiles,
-    listed: Collection[Path],
-    changed: Collection[Path],
-    pause: Callable[[], None],
-) -> KnownFiles:
-    """Return a folder as it is now; the same object when nothing differs.
+def adopted(before: KnownFiles, file: AgentFile) -> KnownFiles:
+    """Return a folder with an agent file in the place of another, without reading it."""
+    trees = before.trees
+    files = [file if one.file == file.file else one for one in trees.files]
+    return replace(before, trees=_with_files(before, files, trees.vocabulary))
 
-    Files and agents that say the same as before are the same objects as before.
+
+class Rereading:
+    """One reading of a folder; files and agents that say the same stay the same objects.
 
     Args:
         before: State of the last reading.
@@ -66,23 +59,6 @@ def reread(
         changed: Those that may differ from what was read, and those that are gone.
         pause: Called before each file is read; may raise to give up.
     """
-    return _Reading(before, listed, changed, pause).result()
-
-
-def adopted(before: KnownFiles, file: AgentFile) -> KnownFiles:
-    """Return a folder with an agent file in the place of another, without reading it."""
-    trees = before.trees
-    files = [file if one.file == file.file else one for one in trees.files]
-    return replace(before, trees=_with_files(before, files, before.libraries, trees.vocabulary))
-
-
-def is_agent_file(folder: Path, path: Path) -> bool:
-    """Return True when a YAML file is that of an agent."""
-    return path.parent == folder / "agents" and not path.name.endswith(TEST_SUFFIXES)
-
-
-class _Reading:
-    """One incremental reading."""
 
     def __init__(
         self,
@@ -107,18 +83,21 @@ class _Reading:
             path for path in {*texts, *trees.texts} if texts.get(path) != trees.texts.get(path)
         )
         scene = self._folder / "scene.yaml"
-        # The scene of the start counts; its text stays what it was then.
-        problems = self._scene_problems(scene) if scene in self._changed else trees.problems
+        problems = trees.problems
+        if scene in self._changed:
+            # The scene of the start counts; its text stays what it was then.
+            unchanged = text_of(scene) == trees.texts.get(scene)
+            problems = () if unchanged else (f"{scene} has changed; restart everything to use it",)
         if any(path.parent == self._folder / "skills" for path in self._differing):
             before = self._with_skills(before)
         if self._differing:
             vocabulary = before.trees.vocabulary
             before = replace(before, libraries=_libraries(before.trees, vocabulary))
         files = self._files(before)
-        same = len(files) == len(trees.files) and all(map(_is, files, trees.files))
+        same = len(files) == len(trees.files) and all(map(operator.is_, files, trees.files))
         if same and not self._differing and problems == trees.problems:
             return self._before
-        renewed = _with_files(before, files, before.libraries, before.libraries.vocabulary)
+        renewed = _with_files(before, files, before.libraries.vocabulary)
         return replace(before, trees=replace(renewed, texts=texts, problems=problems))
 
     def _texts(self) -> Mapping[Path, str | None]:
@@ -134,33 +113,32 @@ class _Reading:
                 texts.pop(path, None)
         return texts
 
-    def _scene_problems(self, scene: Path) -> tuple[str, ...]:
-        if text_of(scene) == self._before.trees.texts.get(scene):
-            return ()
-        return (f"{scene} has changed; restart everything to use it",)
-
     def _with_skills(self, before: KnownFiles) -> KnownFiles:
-        trees = before.trees
-        folder = self._folder / "skills"
-        paths = sorted(
-            path
-            for path in self._listed
-            if path.parent == folder and not path.name.endswith(TEST_SUFFIXES)
-        )
+        trees, paths = before.trees, self._own_files("skills")
         try:
             skills = read_skills(paths, trees.vocabulary.interfaces, trees.robot)
         except ReadError as error:
-            return replace(before, broken_skills=(BrokenFile(file=folder, error=error),))
+            broken = BrokenFile(file=self._folder / "skills", error=error)
+            return replace(before, broken_skills=(broken,))
         self._skills_changed = True
         vocabulary = replace(
             trees.vocabulary, skills=skills, plugins=installed_plugins().without(skills).kinds
         )
         return replace(before, trees=replace(trees, vocabulary=vocabulary), broken_skills=())
 
+    def _own_files(self, name: str) -> list[Path]:
+        """Return the files of a folder that are no tests."""
+        folder = self._folder / name
+        return sorted(
+            path
+            for path in self._listed
+            if path.parent == folder and not path.name.endswith(TEST_SUFFIXES)
+        )
+
     def _files(self, before: KnownFiles) -> list[AgentFile]:
         had = {one.file: one for one in self._before.trees.files}
         shared = frozenset(path.relative_to(self._folder).as_posix() for path in self._differing)
-        paths = sorted(path for path in self._listed if is_agent_file(self._folder, path))
+        paths = self._own_files("agents")
         return [self._file(path, had.get(path), shared, before.libraries) for path in paths]
 
     def _file(
@@ -175,14 +153,14 @@ class _Reading:
             if not depends and (path not in self._changed or text_of(path) == before.text):
                 return before
         self._pause()
-        cause = SKILLS_CHANGED if self._skills_changed else LIBRARY_CHANGED
+        cause = "skills changed" if self._skills_changed else "library changed"
         after = read_agent_file(path, libraries, cause=cause)
         if before is None:
-            return replace(after, cause=NEW_FILE)
+            return replace(after, cause="new file")
         if _is_same(before, after):
             return before
         if before.text != after.text:
-            after = replace(after, cause=FILE_CHANGED)
+            after = replace(after, cause="file changed")
         if before.agent is not None and after.agent is not None:
             # Computed here, where nobody waits for it.
             assert before.prints
@@ -194,10 +172,8 @@ def _libraries(trees: Trees, vocabulary: SymbolTable) -> FolderLibraries:
     return FolderLibraries(trees.folder, replace(vocabulary, libraries=None), trees.robot)
 
 
-def _with_files(
-    before: KnownFiles, files: list[AgentFile], libraries: FolderLibraries, vocabulary: SymbolTable
-) -> Trees:
-    trees = before.trees
+def _with_files(before: KnownFiles, files: list[AgentFile], vocabulary: SymbolTable) -> Trees:
+    trees, libraries = before.trees, before.libraries
     agents, given, holders = named(files, trees.holders)
     return replace(
         trees,
@@ -216,7 +192,3 @@ def _is_same(before: AgentFile, after: AgentFile) -> bool:
 
 def _lines(file: AgentFile) -> tuple[str, ...]:
     return file.error.lines if file.error is not None else ()
-
-
-def _is(one: object, other: object) -> bool:
-    return one is other

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.task import Future
 
 from bt_agents.host.reload.folder_watch import FileWrite, FolderWatch, WatchStopped
 from bt_agents.host.reload.version_history import Version
@@ -43,14 +44,14 @@ class Request:
     """Request to read files, answered when all their effects have been executed.
 
     Attributes:
-        done: Called once, at the end.
+        done: Has this request as its result at the end.
         deadline: Steady time at which it is answered at the latest [s].
         changes: Descriptions of what has changed.
         agents: Names of the agents that have changed.
         error: Reason of a failure; empty for none.
     """
 
-    done: Callable[[Request], None]
+    done: Future
     deadline: float
     changes: list[str] = field(default_factory=list)
     agents: set[str] = field(default_factory=set)
@@ -68,14 +69,9 @@ class ReloadService:
     """Watch of the trees folder of a host, which executes what changes of files lead to.
 
     One thread polls and reads the files, however long that takes. Its results are handled on the
-    executor's thread in the order of the requests, in slices that block no other callback.
-
-    Args:
-        node: The host's node.
-        versions: Versions of its agents.
-        runs: Its action.
-        apply: Executes an effect.
-        applied: Called after one or more effects, and when the folder as a whole has changed.
+    executor's thread in the order of the requests, in slices that block no other callback: each
+    effect is applied; after one or more, and when the folder as a whole has changed, ``applied``
+    is called.
     """
 
     def __init__(
@@ -120,29 +116,33 @@ class ReloadService:
             self._execute(effect)
             self._report_effects()
 
-    def poll_now(self, done: Callable[[Request], None]) -> None:
-        """Read changed files at once, and call back when all their effects are executed."""
-        request = self._request(done)
-        self._read(lambda: self._watch.poll(settle=False), self._handle_poll, request)
+    def poll_now(self) -> Future:
+        """Read changed files at once; return the future of the request."""
+        request = self._request()
+        self._read(lambda: self._watch.poll(settle=False), self.update, request)
+        return request.done
 
-    def roll_back(self, name: str, version: Version, done: Callable[[Request], None]) -> None:
-        """Write an earlier version into its file and bring it into force; call back then."""
-        request = self._request(done)
-        file = self.versions.file(name).file
-        texts = {one.file.text for one in self.versions.versions(name) if one.file.text}
+    def roll_back(self, name: str, version: Version) -> Future:
+        """Write an earlier version into its file and bring it into force, as :meth:`poll_now`."""
+        request = self._request()
+        history = self.versions.history(name)
+        texts = {one.file.text for one in history.versions if one.file.text}
 
         def handle(written: FileWrite) -> None:
-            now = self._now()
-            running = self._runs.running
+            running, now = self._runs.running, self._now()
             self._execute(self.versions.roll_back(name, version, written.file, running, now))
             if written.text:
                 request.changes.append(written.text)
             self.update(written.trees)
 
+        file = history.last_read.file
         self._read(lambda: self._watch.write(file, version.file, texts), handle, request)
+        return request.done
 
-    def update(self, trees: Trees) -> None:
-        """Handle a folder that was read; agents that do not fit into one slice follow later."""
+    def update(self, trees: Trees | None) -> None:
+        """Handle a folder that was read, None for no change; what fits no slice follows later."""
+        if trees is None:
+            return
         before = self.versions.trees
         log = self._node.get_logger()
         known = {broken.error.lines for broken in before.broken}
@@ -214,9 +214,9 @@ class ReloadService:
         if now >= self._next_poll and not (self._readings or self._unsettled):
             self._next_poll = now + PERIOD_S
             if self._enabled:
-                self._read(self._watch.poll, self._handle_poll, None)
+                self._read(self._watch.poll, self.update, None)
         for request in list(self._requests):
-            if not self._unsettled and not self._is_awaited(request):
+            if not self._unsettled and all(one.request is not request for one in self._readings):
                 self._end(request)
             elif now >= request.deadline:
                 request.error = f"not done within {ANSWER_LIMIT_S:g} s, but it goes on"
@@ -230,19 +230,15 @@ class ReloadService:
         except WatchStopped:
             return
         except Exception as error:
-            self._report_error(error, reading.request)
-
-    def _report_error(self, error: Exception, request: Request | None) -> None:
-        message = (
-            str(error) if isinstance(error, BtAgentsError) else f"{type(error).__name__}: {error}"
-        )
-        if request is not None:
-            request.error = message
-        # The next poll meets the same error half a second later.
-        if message != self._last_error:
-            self._last_error = message
-            report = "".join(traceback.format_exception(error))
-            self._node.get_logger().error(f"the agents could not be read again:\n{report}")
+            reason = f"{type(error).__name__}: {error}"
+            message = str(error) if isinstance(error, BtAgentsError) else reason
+            if reading.request is not None:
+                reading.request.error = message
+            # The next poll meets the same error half a second later.
+            if message != self._last_error:
+                self._last_error = message
+                log = self._node.get_logger()
+                log.error(f"the agents could not be read again:\n{traceback.format_exc()}")
 
     def _read(
         self, work: Callable[[], Any], handle: Callable[[Any], None], request: Request | None
@@ -252,21 +248,15 @@ class ReloadService:
         )
         self._set_timer()
 
-    def _handle_poll(self, trees: Trees | None) -> None:
-        if trees is not None:
-            self.update(trees)
-
-    def _request(self, done: Callable[[Request], None]) -> Request:
+    def _request(self) -> Request:
+        done = Future(executor=self._node.executor)
         request = Request(done=done, deadline=time.monotonic() + ANSWER_LIMIT_S)
         self._requests.append(request)
         return request
 
-    def _is_awaited(self, request: Request) -> bool:
-        return any(reading.request is request for reading in self._readings)
-
     def _end(self, request: Request) -> None:
         self._requests.remove(request)
-        request.done(request)
+        request.done.set_result(request)
 
     def _now(self) -> float:
         return seconds(self._node.get_clock().now().to_msg())

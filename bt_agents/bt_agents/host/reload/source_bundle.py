@@ -34,12 +34,7 @@ class SourceBundle:
 
 
 def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -> SourceBundle:
-    """Return the texts of the agents in force.
-
-    Args:
-        versions: Versions of all agents.
-        has_package: Returns whether a ROS package is installed; bindings depend on that.
-    """
+    """Return the texts of the agents in force, whose bindings depend on installed packages."""
     trees = versions.trees
     files = {
         path.relative_to(trees.folder).as_posix(): text
@@ -49,13 +44,12 @@ def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -
     market = text_of(trees.folder / MARKET)
     if market is not None:
         files[MARKET] = market
-    in_force = {}
-    for name in versions.names():
-        number = in_force[name] = versions.status(name).version
-        file = next(one.file for one in versions.versions(name) if one.number == number)
+    for history in versions.histories.values():
+        file = history.current.file
         if file.text is not None:
             files[file.file.relative_to(trees.folder).as_posix()] = file.text
     named = sorted({package for text in files.values() for package in _TYPE.findall(text)})
     packages = [package for package in named if has_package(package)]
     files[HOST] = json.dumps({"robot": trees.robot, "packages": packages})
+    in_force = {name: one.current.number for name, one in versions.histories.items()}
     return SourceBundle(files=files, versions=in_force)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Version history of one agent: the good versions of its file, and its status."""
+"""Version history of one agent: the good versions of its file, and which is in force."""
 
 from __future__ import annotations
 
@@ -17,14 +17,9 @@ MAX_VERSIONS = 50
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Version:
-    """Good version of an agent.
+    """Good version of an agent, whose cause and change from the one before are texts.
 
-    Attributes:
-        number: Counts up from 1.
-        file: Text and agent.
-        cause: What made this version, as text.
-        change: Difference from the version before, as text.
-        stamp: Time of reading [s].
+    Numbers count up from 1; the stamp is the time of reading [s].
     """
 
     number: int
@@ -79,23 +74,6 @@ def file_problems(diagnostics: Sequence[Diagnostic], agent: str = "") -> tuple[F
     return tuple(problems)
 
 
-@dataclass(frozen=True, kw_only=True)
-class AgentStatus:
-    """Status of an agent.
-
-    Attributes:
-        version: Number of the version in force.
-        waiting: True when another one comes into force at the end of its run.
-        removal_reason: Why it is removed at the end of its run; empty when it stays.
-        problems: Why its file is not in force; empty when it is.
-    """
-
-    version: int
-    waiting: bool
-    removal_reason: str
-    problems: tuple[FileProblem, ...]
-
-
 @dataclass(kw_only=True, slots=True)
 class VersionHistory:
     """Versions of one agent.
@@ -131,11 +109,6 @@ class VersionHistory:
 
 
 def new_history(file: AgentFile, stamp: float) -> VersionHistory:
-    """Return the history of an agent that is new here, with one version.
-
-    Args:
-        file: Its file, which is good.
-        stamp: Time of reading [s].
-    """
+    """Return the history of an agent that is new here, with one version from its good file."""
     version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp)
     return VersionHistory(current=version, last_read=file, versions=[version])

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
-from rclpy.task import Future
 
 from bt_agents.host.reload.reload_service import ReloadService, Request
-from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Version
@@ -20,18 +18,11 @@ from bt_agents_ros.messages import to_time
 
 
 class ReloadServices:
-    """Services ``~/reload``, ``~/versions`` and ``~/roll_back``.
-
-    Args:
-        node: The host's node.
-        reloading: Executes the requests.
-        runs: The host's action, whose run is cancelled for a request with ``now``.
-    """
+    """Services ``~/reload``, ``~/versions`` and ``~/roll_back`` of a host."""
 
     def __init__(self, node: Node, reloading: ReloadService, runs: RunServer) -> None:
-        self._node = node
         self._reloading = reloading
-        self._versions: AgentVersions = reloading.versions
+        self._versions = reloading.versions
         self._runs = runs
         # A request that is awaited delays the others of its group, and nothing else.
         one_at_a_time = MutuallyExclusiveCallbackGroup()
@@ -47,9 +38,7 @@ class ReloadServices:
     async def _reload(
         self, asked: ReloadAgents.Request, response: ReloadAgents.Response
     ) -> ReloadAgents.Response:
-        done = Future(executor=self._node.executor)
-        self._reloading.poll_now(done.set_result)
-        request: Request = await done
+        request: Request = await self._reloading.poll_now()
         problems = self._versions.folder_problems()
         response.accepted = not (request.error or problems)
         changes = [request.error] if request.error else list(request.changes)
@@ -71,9 +60,7 @@ class ReloadServices:
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
-        done = Future(executor=self._node.executor)
-        self._reloading.roll_back(asked.agent, version, done.set_result)
-        request: Request = await done
+        request: Request = await self._reloading.roll_back(asked.agent, version)
         if request.error:
             response.code, response.message = "NOT_DONE", request.error
             return response
@@ -87,25 +74,24 @@ class ReloadServices:
         self, asked: ListVersions.Request, response: ListVersions.Response
     ) -> ListVersions.Response:
         try:
-            versions = self._versions.versions(asked.agent)
-            status = self._versions.status(asked.agent)
+            history = self._versions.history(asked.agent)
         except Refused as refused:
             response.message = refused.reason
             return response
         response.accepted = True
-        response.message = f"version {status.version} of {asked.agent} is in force"
-        if status.waiting:
-            response.message += f", {versions[-1].number} waits for the end of its run"
+        response.message = f"version {history.current.number} of {asked.agent} is in force"
+        if history.waiting is not None:
+            response.message += f", {history.waiting.number} waits for the end of its run"
         response.versions = [
             Version(
                 stamp=to_time(one.stamp),
                 version=one.number,
                 cause=one.cause,
                 change=one.change,
-                current=one.number == status.version,
-                waiting=status.waiting and one is versions[-1],
+                current=one is history.current,
+                waiting=one is history.waiting,
             )
-            for one in versions
+            for one in history.versions
         ]
         return response
 
@@ -119,13 +105,7 @@ class ReloadServices:
 
 
 def reload_lines(changes: Sequence[str], waiting: str, problems: Sequence[str]) -> list[str]:
-    """Return the lines of an answer to a reload.
-
-    Args:
-        changes: Descriptions of what has changed.
-        waiting: Description of what waits for the end of the run; empty for nothing.
-        problems: Lines about what somebody has to fix; those that a change quotes are left out.
-    """
+    """Return the lines of an answer to a reload; of the problems those that no change quotes."""
     lines = list(changes)
     if waiting:
         lines.append(f"{waiting} for the end of the run; 'bt-agents reload --now' cancels it")

@@ -7,9 +7,8 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from enum import Enum
 
-from bt_agents.host.reload.changes import compare
+from bt_agents.host.reload.changes import change_text, changes_tree
 from bt_agents.host.reload.version_history import (
-    AgentStatus,
     FileProblem,
     Version,
     VersionHistory,
@@ -39,14 +38,10 @@ class ReloadAction(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ReloadEffect:
-    """Effect of a change of files on one agent.
+    """Effect of a change of files on one agent, with a text for people.
 
-    Attributes:
-        action: What is to be done.
-        name: The agent.
-        agent: Its new specification; None when there is nothing to bring into force.
-        text: Description for people.
-        is_error: True when somebody has to fix something.
+    It has a specification when there is one to bring into force, and is an error when somebody has
+    to fix something.
     """
 
     action: ReloadAction
@@ -59,31 +54,28 @@ class ReloadEffect:
 class AgentVersions:
     """Versions of all agents of a host.
 
-    Args:
-        trees: Trees folder as it was read at the start.
-        stamp: Time of that reading [s].
-
     Attributes:
         trees: Trees folder as it was read last.
+        histories: Name of an agent → its versions; only of those that have one in force.
     """
 
     def __init__(self, trees: Trees, stamp: float) -> None:
         self.trees = trees
         self._good_files = _good_files(trees)
         self._space = trees.scene.space
-        self._histories: dict[str, VersionHistory] = {}
+        self.histories: dict[str, VersionHistory] = {}
         self._removed: OrderedDict[str, VersionHistory] = OrderedDict()
         for name, file in self._good_files.items():
-            self._histories[name] = new_history(file, stamp)
+            self.histories[name] = new_history(file, stamp)
 
     def update(self, trees: Trees) -> list[str]:
         """Store the folder as it was read now; return the agents to settle, in order."""
         self.trees = trees
         self._good_files = _good_files(trees)
-        gone = [name for name in self._histories if name not in self._good_files]
+        gone = [name for name in self.histories if name not in self._good_files]
         affected = [name for name in gone if self._is_new(name)]
         for name, file in self._good_files.items():
-            history = self._histories.get(name)
+            history = self.histories.get(name)
             if (
                 history is None
                 or history.last_read is not file
@@ -96,12 +88,9 @@ class AgentVersions:
     def settle(self, name: str, running: str, stamp: float) -> ReloadEffect | None:
         """Return the effect of the last reading on an agent; None when nothing changes.
 
-        Args:
-            name: The agent.
-            running: The agent whose tree runs; empty for none.
-            stamp: Now [s].
+        What changes the tree of the running agent, empty for none, waits for the end of its run.
         """
-        history, file = self._histories.get(name), self._good_files.get(name)
+        history, file = self.histories.get(name), self._good_files.get(name)
         if file is None:
             return self._without_good_file(name, history, running) if history is not None else None
         if history is None:
@@ -110,7 +99,7 @@ class AgentVersions:
 
     def run_ended(self, name: str) -> ReloadEffect | None:
         """Return what has waited for the end of an agent's run; None for nothing."""
-        history = self._histories.get(name)
+        history = self.histories.get(name)
         if history is None:
             return None
         if history.removal_reason:
@@ -118,22 +107,18 @@ class AgentVersions:
         if history.waiting is None:
             return None
         history.current, history.waiting = history.waiting, None
-        return self._bring_into_force(name, history.current, ReloadAction.REPLACE_TREE)
+        return self._bring_into_force(history.current, ReloadAction.REPLACE_TREE)
 
     def failed(self, effect: ReloadEffect, error: str) -> ReloadEffect:
         """Take back a version that could not be brought into force; return what to report instead.
 
         It is tried again when the folder is read the next time.
-
-        Args:
-            effect: Effect that could not be executed.
-            error: Reason, as text.
         """
         name = effect.name
-        history = self._histories.get(name)
+        history = self.histories.get(name)
         text = f"{effect.text}; this failed: {error}"
         if history is not None and effect.action is ReloadAction.ADD:
-            del self._histories[name]
+            del self.histories[name]
             if len(history.versions) > 1:
                 self._removed[name] = history
             text = f"{name}: version {history.current.number} could not be added: {error}"
@@ -149,19 +134,9 @@ class AgentVersions:
             history.problems = (FileProblem(agent=name, message=reason),)
         return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text, is_error=True)
 
-    def status(self, name: str) -> AgentStatus:
-        """Return the status of an agent."""
-        history = self._histories[name]
-        return AgentStatus(
-            version=history.current.number,
-            waiting=history.waiting is not None,
-            removal_reason=history.removal_reason,
-            problems=history.problems,
-        )
-
     def waiting_text(self, name: str) -> str:
         """Return as text what waits for the end of an agent's run; empty for nothing."""
-        history = self._histories.get(name)
+        history = self.histories.get(name)
         if history is None:
             return ""
         if history.waiting is not None:
@@ -178,33 +153,24 @@ class AgentVersions:
         ]
         return [*problems, *(FileProblem(message=text) for text in self.trees.problems)]
 
-    def names(self) -> tuple[str, ...]:
-        """Return the names of all agents that have a version in force."""
-        return tuple(self._histories)
-
-    def versions(self, name: str) -> tuple[Version, ...]:
-        """Return the stored versions of an agent, oldest first.
+    def history(self, name: str) -> VersionHistory:
+        """Return the versions of an agent.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``.
         """
-        return tuple(self._history(name).versions)
-
-    def file(self, name: str) -> AgentFile:
-        """Return the file of an agent as it was read last."""
-        return self._history(name).last_read
+        if name not in self.histories:
+            known = ", ".join(sorted(self.histories)) or "none"
+            raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
+        return self.histories[name]
 
     def find(self, name: str, number: int) -> Version:
-        """Return a version to roll back to.
-
-        Args:
-            name: The agent.
-            number: Its version; 0 for the one before the current.
+        """Return a version to roll back to; for the number 0 the one before the current.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_VERSION``, ``SAME_VERSION``, or ``NO_FILE``.
         """
-        history = self._history(name)
+        history = self.history(name)
         if history.removal_reason:
             raise Refused(
                 "NO_FILE",
@@ -239,40 +205,27 @@ class AgentVersions:
     def roll_back(
         self, name: str, version: Version, file: AgentFile | None, running: str, stamp: float
     ) -> ReloadEffect:
-        """Make an earlier version the newest.
+        """Make an earlier version the newest; see :meth:`find` and :meth:`settle`.
 
-        Args:
-            name: The agent.
-            version: See :meth:`find`.
-            file: Its file, written with this version; None when it could not be written.
-            running: The agent whose tree runs; empty for none.
-            stamp: Now [s].
+        The file is that of the agent, written with this version; None when it could not be.
 
         Raises:
             Refused: As in :meth:`find`; the agent may have changed since then.
         """
         self.find(name, version.number)
-        history = self._history(name)
+        history = self.history(name)
         if file is not None:
             history.last_read, history.problems = file, ()
             self._good_files[name] = file
         if version is history.newest:
             text = f"{name}: version {version.number} stays"
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
-        file = file or version.file
-        return self._add_version(
-            name, history, file, f"roll back to {version.number}", running, stamp
-        )
-
-    def _history(self, name: str) -> VersionHistory:
-        if name not in self._histories:
-            known = ", ".join(sorted(self._histories)) or "none"
-            raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
-        return self._histories[name]
+        cause = f"roll back to {version.number}"
+        return self._add_version(history, file or version.file, cause, running, stamp)
 
     def _is_new(self, name: str) -> bool:
         """Return whether the status of an agent without a good file has changed."""
-        history = self._histories[name]
+        history = self.histories[name]
         problems = self._problems(name)
         return problems != history.problems if problems else not history.removal_reason
 
@@ -315,7 +268,7 @@ class AgentVersions:
         return f"it has none of the tags {', '.join(self.trees.tags)} any more"
 
     def _remove(self, name: str, history: VersionHistory, reason: str) -> ReloadEffect:
-        del self._histories[name]
+        del self.histories[name]
         history.removal_reason, history.problems = "", ()
         self._removed[name] = history
         while len(self._removed) > _MAX_REMOVED:
@@ -334,7 +287,7 @@ class AgentVersions:
             if not _same(history.current.file, file):
                 history.current = self._new_version(history, file, "file is back", stamp)
             text = f"{name}: back again, version {history.current.number} in force"
-        self._histories[name] = history
+        self.histories[name] = history
         return ReloadEffect(
             action=ReloadAction.ADD, name=name, agent=history.current.agent, text=text
         )
@@ -356,44 +309,37 @@ class AgentVersions:
                 "not wait any more"
             )
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
-        return self._add_version(name, history, file, file.cause, running, stamp)
+        return self._add_version(history, file, file.cause, running, stamp)
 
     def _add_version(
-        self,
-        name: str,
-        history: VersionHistory,
-        file: AgentFile,
-        cause: str,
-        running: str,
-        stamp: float,
+        self, history: VersionHistory, file: AgentFile, cause: str, running: str, stamp: float
     ) -> ReloadEffect:
         version = self._new_version(history, file, cause, stamp)
-        changes_tree = compare(history.current.file, file, self._space).changes_tree
-        if changes_tree and name == running:
+        name = version.agent.name
+        has_other_tree = changes_tree(history.current.file, file)
+        if has_other_tree and name == running:
             history.waiting = version
             text = (
                 f"{name}: version {version.number} waits for the end of its run ({version.change})"
             )
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
         history.current, history.waiting = version, None
-        return self._bring_into_force(
-            name,
-            version,
-            ReloadAction.REPLACE_TREE if changes_tree else ReloadAction.UPDATE_VALUES,
-        )
+        action = ReloadAction.REPLACE_TREE if has_other_tree else ReloadAction.UPDATE_VALUES
+        return self._bring_into_force(version, action)
 
     def _new_version(
         self, history: VersionHistory, file: AgentFile, cause: str, stamp: float
     ) -> Version:
-        change = compare(history.newest.file, file, self._space).text
+        change = change_text(history.newest.file, file, self._space)
         number = history.versions[-1].number + 1
         return history.add(
             Version(number=number, file=file, cause=cause, change=change, stamp=stamp)
         )
 
-    def _bring_into_force(self, name: str, version: Version, action: ReloadAction) -> ReloadEffect:
-        text = f"{name}: version {version.number} in force ({version.change})"
-        return ReloadEffect(action=action, name=name, agent=version.agent, text=text)
+    def _bring_into_force(self, version: Version, action: ReloadAction) -> ReloadEffect:
+        agent = version.agent
+        text = f"{agent.name}: version {version.number} in force ({version.change})"
+        return ReloadEffect(action=action, name=agent.name, agent=agent, text=text)
 
 
 def _good_files(trees: Trees) -> dict[str, AgentFile]:

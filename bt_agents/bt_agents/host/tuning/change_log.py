@@ -19,13 +19,13 @@ from typing import Any
 from bt_agents.host.tuning.history import (
     MOST_SHOWN,
     MOST_UNDONE,
+    Override,
     TuningAction,
     TuningCause,
     TuningChange,
     TuningHistory,
     TuningRevision,
 )
-from bt_agents.host.tuning.overrides import Override, Overrides
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import BtAgentsError, Refused
 
@@ -83,7 +83,7 @@ class ChangeLog:
     """Open log of the changes of one host; nobody else can open it meanwhile.
 
     A change that is written outlives the process at once, and a power cut after :meth:`flush`.
-    Only ``disk`` waits for the disk; while it compacts the file, a change waits for it.
+    While the file is compacted, a change waits for it.
 
     Args:
         path: Made, with its folder, when it is not there. A damaged file is set aside.
@@ -92,7 +92,7 @@ class ChangeLog:
 
     Attributes:
         problems: What was wrong with the file when it was opened, one entry a problem.
-        overrides: What the file says of all changes so far.
+        history: What the file says of all changes so far.
 
     Raises:
         BtAgentsError: It cannot be opened, or another host has it open.
@@ -110,10 +110,10 @@ class ChangeLog:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
-                self._db, self.overrides = self._open()
+                self._db, self.history = self._open()
             except _DamagedError as damaged:
                 self._set_aside(str(damaged))
-                self._db, self.overrides = self._open()
+                self._db, self.history = self._open()
             # SQLite has no call that waits for the write-ahead log alone.
             self._wal = os.open(f"{path}-wal", os.O_RDONLY)
             [self._count] = self._db.execute("SELECT count(*) FROM revisions").fetchone()
@@ -127,11 +127,7 @@ class ChangeLog:
             raise BtAgentsError(f"{path} cannot be opened: {reason or error}") from error
 
     def append(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
-        """Write a revision; when this returns, it outlives the process.
-
-        Args:
-            revision: The changes.
-            defaults: What the files say, for each changed value that is to outlive a restart.
+        """Write a revision, as :meth:`TuningHistory.add`; then it outlives the process.
 
         Raises:
             Refused: ``NOT_KEPT``: it cannot be written; the file is as before.
@@ -139,8 +135,12 @@ class ChangeLog:
         with self._writing() as db:
             _push(db, revision)
             for change in revision.changes:
-                if change.name in defaults:
-                    _override(db, change.name, change.after, defaults[change.name])
+                default = defaults.get(change.name)
+                if default == change.after:
+                    db.execute("DELETE FROM overrides WHERE name = ?", (change.name,))
+                elif default is not None:
+                    values = (change.name, _json(change.after), _json(default))
+                    db.execute("REPLACE INTO overrides VALUES (?, ?, ?)", values)
         self._unflushed = True
         self._count += 1
         if self._count >= MOST_CHANGES:
@@ -178,7 +178,7 @@ class ChangeLog:
             os.close(self._wal)
             self._db.close()
 
-    def _open(self) -> tuple[sqlite3.Connection, Overrides]:
+    def _open(self) -> tuple[sqlite3.Connection, TuningHistory]:
         db = sqlite3.connect(self._path, timeout=0, isolation_level=None, check_same_thread=False)
         try:
             db.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -261,7 +261,7 @@ class ChangeLog:
         except (Refused, sqlite3.Error) as error:
             self._report(f"the file of tunings grows, it cannot be compacted: {error}")
 
-    def _read(self, db: sqlite3.Connection) -> Overrides:
+    def _read(self, db: sqlite3.Connection) -> TuningHistory:
         newest = db.execute("SELECT max(number) FROM revisions").fetchone()[0] or 0
         history = TuningHistory(
             newest,
@@ -269,15 +269,14 @@ class ChangeLog:
             self._revisions(db, "stack = ? ORDER BY pushed DESC LIMIT ?", _REDO, MOST_UNDONE),
             self._revisions(db, "changes != '[]' ORDER BY number DESC LIMIT ?", MOST_SHOWN),
         )
-        overrides = {}
         for name, value, default in db.execute("SELECT name, value, file_default FROM overrides"):
             try:
-                overrides[name] = Override(
-                    value=_setting_from(value), default=_setting_from(default)
+                history.overrides[name] = Override(
+                    value=_setting(_parsed(value)), default=_setting(_parsed(default))
                 )
             except ValueError as error:
                 self._problem(f"the value of {name}: {error}")
-        return Overrides(history=history, by_name=overrides)
+        return history
 
     def _revisions(
         self, db: sqlite3.Connection, which: str, *values: object
@@ -309,34 +308,18 @@ def _push(db: sqlite3.Connection, revision: TuningRevision) -> None:
     """Insert a revision, and move the one that it undoes or redoes to the other stack."""
     cause, number = revision.cause, revision.number
     if cause.action is TuningAction.SET:
+        stack = _UNDO
         db.execute("UPDATE revisions SET stack = NULL WHERE stack = ?", (_REDO,))
     else:
+        stack = None
         to = _REDO if cause.action is TuningAction.UNDO else _UNDO
         db.execute(
             "UPDATE revisions SET stack = ?, pushed = ? WHERE number = ?", (to, number, cause.of)
         )
-    changes = [(one.name, one.before, one.after) for one in revision.changes]
-    db.execute(
-        "INSERT INTO revisions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        (
-            number,
-            revision.stamp,
-            cause.author,
-            cause.reason,
-            cause.action.value,
-            cause.of,
-            _json(changes),
-            _UNDO if cause.action is TuningAction.SET else None,
-            number,
-        ),
-    )
-
-
-def _override(db: sqlite3.Connection, name: str, value: Setting, default: Setting) -> None:
-    if value == default:
-        db.execute("DELETE FROM overrides WHERE name = ?", (name,))
-    else:
-        db.execute("REPLACE INTO overrides VALUES (?, ?, ?)", (name, _json(value), _json(default)))
+    changes = _json([(one.name, one.before, one.after) for one in revision.changes])
+    action = (cause.author, cause.reason, cause.action.value, cause.of)
+    row = (number, revision.stamp, *action, changes, stack, number)
+    db.execute("INSERT INTO revisions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
 
 
 def _json(content: object) -> str:
@@ -346,11 +329,6 @@ def _json(content: object) -> str:
 def _revision_from(
     number: int, stamp: float, author: str, reason: str, action: str, of: int, changes: str
 ) -> TuningRevision:
-    """Return the revision of a row.
-
-    Raises:
-        ValueError: It is none.
-    """
     cause = TuningCause(author=author, reason=reason, action=TuningAction(action), of=of)
     found = _parsed(changes)
     if not isinstance(found, list) or not all(isinstance(o, list) and len(o) == 3 for o in found):
@@ -364,10 +342,6 @@ def _revision_from(
             for name, before, after in found
         ),
     )
-
-
-def _setting_from(text: str) -> Setting:
-    return _setting(_parsed(text))
 
 
 def _parsed(text: str) -> Any:

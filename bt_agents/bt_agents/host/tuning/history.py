@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""History of tuned values: revisions, and stacks of undo and redo as in an editor."""
+"""History of tuned values: revisions, stacks of undo and redo as in an editor, and overrides."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -37,14 +37,7 @@ class TuningAction(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class TuningCause:
-    """Author and reason of a revision.
-
-    Attributes:
-        author: For people.
-        reason: For people; may be empty.
-        action: New, or an undo or redo.
-        of: Revision that an undo or redo is about; 0 for a new change.
-    """
+    """Author and reason of a revision; an undo or redo is ``of`` another revision."""
 
     author: str
     reason: str = ""
@@ -68,18 +61,30 @@ class TuningRevision:
     cause: TuningCause
     changes: tuple[TuningChange, ...]
 
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of what has changed."""
-        return frozenset(change.name for change in self.changes)
+
+FoundRevision = tuple[TuningRevision, Mapping[str, Setting]]
+"""A revision to undo or redo, and the values to set for it."""
 
 
-Possible = Callable[[str, Setting], bool]
-"""Returns whether the parameter of this name can have this value now."""
+@dataclass(frozen=True, kw_only=True)
+class Override:
+    """Tuned value that outlives a restart, and what the file said when it was tuned."""
+
+    value: Setting
+    default: Setting
 
 
 class TuningHistory:
-    """Undo stack, redo stack and the last changes to show."""
+    """Undo stack, redo stack, the last changes to show, and the overrides of a host.
+
+    Attributes:
+        revision: Number of the last revision; 0 for none.
+        undoable: What can be undone, the oldest first.
+        redoable: What can be redone, the one that was undone first at the front.
+        shown: The last changes of single values, the oldest first.
+        overrides: Name → tuned value, for each that differs from its file; also those of agents
+            that are not here now.
+    """
 
     def __init__(
         self,
@@ -89,76 +94,85 @@ class TuningHistory:
         shown: Iterable[TuningRevision] = (),
     ) -> None:
         self.revision = revision
-        self._undoable: deque[TuningRevision] = deque(undoable, MOST_UNDONE)
-        self._redoable: deque[TuningRevision] = deque(redoable, MOST_UNDONE)
-        self._shown: deque[tuple[TuningRevision, TuningChange]] = deque(maxlen=MOST_SHOWN)
+        self.undoable = deque(undoable, MOST_UNDONE)
+        self.redoable = deque(redoable, MOST_UNDONE)
+        self.shown: deque[tuple[TuningRevision, TuningChange]] = deque(maxlen=MOST_SHOWN)
+        self.overrides: dict[str, Override] = {}
         for one in shown:
             self._show(one)
 
-    @property
-    def undoable(self) -> Sequence[TuningRevision]:
-        """What can be undone, the oldest first."""
-        return tuple(self._undoable)
-
-    @property
-    def redoable(self) -> Sequence[TuningRevision]:
-        """What can be redone, the one that was undone first at the front."""
-        return tuple(self._redoable)
-
-    @property
-    def shown(self) -> Sequence[tuple[TuningRevision, TuningChange]]:
-        """The last changes of single values, the oldest first."""
-        return tuple(self._shown)
-
-    def add(self, revision: TuningRevision) -> None:
+    def add(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
         """Add a revision that has come into force.
 
+        Args:
+            revision: The changes.
+            defaults: What the files say, for each changed value that is to outlive a restart.
+
         Raises:
-            Refused: ``UNKNOWN_REVISION``: it undoes or redoes what cannot be.
+            Refused: ``UNKNOWN_REVISION``: it undoes or redoes what cannot be; then nothing is
+                changed.
         """
         match revision.cause.action:
             case TuningAction.SET:
-                self._undoable.append(revision)
-                self._redoable.clear()
+                self.undoable.append(revision)
+                self.redoable.clear()
             case TuningAction.UNDO:
-                self._redoable.append(_taken(self._undoable, revision.cause.of))
+                self.redoable.append(_taken(self.undoable, revision.cause.of))
             case TuningAction.REDO:
-                self._undoable.append(_taken(self._redoable, revision.cause.of))
+                self.undoable.append(_taken(self.redoable, revision.cause.of))
         self.revision = max(self.revision, revision.number)
         self._show(revision)
+        for change in revision.changes:
+            default = defaults.get(change.name)
+            if default == change.after:
+                self.overrides.pop(change.name, None)
+            elif default is not None:
+                self.overrides[change.name] = Override(value=change.after, default=default)
 
     def _show(self, revision: TuningRevision) -> None:
-        self._shown.extend((revision, change) for change in revision.changes)
+        self.shown.extend((revision, change) for change in revision.changes)
 
-    def undo(
-        self, agents: Collection[str], possible: Possible
-    ) -> tuple[TuningRevision, Mapping[str, Setting]]:
-        """Return what to undo next, and the values that it gives back.
+    def find(
+        self,
+        action: TuningAction,
+        agents: Collection[str],
+        possible: Callable[[str, Setting], bool],
+    ) -> FoundRevision:
+        """Return what to undo or redo next: the last change of an agent that nothing stands upon.
+
+        A revision is one step: it is passed over when one of its values is impossible now, or when
+        a later one that is passed over has changed the same value.
 
         Args:
+            action: Undo or redo.
             agents: The last change of one of these; empty for the last of all.
-            possible: Says which values can be given back now.
+            possible: Returns whether the parameter of this name can have this value now.
 
         Raises:
-            Refused: ``NOTHING_TO_UNDO``.
+            Refused: ``NOTHING_TO_UNDO`` or ``NOTHING_TO_REDO``.
         """
-        found = _last(
-            self._undoable, agents, lambda change: possible(change.name, change.before), "undo"
-        )
-        return found, {change.name: change.before for change in found.changes}
-
-    def redo(
-        self, agents: Collection[str], possible: Possible
-    ) -> tuple[TuningRevision, Mapping[str, Setting]]:
-        """Return what to redo next, and the values that it gives again; as :meth:`undo`.
-
-        Raises:
-            Refused: ``NOTHING_TO_REDO``.
-        """
-        found = _last(
-            self._redoable, agents, lambda change: possible(change.name, change.after), "redo"
-        )
-        return found, {change.name: change.after for change in found.changes}
+        undo = action is TuningAction.UNDO
+        passed: set[str] = set()
+        obstacle = ""
+        for revision in reversed(self.undoable if undo else self.redoable):
+            values = {one.name: one.before if undo else one.after for one in revision.changes}
+            concerned = not agents or any(agent_of(name) in agents for name in values)
+            above = sorted(values.keys() & passed)
+            lost = [name for name, value in values.items() if not possible(name, value)]
+            if concerned and not above and not lost:
+                return revision, values
+            if concerned and not obstacle:
+                obstacle = (
+                    f"; revision {revision.number} cannot be: its value of {lost[0]} is not "
+                    "possible any more"
+                    if lost
+                    else f"; revision {revision.number} has to wait: {above[0]} was changed after "
+                    "it"
+                )
+            passed |= values.keys()
+        what = action.value
+        whose = f" of {', '.join(sorted(agents))}" if agents else ""
+        raise Refused(f"NOTHING_TO_{what.upper()}", f"no change{whose} to {what}{obstacle}")
 
 
 def agent_of(name: str) -> str:
@@ -173,34 +187,3 @@ def _taken(revisions: deque[TuningRevision], number: int) -> TuningRevision:
             revisions.remove(revision)
             return revision
     raise Refused("UNKNOWN_REVISION", f"revision {number} cannot be taken back or made again")
-
-
-def _last(
-    revisions: deque[TuningRevision],
-    agents: Collection[str],
-    possible: Callable[[TuningChange], bool],
-    what: str,
-) -> TuningRevision:
-    """Return the last revision that concerns some agents and that nothing stands upon.
-
-    A revision is one step: it is passed over when one of its values is impossible now, or when a
-    later one that is passed over has changed the same value.
-    """
-    passed: set[str] = set()
-    obstacle = ""
-    for revision in reversed(revisions):
-        concerned = not agents or any(agent_of(name) in agents for name in revision.names)
-        above = sorted(revision.names & passed)
-        lost = [change.name for change in revision.changes if not possible(change)]
-        if concerned and not above and not lost:
-            return revision
-        if concerned and not obstacle:
-            obstacle = (
-                f"; revision {revision.number} cannot be: its value of {lost[0]} is not possible "
-                "any more"
-                if lost
-                else f"; revision {revision.number} has to wait: {above[0]} was changed after it"
-            )
-        passed |= revision.names
-    whose = f" of {', '.join(sorted(agents))}" if agents else ""
-    raise Refused(f"NOTHING_TO_{what.upper()}", f"no change{whose} to {what}{obstacle}")

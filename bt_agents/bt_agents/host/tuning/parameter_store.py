@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from concurrent.futures import Future as Job
-from dataclasses import dataclass
 
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import (
+    FoundRevision,
     TuningAction,
     TuningCause,
     TuningChange,
@@ -17,9 +17,8 @@ from bt_agents.host.tuning.history import (
     TuningRevision,
     agent_of,
 )
-from bt_agents.host.tuning.overrides import Overrides
 from bt_agents.host.tuning.presets import Presets, check_name
-from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, same, shown_value
+from bt_agents.host.tuning.tunable import Setting, TunableParameter, same, shown_value
 from bt_agents_core.errors import Refused
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -27,24 +26,8 @@ from bt_agents_language.diagnostics.collection import did_you_mean
 FILE = "file"
 """Author of what a changed file has set."""
 
-_SAVED = (TunableKind.TUNABLE, TunableKind.LEARNING_RATE)
 _LONGEST_LINE = 300
 _FEW = 8
-
-
-@dataclass(frozen=True, kw_only=True)
-class Start:
-    """Initial value of a parameter.
-
-    Attributes:
-        value: Tuned before, or what the file says.
-        overruled: The value tuned before that the file has overruled; None for none.
-        why: Why it was overruled.
-    """
-
-    value: Setting
-    overruled: Setting | None = None
-    why: str = ""
 
 
 class ParameterStore:
@@ -75,32 +58,22 @@ class ParameterStore:
         self._of_agents: dict[str, dict[str, TunableParameter]] = {}
         self._log = log
         self._disk = disk
-        self._overrides = log.overrides if log is not None else Overrides()
+        self.history = log.history if log is not None else TuningHistory()
         self._now = now
         self._report = report
 
-    @property
-    def history(self) -> TuningHistory:
-        """The changes so far."""
-        return self._overrides.history
-
-    def start(self, parameter: TunableParameter) -> Start:
-        """Return the initial value of a parameter that was not here before."""
-        override = self._overrides.by_name.get(parameter.name)
-        if override is None:
-            return Start(value=parameter.default)
-        if same(override.value, parameter.default):
-            return Start(value=parameter.default)
-        if not same(override.default, parameter.default):
-            return Start(
-                value=parameter.default,
-                overruled=override.value,
-                why=f"the file says {parameter.format(parameter.default)} now",
-            )
+    def start(self, parameter: TunableParameter) -> tuple[Setting, str]:
+        """Return the initial value of a new parameter, and why it is not what was tuned before."""
+        default = parameter.default
+        override = self.history.overrides.get(parameter.name)
+        if override is None or same(override.value, default):
+            return default, ""
+        if not same(override.default, default):
+            return default, f"the file says {parameter.format(default)} now"
         try:
-            return Start(value=parameter.check(override.value))
+            return parameter.check(override.value), ""
         except Refused as refused:
-            return Start(value=parameter.default, overruled=override.value, why=refused.reason)
+            return default, refused.reason
 
     def has(self, name: str) -> bool:
         """Return whether there is a parameter of this name."""
@@ -113,9 +86,9 @@ class ParameterStore:
     def _put(self, parameter: TunableParameter) -> None:
         self._parameters[parameter.name] = parameter
         self._of_agents.setdefault(parameter.agent, {})[parameter.name] = parameter
-        override = self._overrides.by_name.get(parameter.name)
+        override = self.history.overrides.get(parameter.name)
         if override is not None and same(override.value, parameter.default):
-            self._overrides.clear(parameter.name)
+            del self.history.overrides[parameter.name]
             self._write_log(lambda log: log.clear(parameter.name), must_be_stored=False)
 
     def add(self, parameter: TunableParameter, value: Setting) -> None:
@@ -201,12 +174,9 @@ class ParameterStore:
     def record(
         self, values: Mapping[str, Setting], cause: TuningCause, *, must_be_stored: bool = True
     ) -> TuningRevision | None:
-        """Log values and put them into force; when this returns, they outlive the process.
+        """Log checked values and put them into force; then they outlive the process.
 
-        Args:
-            values: They were checked.
-            cause: Who wants them, and why.
-            must_be_stored: False lets them also come into force when they cannot be written.
+        Those that need not be stored also come into force when they cannot be written.
 
         Returns:
             The revision; None when nothing differs and nothing is taken back.
@@ -230,16 +200,17 @@ class ParameterStore:
         """
         return self._log.flush() if self._log is not None else None
 
-    def overrule(self, overruled: Mapping[str, Start]) -> TuningRevision | None:
-        """Record that files have overruled values that were tuned before the start."""
+    def overrule(self, reasons: Mapping[str, str]) -> TuningRevision | None:
+        """Record, with a reason by name, that files have overruled what was tuned before."""
         changes = tuple(
-            TuningChange(name=name, before=start.overruled, after=start.value)
-            for name, start in overruled.items()
-            if start.overruled is not None
+            TuningChange(
+                name=name, before=self.history.overrides[name].value, after=self.values[name]
+            )
+            for name in reasons
         )
         if not changes:
             return None
-        reason = "; ".join(f"{name}: {start.why}" for name, start in overruled.items())
+        reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
         return self._take(changes, TuningCause(author=FILE, reason=reason[:_LONGEST_LINE]), False)
 
     def _take(
@@ -250,7 +221,7 @@ class ParameterStore:
         )
         defaults = {change.name: self._parameters[change.name].default for change in changes}
         self._write_log(lambda log: log.append(revision, defaults), must_be_stored=must_be_stored)
-        self._overrides.add(revision, defaults)
+        self.history.add(revision, defaults)
         for change in changes:
             self.values[change.name] = change.after
         return revision
@@ -265,21 +236,13 @@ class ParameterStore:
                 raise
             self._report(refused.reason)
 
-    def undo(self, agents: Collection[str]) -> tuple[TuningRevision, Mapping[str, Setting]]:
-        """Return what to undo next, and the values to set for it; as :meth:`TuningHistory.undo`.
+    def find(self, action: TuningAction, agents: Collection[str]) -> FoundRevision:
+        """Return what to undo or redo next; see :meth:`TuningHistory.find`.
 
         Raises:
-            Refused: ``UNKNOWN_AGENT`` or ``NOTHING_TO_UNDO``.
+            Refused: ``UNKNOWN_AGENT``, ``NOTHING_TO_UNDO`` or ``NOTHING_TO_REDO``.
         """
-        return self.history.undo(self._known(agents), self._possible)
-
-    def redo(self, agents: Collection[str]) -> tuple[TuningRevision, Mapping[str, Setting]]:
-        """Return what to redo next, and the values to set for it; as :meth:`TuningHistory.redo`.
-
-        Raises:
-            Refused: ``UNKNOWN_AGENT`` or ``NOTHING_TO_REDO``.
-        """
-        return self.history.redo(self._known(agents), self._possible)
+        return self.history.find(action, self._known(agents), self._possible)
 
     def preset(self, name: str) -> tuple[Mapping[str, Setting], Sequence[str]]:
         """Return the values of a preset, and the names in it that do not exist any more.
@@ -301,13 +264,9 @@ class ParameterStore:
         return values, [one for one in preset if one not in self._parameters]
 
     def save(self, name: str, agents: Collection[str]) -> tuple[int, Job[None]]:
-        """Save the tunables and learning rates of agents as a preset.
+        """Save the tunables and learning rates of agents, or of all for none, as a preset.
 
         Those that are as in the file are saved too, so that the preset brings back all of them.
-
-        Args:
-            name: Of the preset.
-            agents: Whose; empty for all.
 
         Returns:
             How many values, and the job that saves them; its error is as in :meth:`Presets.save`.
@@ -320,7 +279,7 @@ class ParameterStore:
         values = {
             parameter.name: parameter.format(self.values[parameter.name])
             for parameter in self._parameters.values()
-            if parameter.kind in _SAVED and (not wanted or parameter.agent in wanted)
+            if parameter.agent and (not wanted or parameter.agent in wanted)
         }
         return len(values), self._disk.submit(self.presets.save, name, values)
 
@@ -340,11 +299,9 @@ class ParameterStore:
         return set(agents)
 
     def _possible(self, name: str, value: Setting) -> bool:
-        if name not in self._parameters:
-            return False
         try:
             self._parameters[name].check(value)
-        except Refused:
+        except (KeyError, Refused):
             return False
         return True
 

@@ -32,32 +32,24 @@ Preset = Mapping[str, str]
 
 
 class Presets:
-    """Presets of a host, stored on the disk before they count.
+    """Presets of a host, stored on the disk before they count; in memory without a file.
 
     One thread may change them, and others read them meanwhile.
 
-    Args:
-        file: YAML file; None for presets in memory.
-
     Attributes:
         problem: Report of what is wrong with the file; empty when it can be used.
+        by_name: The presets in alphabetical order.
     """
 
     def __init__(self, file: Path | None) -> None:
         self.problem = ""
         self._file = file
-        self._presets: dict[str, Preset] = {}
+        self.by_name: Mapping[str, Preset] = {}
         if file is not None and file.exists() and file.stat().st_size:
             try:
-                self._presets = dict(read_presets(file))
+                self.by_name = dict(sorted(read_presets(file).items()))
             except ReadError as error:
                 self.problem = error.report
-
-    @property
-    def by_name(self) -> Mapping[str, Preset]:
-        """Presets in alphabetical order."""
-        presets = self._presets
-        return {name: presets[name] for name in sorted(presets)}
 
     def get(self, name: str) -> Preset:
         """Return a preset.
@@ -65,7 +57,7 @@ class Presets:
         Raises:
             Refused: ``UNKNOWN_PRESET``, or ``BROKEN_PRESETS``.
         """
-        presets = self._presets
+        presets = self.by_name
         if name not in presets:
             self._refuse_broken()
             hint = did_you_mean(name, presets) or "'bt-agents preset save NAME' makes one"
@@ -80,7 +72,7 @@ class Presets:
                 changed.
         """
         self._refuse_broken()
-        presets = {**self._presets, check_name(name): dict(values)}
+        presets = {**self.by_name, check_name(name): dict(values)}
         many = sum(map(len, presets.values()))
         if len(presets) > MOST_PRESETS or many > MOST_VALUES:
             raise Refused(
@@ -97,7 +89,7 @@ class Presets:
             Refused: As in :meth:`get` and :meth:`save`; nothing is changed.
         """
         self.get(name)
-        self._write({one: values for one, values in self._presets.items() if one != name})
+        self._write({one: values for one, values in self.by_name.items() if one != name})
 
     def _refuse_broken(self) -> None:
         if self.problem:
@@ -119,7 +111,7 @@ class Presets:
                     f"{self._file} cannot be written: {error.strerror or error}; nothing is "
                     "changed",
                 ) from error
-        self._presets = presets
+        self.by_name = dict(sorted(presets.items()))
 
 
 def check_name(name: str) -> str:

@@ -13,7 +13,7 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import quote
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.quantities import MAX_DURATION_S, QuantityError, format_quantity
-from bt_agents_language.model.specs import AgentSpec, Tunable
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.scalars import boolean
 
@@ -229,7 +229,22 @@ def parameters_of(spec: AgentSpec) -> tuple[TunableParameter, ...]:
         maximum=1.0,
         description="step of a profile towards feedback",
     )
-    return (*(_of_tunable(spec.name, tunable) for tunable in spec.tunables), rate)
+    tunables = (
+        TunableParameter(
+            name=f"{spec.name}.{one.name}",
+            agent=spec.name,
+            key=one.name,
+            kind=TunableKind.TUNABLE,
+            type=one.type,
+            default=one.default if one.type in _TYPES else float(one.default),
+            minimum=one.minimum,
+            maximum=one.maximum,
+            step=one.step,
+            description=one.description,
+        )
+        for one in spec.tunables
+    )
+    return (*tunables, rate)
 
 
 def profile_values(
@@ -247,22 +262,4 @@ def profile_values(
             description="its bid",
         )
         for name, value in zip(names, profile, strict=True)
-    )
-
-
-def _of_tunable(agent: str, tunable: Tunable) -> TunableParameter:
-    default = tunable.default
-    if tunable.type not in _TYPES:
-        default = float(default)
-    return TunableParameter(
-        name=f"{agent}.{tunable.name}",
-        agent=agent,
-        key=tunable.name,
-        kind=TunableKind.TUNABLE,
-        type=tunable.type,
-        default=default,
-        minimum=tunable.minimum,
-        maximum=tunable.maximum,
-        step=tunable.step,
-        description=tunable.description,
     )

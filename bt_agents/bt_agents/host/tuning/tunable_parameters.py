@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import TuningCause, TuningRevision
-from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, Start
+from bt_agents.host.tuning.parameter_store import FILE, ParameterStore
 from bt_agents.host.tuning.presets import Presets
 from bt_agents.host.tuning.tunable import (
     TICK_RATE,
@@ -47,14 +47,8 @@ class TunableParameters:
 
     ``ros2 param``, the service ``~/tune`` and reloaded files all end in
     ``set_parameters_atomically``: the values are checked and logged before they count, and act
-    together between two ticks.
-
-    Args:
-        node: The host's node.
-        registry: Its agents; their values are changed between two ticks.
-        changed: Called a moment after learning rates were tuned.
-        set_rate: Called with the ticks a second.
-        tunings: File in which tunings outlive the host; empty keeps them in memory.
+    together between two ticks. A moment after learning rates were tuned, ``changed`` is called.
+    What was tuned outlives the host in the file ``tunings``; an empty name keeps it in memory.
     """
 
     def __init__(
@@ -121,14 +115,10 @@ class TunableParameters:
         self._publish_soon()
 
     def replace(self, member: HostedAgent, spec: AgentSpec) -> None:
-        """Replace an agent's file by another version.
+        """Replace the file of an agent by another version; its mapping of tunables stays the same.
 
         A changed default is the new value, and a revision by "file". Other values stay as far as
         the new file allows them. The profile follows the file until something was learned.
-
-        Args:
-            member: The agent; its mapping of tunables is changed in place.
-            spec: The new file.
         """
         old = {parameter.name: parameter for parameter in self._store.of(spec.name)}
         new = {parameter.name: parameter for parameter in parameters_of(spec)}
@@ -182,17 +172,15 @@ class TunableParameters:
         self._store.close()
         self._disk.shutdown()
 
-    def _declare_together(
-        self, parameters: tuple[TunableParameter, ...] | list[TunableParameter]
-    ) -> None:
-        overruled: dict[str, Start] = {}
+    def _declare_together(self, parameters: Iterable[TunableParameter]) -> None:
+        reasons = {}
         for parameter in parameters:
-            start = self._store.start(parameter)
-            value = self._declare(parameter, start.value)
+            start, why = self._store.start(parameter)
+            value = self._declare(parameter, start)
             self._store.add(parameter, value)
-            if start.overruled is not None and value == start.value:
-                overruled[parameter.name] = start
-        revision = self._store.overrule(overruled)
+            if why and value == start:
+                reasons[parameter.name] = why
+        revision = self._store.overrule(reasons)
         if revision is not None:
             self._flush_due = True
             self._node.get_logger().warning(
@@ -225,9 +213,7 @@ class TunableParameters:
         values = {
             one.key: self._store.values[one.name] for one in own if one.kind is TunableKind.TUNABLE
         }
-        for key in [*member.tunables]:
-            if key not in values:
-                del member.tunables[key]
+        member.tunables.clear()
         member.tunables.update(values)
         rate = self._store.values[f"{member.spec.name}.learning_rate"]
         member.learning_rate = float(rate)
@@ -272,7 +258,10 @@ class TunableParameters:
 
     def _publish(self) -> None:
         self._publish_timer.cancel()
-        self._flush()
+        job = self._store.flush() if self._flush_due else None
+        self._flush_due = False
+        if job is not None:
+            self._poller.watch(job, self._report_flush)
         if self._infos_due:
             self._infos_due = False
             self._server.publish_infos(["", *self._registry.members])
@@ -280,12 +269,6 @@ class TunableParameters:
         if self._cards_due:
             self._cards_due = False
             self._changed()
-
-    def _flush(self) -> None:
-        job = self._store.flush() if self._flush_due else None
-        self._flush_due = False
-        if job is not None:
-            self._poller.watch(job, self._report_flush)
 
     def _report_flush(self, error: str) -> None:
         if error:

@@ -7,19 +7,21 @@ import traceback
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future as Job
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.task import Future
 
 from bt_agents.host.tuning.history import TuningAction, TuningCause, TuningChange, TuningRevision
 from bt_agents.host.tuning.parameter_store import ParameterStore, checked_line
-from bt_agents.host.tuning.tunable import Setting
-from bt_agents.host.tuning.tunable_messages import info_to_msg
+from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import quote
-from bt_agents_interfaces.msg import Preset, Tunables, Tuning, Tunings
+from bt_agents_interfaces.msg import Preset, TunableInfo, Tunables, Tuning, Tunings
 from bt_agents_interfaces.srv import Tune
 from bt_agents_ros import qos
 from bt_agents_ros.messages import to_time
@@ -29,22 +31,19 @@ SOMEBODY = "somebody"
 """Author of a request without a name."""
 
 _LONGEST_AUTHOR = 60
-
-FoundRevision = tuple[TuningRevision, Mapping[str, Setting]]
-"""A revision to take back or make again, and the values to set for it."""
+_KINDS = {
+    getattr(TunableInfo, one.name): one for one in TunableKind if hasattr(TunableInfo, one.name)
+}
+_TYPES = {
+    getattr(TunableInfo, one.name): one for one in FieldType if hasattr(TunableInfo, one.name)
+}
 
 SetTogether = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _ActionResult:
-    """Result of an action.
-
-    Attributes:
-        message: For people.
-        revision: What has come into force.
-        job: Saves or removes a preset, which counts only when it has ended.
-    """
+    """What has come into force, with a text for people; a preset counts when its job has ended."""
 
     message: str
     revision: TuningRevision | None = None
@@ -54,11 +53,7 @@ class _ActionResult:
 class TuneServer:
     """Serves ``~/tune`` and publishes ``~/tunings`` and ``~/tunables``.
 
-    Args:
-        node: The host's node.
-        store: Its tunable parameters.
-        set_together: Sets values, all or none.
-        poller: Polls the jobs of the disk.
+    Values are set together, all or none; jobs of the disk are polled.
     """
 
     def __init__(
@@ -78,8 +73,8 @@ class TuneServer:
         )
         self._actions: dict[int, Callable[[Any, str, str], _ActionResult]] = {
             Tune.Request.SET: self._set,
-            Tune.Request.UNDO: self._undo,
-            Tune.Request.REDO: self._redo,
+            Tune.Request.UNDO: partial(self._step, TuningAction.UNDO),
+            Tune.Request.REDO: partial(self._step, TuningAction.REDO),
             Tune.Request.APPLY: self._apply,
             Tune.Request.SAVE: self._save,
             Tune.Request.FORGET: self._forget,
@@ -109,8 +104,8 @@ class TuneServer:
                 host=self._node.get_fully_qualified_name(),
                 revision=history.revision,
                 tunings=list(self._shown.values()),
-                undo=self._format_next(self._store.undo),
-                redo=self._format_next(self._store.redo),
+                undo=self._format_next(TuningAction.UNDO),
+                redo=self._format_next(TuningAction.REDO),
                 presets=[
                     Preset(name=name, names=list(values), values=list(values.values()))
                     for name, values in self._store.presets.by_name.items()
@@ -118,9 +113,9 @@ class TuneServer:
             )
         )
 
-    def _format_next(self, find: Callable[[tuple[str, ...]], FoundRevision]) -> str:
+    def _format_next(self, action: TuningAction) -> str:
         try:
-            revision, values = find(())
+            revision, values = self._store.find(action, ())
         except Refused:
             return ""
         changes = (
@@ -199,16 +194,8 @@ class TuneServer:
         revision = self._set_together(values, TuningCause(author=author, reason=reason))
         return _ActionResult(message=self._summary(revision), revision=revision)
 
-    def _undo(self, request: Any, author: str, reason: str) -> _ActionResult:
-        return self._take_back(TuningAction.UNDO, self._store.undo(request.agents), author, reason)
-
-    def _redo(self, request: Any, author: str, reason: str) -> _ActionResult:
-        return self._take_back(TuningAction.REDO, self._store.redo(request.agents), author, reason)
-
-    def _take_back(
-        self, action: TuningAction, found: FoundRevision, author: str, reason: str
-    ) -> _ActionResult:
-        old, values = found
+    def _step(self, action: TuningAction, request: Any, author: str, reason: str) -> _ActionResult:
+        old, values = self._store.find(action, request.agents)
         cause = TuningCause(
             author=author,
             reason=reason or f"{action.value} of revision {old.number}",
@@ -242,3 +229,38 @@ class TuneServer:
         if revision is None or not revision.changes:
             return "everything stands so already"
         return f"{self._store.format_changes(revision.changes)} (revision {revision.number})"
+
+
+def info_to_msg(parameter: TunableParameter) -> TunableInfo:
+    """Return the message that describes a parameter."""
+    message = TunableInfo(
+        name=parameter.name,
+        agent=parameter.agent,
+        key=parameter.key,
+        kind=getattr(TunableInfo, parameter.kind.name),
+        type=getattr(TunableInfo, parameter.type.name),
+        unit=parameter.unit,
+        default_value=Parameter(parameter.name, value=parameter.default).get_parameter_value(),
+        step=float(parameter.step),
+        description=parameter.description,
+    )
+    if parameter.minimum is not None and parameter.maximum is not None:
+        message.has_range = True
+        message.minimum, message.maximum = float(parameter.minimum), float(parameter.maximum)
+    return message
+
+
+def info_from_msg(message: Any) -> TunableParameter:
+    """Return the parameter that a message describes."""
+    return TunableParameter(
+        name=message.name,
+        agent=message.agent,
+        key=message.key,
+        kind=_KINDS[message.kind],
+        type=_TYPES[message.type],
+        default=parameter_value_to_python(message.default_value),
+        minimum=message.minimum if message.has_range else None,
+        maximum=message.maximum if message.has_range else None,
+        step=message.step,
+        description=message.description,
+    )

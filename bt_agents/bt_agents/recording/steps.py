@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clocks that stand still during a step: one that is recorded, and one that is replayed."""
+"""Steps of a recording: the entry of each, and the clocks, which stand still during one."""
 
 from __future__ import annotations
 
@@ -8,17 +8,40 @@ from collections.abc import Mapping
 from typing import Any
 
 from bt_agents.engine.environment import Clock
-from bt_agents.recording.step_log import StepLog
+from bt_agents.recording.format import Entry
+
+
+class StepLog:
+    """Collects the entry of one step after the other, for all recording proxies.
+
+    Attributes:
+        step: Steps that have ended; −1 before the begin of the recording.
+        began: Whether a call of the host has begun the current step before its tick.
+        entry: What is recorded about the current step so far.
+        closed: Whether nothing is recorded any more; the outside still stands still in a step.
+    """
+
+    def __init__(self) -> None:
+        self.step = -1
+        self.began = False
+        self.entry: Entry = {}
+        self.closed = False
+
+    def add(self, key: str, item: Entry) -> None:
+        """Append an item to a list of the entry."""
+        if not self.closed:
+            self.entry.setdefault(key, []).append(item)
+
+    def end(self) -> Entry:
+        """End the step; return its entry."""
+        self.step += 1
+        self.began = False
+        entry, self.entry = self.entry, {}
+        return entry
 
 
 class RecordingClock:
-    """A clock whose time is recorded when it is read.
-
-    Args:
-        clock: Returns the time [s].
-        log: Takes the entries.
-        key: Under which the time is recorded.
-    """
+    """A clock whose time [s] is recorded under a key when it is read."""
 
     def __init__(self, clock: Clock, log: StepLog, key: str) -> None:
         self._clock = clock
@@ -28,7 +51,6 @@ class RecordingClock:
         self._now = self._recorded = math.nan
 
     def __call__(self) -> float:
-        """Return the time of this step [s]."""
         if self._step != self._log.step:
             self._step, self._now = self._log.step, self._clock()
         if self._now != self._recorded:
@@ -46,18 +68,13 @@ class RecordingClock:
 
 
 class ReplayClock:
-    """A clock that shows the recorded times.
-
-    Args:
-        key: Under which the time was recorded.
-    """
+    """A clock that shows the times [s] recorded under a key."""
 
     def __init__(self, key: str) -> None:
         self._key = key
         self._now = 0.0
 
     def __call__(self) -> float:
-        """Return the time of this step [s]."""
         return self._now
 
     def load(self, entry: Mapping[str, Any]) -> None:

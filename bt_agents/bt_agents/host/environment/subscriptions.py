@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Subscriptions of trees: topics that leaves wait for, heartbeats of servers, live scene."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+from rclpy.node import Node
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import Plain
+from bt_agents_core.live_scene_view import LiveSceneView
+from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_language.model.specs import HeartbeatSpec
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.parameters import declare_live_lease
+from bt_agents_ros.types import MessageView, load_type
+
+DEPTH = 100
+"""Most messages of an inbox; then the oldest are dropped."""
+
+
+class TopicInbox:
+    """Messages of a topic for one leaf; ``on_close`` is called with it when it is closed."""
+
+    def __init__(self, on_close: Callable[[TopicInbox], None]) -> None:
+        self._messages: deque[Any] = deque(maxlen=DEPTH)
+        self._on_close: Callable[[TopicInbox], None] | None = on_close
+
+    def put(self, message: Any) -> None:
+        """Append a message."""
+        self._messages.append(message)
+
+    def take(self) -> Mapping[str, Plain] | None:
+        return MessageView(self._messages.popleft()) if self._messages else None
+
+    def close(self) -> None:
+        if self._on_close is not None:
+            on_close, self._on_close = self._on_close, None
+            on_close(self)
+
+
+def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> TopicInbox:
+    """Return an inbox of a topic, which is subscribed to until the inbox is closed.
+
+    A message that has come wakes the leaf.
+    """
+
+    def receive(message: Any) -> None:
+        inbox.put(message)
+        wake()
+
+    subscription = node.create_subscription(kind, topic, receive, qos.SENSOR)
+    inbox = TopicInbox(lambda _inbox: node.destroy_subscription(subscription))
+    return inbox
+
+
+class LatchedTopic:
+    """A topic with a transient-local publisher; subscribed to until it is closed.
+
+    A message that has come while an inbox is open wakes the leaf.
+    """
+
+    def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:
+        self._node = node
+        self._wake = wake
+        self._last: Any = None
+        self._inboxes: list[TopicInbox] = []
+        self._subscription = node.create_subscription(kind, topic, self._receive, qos.FACTS)
+
+    def open(self) -> TopicInbox:
+        """Return an inbox that begins with the last message, if there was one."""
+        inbox = TopicInbox(self._inboxes.remove)
+        if self._last is not None:
+            inbox.put(self._last)
+        self._inboxes.append(inbox)
+        return inbox
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _receive(self, message: Any) -> None:
+        self._last = message
+        for inbox in self._inboxes:
+            inbox.put(message)
+        if self._inboxes:
+            self._wake()
+
+
+class Heartbeats:
+    """Subscriptions to the heartbeats of servers."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._last: dict[tuple[str, str], float] = {}
+        self._subscriptions: dict[tuple[str, str], Any] = {}
+
+    def subscribe(self, spec: HeartbeatSpec) -> Callable[[], float]:
+        """Return a function for the time of the last one [s], minus infinity for never.
+
+        Raises:
+            Refused: ``UNKNOWN_TYPE``.
+        """
+        key = (spec.topic, spec.type)
+        if key not in self._subscriptions:
+            kind = load_type(spec.type)
+
+            def receive(_message: object) -> None:
+                self._last[key] = time.monotonic()
+
+            # Its content does not matter, so it is not even decoded.
+            self._subscriptions[key] = self._node.create_subscription(
+                kind, spec.topic, receive, qos.SENSOR, raw=True
+            )
+        return lambda: self._last.get(key, -math.inf)
+
+    def retain(self, wanted: Collection[tuple[str, str]]) -> None:
+        """Unsubscribe from all others than these topics, each with its type."""
+        for key in self._subscriptions.keys() - set(wanted):
+            self._node.destroy_subscription(self._subscriptions.pop(key))
+            self._last.pop(key, None)
+
+
+class LiveScene:
+    """The live scene of the run under way."""
+
+    def __init__(self, node: Node, space: SceneSpace) -> None:
+        self._node = node
+        self._space = space
+        self._view: LiveSceneView | None = None
+        self._lease_s = declare_live_lease(node, self._set_lease)
+        node.create_subscription(SceneMsg, "scene/live", self._on_live_scene, qos.SENSOR)
+
+    def begin_run(self, awarded: Scene) -> Callable[[], Scene]:
+        """Begin with the scene of a run; return a function that returns it as it is now."""
+        self._view = LiveSceneView(awarded, time.monotonic, self._lease_s)
+        return self._view.now
+
+    def _set_lease(self, seconds: float) -> None:
+        self._lease_s = seconds
+        if self._view is not None:
+            self._view.lease_s = seconds
+
+    def _on_live_scene(self, message: SceneMsg) -> None:
+        view = self._view
+        if view is None or message.scene_id != view.scene_id:
+            return
+        try:
+            view.receive(scene_from_msg(message, self._space))
+        except Refused as refused:
+            self._node.get_logger().warning(
+                f"live scene refused: {refused}", throttle_duration_sec=5.0
+            )
