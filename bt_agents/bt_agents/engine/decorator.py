@@ -46,7 +46,6 @@ class Decorator(CallTicked, decorators.Decorator):
         return self.decorated.status
 
     def tick_children(self, ticker: Ticker) -> Status:
-        """Tick the child unless it is short-circuited, and decide; an error is a FAILURE."""
         status = self.short_circuit()
         if status is RUNNING:
             return status

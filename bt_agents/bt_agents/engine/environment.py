@@ -43,7 +43,6 @@ class SkillGoal:
     """A goal of an action, request of a service, or message of a topic.
 
     Attributes:
-        kind: Action, service or topic.
         name: ROS name, relative unless it starts with a slash.
         type: ROS type.
         fields: Goal, request or message as plain nested data.

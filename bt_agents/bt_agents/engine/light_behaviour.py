@@ -46,7 +46,6 @@ class LightBehaviour(Behaviour):
             child.parent = self
 
     def stop(self, new_status: Status) -> None:
-        """Terminate, and take the new status."""
         self.terminate(new_status)
         self.status = new_status
 

@@ -47,13 +47,12 @@ class RunResult:
     """How a run ended.
 
     Attributes:
-        outcome: See :class:`TreeOutcome`.
         message: Why, for people.
         tip: Path of the node that decided; empty when the tree was never ticked.
         orphans: Paths of the nodes whose goals were not confirmed ended.
         ticks: Ticks of the tree and of its clean-up.
         overruns: Those that took longer than the time between two.
-        duration_s: On the tree's clock [s].
+        duration_s: On the trees' clock.
     """
 
     outcome: TreeOutcome
@@ -70,10 +69,8 @@ class Overrun:
     """A tick that took longer than the time between two.
 
     Attributes:
-        took_s: How long it took [s].
         slowest: Path of the leaf that took longest, with what led from the leaf before to it; of
             the outermost node where what came after the last leaf took longer.
-        slowest_s: How long that took [s].
     """
 
     took_s: float
@@ -257,14 +254,10 @@ class Run:
         return self.result
 
     def _finish_tree(self) -> None:
-        tip = self._root.tip()
-        succeeded = self._root.status is Status.SUCCESS
-        reason = "" if succeeded else _reason(self._root)
-        self._end = (
-            TreeOutcome.SUCCEEDED if succeeded else TreeOutcome.FAILED,
-            "the tree succeeded" if succeeded else reason,
-            _path_of(tip),
-        )
+        if self._root.status is Status.SUCCESS:
+            self._end = (TreeOutcome.SUCCEEDED, "the tree succeeded", self.tip)
+        else:
+            self._end = (TreeOutcome.FAILED, _reason(self._root), self.tip)
         self._settle()
 
     def _stop_cleaning(self) -> None:
@@ -311,14 +304,12 @@ class Run:
             self.overrun = Overrun(took_s=took, slowest=slowest, slowest_s=self._slowest_s)
 
     def _ticker(self, root: Behaviour) -> Ticker:
-        ticker = self._tickers.get(root)
-        if ticker is None:
+        if root not in self._tickers:
             wrap_leaf = None if self.period_s == math.inf else self._timed
-            ticker = Ticker(
+            self._tickers[root] = Ticker(
                 root, on_change=self._report, on_visit=self._on_visit, wrap_leaf=wrap_leaf
             )
-            self._tickers[root] = ticker
-        return ticker
+        return self._tickers[root]
 
     def _timed(self, tick: Tick, leaf: Behaviour) -> Tick:
         clock = self._stopwatch

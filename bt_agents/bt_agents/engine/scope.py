@@ -75,7 +75,6 @@ class RunScope:
     blackboard: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`ValueSource`."""
         if name in self.blackboard:
             return self.blackboard[name]
         return self.read_only_value(name)
@@ -84,7 +83,6 @@ class RunScope:
         """Do nothing: no other names are hidden by those that are written."""
 
     def write(self, name: str, value: Plain) -> None:
-        """Give a name a value."""
         self.blackboard[name] = value
 
     def read_only_value(self, name: str) -> Plain:
@@ -110,7 +108,6 @@ class BindingNames:
     around: ValueSource
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`ValueSource`."""
         return self.inputs[name] if name in self.inputs else self.around.lookup(name)
 
 
@@ -133,7 +130,6 @@ class SubtreeScope:
     written: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`ValueSource`."""
         if name in self.written:
             return self.written[name]
         if name in self.inputs:
@@ -148,7 +144,6 @@ class SubtreeScope:
         self.own.update(names)
 
     def write(self, name: str, value: Plain) -> None:
-        """Give a name a value, which only the subtree sees."""
         self.written[name] = value
 
 
@@ -161,7 +156,6 @@ class MessageNames:
     around: ValueSource
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`ValueSource`."""
         group, _, path = name.partition(".")
         if group != self.prefix:
             return self.around.lookup(name)

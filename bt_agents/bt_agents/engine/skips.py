@@ -30,7 +30,6 @@ class Skip(Decorator):
         raise NotImplementedError
 
     def short_circuit(self) -> Status | None:
-        """Skip the child if there is a reason at the start."""
         if self.status is RUNNING:
             return None
         try:

@@ -24,7 +24,6 @@ class Choose(ChooseOne):
     """
 
     def pick(self) -> Behaviour:
-        """Return the first case that fits."""
         mismatches = []
         for case in self.children:
             assert isinstance(case, Case)

@@ -35,7 +35,6 @@ class RandomChoice(ChooseOne):
         self._random = Random(seed) if isinstance(seed, int) else context.random
 
     def pick(self) -> Behaviour:
-        """Draw among the children whose weight is not 0."""
         weights: dict[Weight, float] = {}
         for child in self.children:
             assert isinstance(child, Weight)

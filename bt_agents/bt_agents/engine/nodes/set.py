@@ -22,7 +22,6 @@ class Set(Leaf):
         scope.declare(spec.fields)
 
     def step(self) -> Status:
-        """Write the values."""
         for name in self.spec.fields:
             self.scope.write(name, self.fields.value(name))
         return SUCCESS

@@ -26,11 +26,9 @@ class Timeout(Decorator):
     _start = 0.0
 
     def initialise(self) -> None:
-        """Take the time of the start."""
         self._start = self.context.clock()
 
     def decide(self) -> Status:
-        """Compare the start with the clock while the child runs."""
         if self.decorated.status is not RUNNING:
             return self.decorated.status
         limit = self.fields.seconds("limit")

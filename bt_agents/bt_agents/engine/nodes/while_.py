@@ -25,7 +25,6 @@ class While(Decorator):
     """
 
     def short_circuit(self) -> Status | None:
-        """Evaluate the condition."""
         reason = self._why_not()
         return self.fail(reason) if reason else None
 
