@@ -18,6 +18,16 @@ from bt_agents_language.tools.schema import value_schemas
 from bt_agents_language.tools.schema.generator import table_schema
 from bt_agents_language.tools.schema.value_schemas import NODE, Schema, described, mapping
 
+_CONTENT: Mapping[Content, Schema] = {
+    Content.CONDITION: value_schemas.CONDITION,
+    Content.ROS_NAME: value_schemas.ros_name(),
+    Content.ROS_TYPE: value_schemas.ROS_TYPE,
+    Content.MAP: {"type": "object"},
+    Content.OUTPUTS: value_schemas.names(value_schemas.TEXT),
+    Content.HEARTBEAT: table_schema(HEARTBEAT),
+    Content.NODE: NODE,
+}
+
 
 def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
     """Return the definitions that a schema with trees needs.
@@ -168,7 +178,7 @@ def _decorator(decorator: NodeType) -> Schema:
     if decorator.handler:
         return {"type": "object", "allOf": [NODE]}
     if not decorator.fields:
-        return value_schemas.boolean()
+        return value_schemas.BOOLEAN
     properties = {field.name: _field(field) for field in decorator.fields}
     required = [field.name for field in decorator.fields if field.required]
     main = next(field for field in decorator.fields if field.name == decorator.main)
@@ -225,51 +235,33 @@ def _content(field: NodeField) -> Schema:
     match field.content:
         case Content.VALUE:
             return value_schemas.value(field.type, field.minimum, field.words)
-        case Content.CONDITION:
-            return value_schemas.condition()
-        case Content.ROS_NAME:
-            return value_schemas.ros_name()
-        case Content.ROS_TYPE:
-            return value_schemas.ros_type()
-        case Content.MAP:
-            return {"type": "object"}
-        case Content.OUTPUTS:
-            return value_schemas.names(value_schemas.text())
         case Content.TIMEOUTS:
             return table_schema(TIMEOUTS.only(field.words))
-        case Content.HEARTBEAT:
-            return table_schema(HEARTBEAT)
-        case Content.NODE:
-            return NODE
         case Content.COUNT:
-            return {
-                "anyOf": [
-                    {"enum": list(field.words)},
-                    value_schemas.integer(1),
-                    {"type": "array", "items": value_schemas.text()},
-                ]
-            }
-    if field.words:
-        return {"enum": list(field.words)}
-    return _constant(field)
+            words: Schema = {"enum": list(field.words)}
+            names: Schema = {"type": "array", "items": value_schemas.TEXT}
+            return {"anyOf": [words, value_schemas.integer(1), names]}
+        case Content.CONSTANT:
+            return {"enum": list(field.words)} if field.words else _constant(field)
+    return _CONTENT[field.content]
 
 
 def _constant(field: NodeField) -> Schema:
     match field.type:
         case FieldType.BOOLEAN:
-            return value_schemas.boolean()
+            return value_schemas.BOOLEAN
         case FieldType.INTEGER:
             return value_schemas.integer(None if field.minimum is None else int(field.minimum))
         case FieldType.DURATION:
-            return value_schemas.duration()
+            return value_schemas.quantity(field.type)
         case FieldType.NUMBER:
             return value_schemas.number(field.minimum)
-    return value_schemas.text()
+    return value_schemas.TEXT
 
 
 def _input(one: FieldSpec) -> Schema:
     """Return the schema of one input of a skill."""
     schema = value_schemas.value(one.type)
     if not one.required and one.default is not None:
-        schema["default"] = value_schemas.plain(one.default)
+        schema = {**schema, "default": value_schemas.plain(one.default)}
     return described(schema, one.description)
