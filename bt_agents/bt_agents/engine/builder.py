@@ -32,21 +32,14 @@ BEHAVIOURS: Mapping[str, NodeMaker] = find_behaviours()
 
 @gc_paused()
 def build(spec: NodeSpec, context: RunContext, plugins: NodeMaker = PluginLeaf) -> Behaviour:
-    """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``.
-
-    Args:
-        spec: The outermost node.
-        context: What the nodes share.
-        plugins: Makes the leaves whose behaviours come from packages.
-    """
+    """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``."""
 
     def build_node(spec: NodeSpec, scope: Scope) -> Behaviour:
         scope.declare(spec.outputs)
-        return maker_of(spec)(spec, context, scope, build_node)
-
-    def maker_of(spec: NodeSpec) -> NodeMaker:
         if spec.plugin is not None:
-            return plugins
-        return SkillLeaf if spec.skill is not None else BEHAVIOURS[spec.kind]
+            maker = plugins
+        else:
+            maker = SkillLeaf if spec.skill is not None else BEHAVIOURS[spec.kind]
+        return maker(spec, context, scope, build_node)
 
     return build_node(spec, context.scope)

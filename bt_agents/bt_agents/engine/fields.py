@@ -17,12 +17,7 @@ from bt_agents_language.nodes.node_type import FOREVER
 
 @dataclass(frozen=True, kw_only=True)
 class NodeFields:
-    """The fields of one node, evaluated anew at each call, as names change while a tree runs.
-
-    Attributes:
-        spec: The node.
-        names: What names mean where the node stands.
-    """
+    """The fields of one node, evaluated anew at each call, as names change while a tree runs."""
 
     spec: NodeSpec
     names: ValueSource

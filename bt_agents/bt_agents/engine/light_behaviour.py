@@ -25,11 +25,7 @@ class LightBehaviour(Behaviour):
     """A behaviour whose identifier and generator are made when a tool of py_trees asks for them.
 
     Among the bases of a class it has to stand before those of py_trees, whose ``__init__`` is not
-    called.
-
-    Args:
-        name: For people.
-        children: The nodes below, which are told apart by who they are and stay the same.
+    called. Its children are told apart by who they are and stay the same.
     """
 
     logger = Logger("bt_agents")

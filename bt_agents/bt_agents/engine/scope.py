@@ -58,7 +58,6 @@ class RunScope:
     """The names of one run; tunables and the live scene may change during it.
 
     Attributes:
-        space: The scene parameters.
         scene: As awarded.
         live: Returns the scene as it is now, or as it was last, marked as stale.
         profile: The agent's own vector.
@@ -228,14 +227,8 @@ def is_true(condition: Expression, names: ValueSource) -> bool:
 def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:
     """Return that a condition is not true, and what its names are instead.
 
-    Args:
-        condition: The condition.
-        names: What its names mean now.
-        verb: The negation: ``not so``, ``not so any more``.
-
-    Returns:
-        ``not so: answer == 'yes' (answer is 'no')``; of many names the first, and nothing about
-        a name that is the whole condition and false.
+    For example ``not so: answer == 'yes' (answer is 'no')``; of many names the first, and nothing
+    about a name that is the whole condition and false.
     """
     explanation = f"{verb}: {condition.text}"
     mentioned = list(dict.fromkeys(mention.name for mention in condition.mentions))

@@ -100,15 +100,13 @@ class PluginLeaf(Leaf):
             if refused.code == "BLOCKED":
                 self._limit_s = max(self._limit_s * BLOCKED_SHARE, _LEAST_S)
             raise
+        except (Exception, KeyboardInterrupt):
+            raise
         except SystemExit:
             raise Refused(
                 "EXIT", "the plug-in wanted to end the program, which it may not"
             ) from None
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:
-            if isinstance(error, Exception):
-                raise
             raise Refused("EXIT", f"the plug-in raised {type(error).__name__}: {error}") from None
 
 

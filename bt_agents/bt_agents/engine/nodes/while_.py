@@ -11,18 +11,7 @@ from bt_agents.engine.node_errors import reason_of
 
 
 class While(Decorator):
-    """FAILURE as soon as the condition is not true; evaluated at each tick, before the child.
-
-    ==== ========= ============ =======
-    tick condition child        status
-    ==== ========= ============ =======
-    1    true      RUNNING      RUNNING
-    2    true      SUCCESS      SUCCESS
-    3    true      RUNNING      RUNNING
-    4    false     (I), stopped FAILURE
-    5    missing   (I)          FAILURE
-    ==== ========= ============ =======
-    """
+    """FAILURE as soon as the condition is not true; evaluated at each tick, before the child."""
 
     def short_circuit(self) -> Status | None:
         reason = self._why_not()
