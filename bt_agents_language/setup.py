@@ -12,7 +12,12 @@ setup(
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents_language", "bt_agents_language.*"]),
     package_data={
-        "bt_agents_language": ["py.typed", "reference/*.yaml", "tools/templates/*.yaml"]
+        "bt_agents_language": [
+            "py.typed",
+            "reference/*.md",
+            "reference/*.yaml",
+            "tools/templates/*.yaml",
+        ]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents_language"]),

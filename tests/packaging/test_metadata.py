@@ -91,6 +91,7 @@ def test_the_packages_hold_more_than_python_modules():
     assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
     language = Path("bt_agents_language")
     assert {language / "reference/codes.yaml", language / "tools/templates/agent.yaml"} <= held
+    assert {language / "reference/codes_head.md", language / "reference/nodes_head.md"} <= held
 
 
 @every_python_package
