@@ -20,8 +20,7 @@ from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
-from bt_agents_language.tools.linting.comment_truncation import cut_texts
-from bt_agents_language.tools.linting.lint import lint, unused_inputs
+from bt_agents_language.tools.lint import cut_texts, lint, unused_inputs
 from bt_agents_language.yaml.source import Source, read_source
 
 

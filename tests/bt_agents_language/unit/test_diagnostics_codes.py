@@ -28,8 +28,7 @@ from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.codes import Code, ExampleKind, code_groups, codes
 from bt_agents_language.tools import folder_check
 from bt_agents_language.tools.folder_check import check_folder
-from bt_agents_language.tools.linting.comment_truncation import cut_texts
-from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.tools.lint import cut_texts, lint
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.yaml_reader import Mapping
 from bt_agents_language.yaml.yaml_reader import read_document as read_file

@@ -10,8 +10,7 @@ import pytest
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.endings import Outcome
-from bt_agents_language.tools.linting.lint import lint
-from bt_agents_language.tools.linting.outcomes import outcomes
+from bt_agents_language.tools.lint import lint, outcomes
 from tree_harness import VOCABULARY, agent
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linter of checked agents: warns of what is legal, but rarely meant by its author."""
+"""Linter of checked agents and their files: what is legal, but rarely meant by its author."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.model.specs import (
@@ -28,26 +29,28 @@ from bt_agents_language.model.specs import (
     iter_nodes,
 )
 from bt_agents_language.nodes.catalogue import type_of
-from bt_agents_language.nodes.endings import Unreached
-from bt_agents_language.nodes.node_type import NodeType, Role, Waits
-from bt_agents_language.tools.linting.outcomes import endless, every_outcome
+from bt_agents_language.nodes.endings import EITHER, Outcomes, Unreached
+from bt_agents_language.nodes.node_type import FOREVER, NodeType, Role, Waits
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
+from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
 _PATIENCE = 20
 """Oftener than that nobody wants to hear the same."""
 
 _UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
 
+# A comment starts with a word; a number behind it, as in "gate #4", is part of what is said.
+_NUMBER = re.compile(r"[ \t]+#\d\w*")
+_SIGN = re.compile(r"[ \t]#\d")
+
+_FOREVER = Literal(value=FOREVER)
+
 Found = Iterator[Diagnostic]
 
 
 class _Tree:
-    """Tree with the types of its nodes, as the rules need it.
-
-    Attributes:
-        root: Its outermost node.
-        nodes: All its nodes, parents before children.
-        types: Their types.
-    """
+    """Tree with all its nodes, parents before children, and their types."""
 
     def __init__(self, root: NodeSpec) -> None:
         self.root = root
@@ -81,6 +84,52 @@ def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
     return tuple(sorted(found.values(), key=lambda one: (one.position.line, one.position.column)))
 
 
+def cut_texts(source: Source) -> Found:
+    """Yield a warning for each text of a file that was probably meant to go on behind a '#'."""
+    root = read_yaml(source, Diagnostics(source)) if _SIGN.search(source.text) else None
+    for scalar in _scalar_values(root) if root is not None else ():
+        match = _NUMBER.match(source.text, scalar.span[1])
+        if scalar.plain and scalar.text and match is not None:
+            lost = match[0].strip()
+            yield _warning(
+                "cut-text",
+                source.position(match.end() - len(lost)),
+                len(lost),
+                f"the text ends before '{lost[:20]}', because ' #' starts a comment",
+                'put quotes around the whole text: "…"',
+            )
+
+
+def _scalar_values(root: Node) -> Iterator[Scalar]:
+    waiting: list[Node] = [root]
+    while waiting:
+        match waiting.pop():
+            case Scalar() as scalar:
+                yield scalar
+            case SequenceNode(items=items):
+                waiting += reversed(items)
+            case Mapping(entries=entries):
+                waiting += [entry.value for entry in reversed(entries)]
+
+
+def outcomes(spec: NodeSpec) -> Outcomes:
+    """Return every way in which a node can go; a way too many where only a run shows it."""
+    return _every_outcome(list(iter_nodes(spec)))[id(spec)]
+
+
+def _every_outcome(nodes: Sequence[NodeSpec]) -> dict[int, Outcomes]:
+    """Return the outcomes of all nodes of a tree, parents before children, by their identity."""
+    found: dict[int, Outcomes] = {}
+    for spec in reversed(nodes):
+        node_type = type_of(spec)
+        if spec.children or node_type.role is Role.LEAF:
+            children = [found[id(child)] for child in spec.children]
+            found[id(spec)] = node_type.outcomes(spec, children)
+        else:
+            found[id(spec)] = EITHER
+    return found
+
+
 def _endless_speech(tree: _Tree) -> Found:
     if all(_rounds(spec) <= _PATIENCE for spec in tree.where(lambda one: one.rounds)):
         return iter(())
@@ -92,7 +141,7 @@ def _endless_speech(tree: _Tree) -> Found:
         elif node_type.limits:
             # Inside of a loop it ends one round only.
             guarded = guarded or loop is None
-        elif (endless(spec) or _rounds(spec) > _PATIENCE) and not guarded:
+        elif (_endless(spec) or _rounds(spec) > _PATIENCE) and not guarded:
             loop = loop if loop is not None and _rounds(loop) > _rounds(spec) else spec
         elif loop is not None and _speaks(spec):
             key = type_of(loop).rounds
@@ -114,9 +163,15 @@ def _endless_speech(tree: _Tree) -> Found:
     return walk(tree.root, None, False)
 
 
+def _endless(spec: NodeSpec) -> bool:
+    """Return whether a node runs another one again and again, without a number."""
+    rounds = type_of(spec).rounds
+    return bool(rounds) and spec.fields.get(rounds) == _FOREVER
+
+
 def _rounds(spec: NodeSpec) -> float:
     """Return how often a loop does its node at most; 1 when nothing is known."""
-    if endless(spec):
+    if _endless(spec):
         return math.inf
     count = spec.fields.get(type_of(spec).rounds)
     number = count.value if isinstance(count, Literal) else 1
@@ -142,7 +197,7 @@ def _endless_waits(tree: _Tree) -> Found:
 
 
 def _never_reached(tree: _Tree) -> Found:
-    ways = every_outcome(tree.nodes)
+    ways = _every_outcome(tree.nodes)
     for spec, node_type in zip(tree.nodes, tree.types, strict=True):
         if node_type.unreached is not None:
             yield from map(_unreached, node_type.unreached(spec, ways))
@@ -151,7 +206,7 @@ def _never_reached(tree: _Tree) -> Found:
 def _busy_repeats(tree: _Tree) -> Found:
     for spec in tree.where(lambda one: one.rounds):
         if (
-            endless(spec)
+            _endless(spec)
             and "pause" not in spec.fields
             and not any(map(_takes_time, iter_nodes(spec)))
         ):
