@@ -124,7 +124,6 @@ class SiblingKey:
         field: The key, what may stand behind it, and one sentence.
         where: The nodes beside which it may stand, in words.
         hint: What to do where it stands beside another node; ``{node}`` is that node's key.
-        example: Part of an agent file.
     """
 
     field: NodeField
@@ -143,7 +142,6 @@ class MessageSource:
     """The ROS message from which the ``outputs`` of a leaf take their values.
 
     Attributes:
-        kind: Kind of ROS interface.
         section: Section of the interface type: ``result``.
         prefix: Name of the message in the paths of outputs: ``msg``.
     """
@@ -180,15 +178,12 @@ class RawNode:
     """One node as written, its values not read yet.
 
     Attributes:
-        key: The node key.
-        value: What stands behind it.
-        type: Its node type; None for a skill.
+        value: What stands behind its key.
+        type: None for a skill.
         skill: Set for a skill.
         name: Name for people; empty when none is written.
-        decorators: Their entries by key.
         siblings: The entries of sibling keys such as ``with``.
         options: Fields of a composite.
-        children: In order.
         nodes: Nodes behind decorators and in fields of a composite, by key.
     """
 
@@ -227,7 +222,7 @@ Wrap = Callable[[RawNode, NodeSpec | None, str], NodeSpec | None]
 
 
 class NodeReader(Protocol):
-    """What a node type with a reader of its own builds on."""
+    """What a node type with a reader of its own builds on; ``names`` are those in sight."""
 
     @property
     def reading(self) -> TypedReader:
@@ -243,13 +238,9 @@ class NodeReader(Protocol):
     def values(
         self, node_type: NodeType, nodes: Mapping[str, Node], names: NameScope, what: str = ""
     ) -> FieldValues:
-        """Return the values of written fields, with defaults for the others.
+        """Return the values of the written fields of a type, with defaults for the others.
 
-        Args:
-            node_type: Says which fields there are.
-            nodes: What is written, by name of the field.
-            names: What it may name.
-            what: The node, for messages about its main field.
+        Messages about the main field name the node by ``what``.
         """
 
     def leaf(
@@ -262,25 +253,14 @@ class NodeReader(Protocol):
     ) -> NodeSpec | None:
         """Return a leaf as its fields describe it.
 
-        Args:
-            raw: The node as written.
-            path: Its path.
-            names: What it may name.
-            nodes: Its written fields; None reads them.
-            label: The value in its label; None takes that of the main field.
+        Its written fields are read unless they are given as ``nodes``; the value in its label is
+        that of the main field unless it is given.
         """
 
     def composite(
         self, raw: RawNode, path: str, names: NameScope, wrap: Wrap | None = None
     ) -> NodeSpec:
-        """Return a composite with its children.
-
-        Args:
-            raw: The node as written.
-            path: Its path.
-            names: What it and its children may name.
-            wrap: Returns what stands in the place of a child; None leaves the child itself.
-        """
+        """Return a composite with its children, or with what wraps each of them."""
 
     def subtree(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         """Return a call of a subtree, whose body is not in place yet."""
@@ -294,7 +274,6 @@ class NodeType:
         key: The word in a file.
         order: Position in the documentation; of a decorator, also that in which it wraps a node:
             the lowest is the outermost.
-        role: Its part in a tree.
         main: Field that a scalar stands for; None when there is none.
         fields: In the order of the documentation; a decorator without any is written ``true``.
         children: How many children are written behind the key.
@@ -393,16 +372,9 @@ def wrapped(
     *,
     suffix: str = "",
 ) -> NodeSpec | None:
-    """Return a node around another one; None when there is no other.
+    """Return a node of a kind around another one; None when there is no other.
 
-    Args:
-        spec: The node inside.
-        kind: Kind of the node around it.
-        position: Where that stands.
-        path: Path of the place of both.
-        fields: Fields of the node around it.
-        label: Name of the node around it.
-        suffix: What its path ends with; empty for its kind.
+    Its path is that of both with a suffix, which is its kind unless another is given.
     """
     if spec is None:
         return None
