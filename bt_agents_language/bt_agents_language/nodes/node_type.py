@@ -116,6 +116,24 @@ class NodeField:
         return None if self.default is None else Literal(value=self.default)
 
 
+MEMORY = NodeField(
+    name="memory",
+    content=Content.CONSTANT,
+    type=FieldType.BOOLEAN,
+    required=False,
+    default=True,
+    description="whether it goes on at the running child instead of starting over at each tick",
+    drawn="starts over at each tick",
+)
+
+PAUSE = NodeField(
+    name="pause",
+    type=FieldType.DURATION,
+    required=False,
+    description="how long to wait in between",
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SiblingKey:
     """A key beside a node that is neither a node key nor a decorator.

@@ -29,7 +29,7 @@ class RandomChoice(ChooseOne):
         weights: dict[Weight, float] = {}
         for child in self.children:
             assert isinstance(child, Weight)
-            if (weight := child.weight()) > 0:
+            if (weight := child.fields.number("weight")) > 0:
                 weights[child] = weight
         if not weights:
             raise Refused("NO_WEIGHT", "all weights are 0, expected at least one larger number")

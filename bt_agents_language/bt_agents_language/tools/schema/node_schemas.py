@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.fields.server_timeouts import HEARTBEAT, TIMEOUTS
-from bt_agents_language.model.specs import FieldSpec, SkillSpec
+from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
-from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.node_pages import NodePage, node_page
@@ -41,7 +41,7 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
         **{key: _skill(skill) for key, skill in vocabulary.skills.items()},
     }
     others = {
-        **{key: _decorator(one) for key, one in DECORATORS.items()},
+        **{key: _type(one, vocabulary.space) for key, one in DECORATORS.items()},
         **{key: _content(one.field) for key, one in SIBLINGS.items()},
     }
     properties: dict[str, object] = {}
@@ -132,13 +132,17 @@ def _snippet(names: list[str]) -> Schema:
 
 
 def _type(node_type: NodeType, space: SceneSpace) -> Schema:
-    properties = {field.name: _field(field) for field in node_type.fields}
-    if node_type.interface is None:
+    if node_type.handler:
+        return {"type": "object", "allOf": [NODE]}
+    if node_type.role is Role.DECORATOR and not node_type.fields:
+        return value_schemas.BOOLEAN
+    scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.names}
+    properties = {}
+    for field in node_type.fields:
         # Only the goals, requests and messages of ROS have fields that no table knows.
-        scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.names}
-        for field in node_type.fields:
-            if field.content is Content.MAP:
-                properties[field.name] = described(mapping(scene, []), field.description)
+        of_scene = field.content is Content.MAP and node_type.interface is None
+        schema = mapping(scene, []) if of_scene else _content(field)
+        properties[field.name] = described(schema, field.description)
     required = [field.name for field in node_type.fields if field.required]
     if node_type.open:
         anything = value_schemas.value(FieldType.ANY)
@@ -167,22 +171,15 @@ def _type(node_type: NodeType, space: SceneSpace) -> Schema:
 
 
 def _skill(skill: SkillSpec) -> Schema:
-    properties = {one.name: _input(one) for one in skill.inputs}
+    values = {one.name: value_schemas.value(one.type) for one in skill.inputs}
+    properties = {}
+    for one in skill.inputs:
+        known = not one.required and one.default is not None
+        default = {"default": value_schemas.plain(one.default)} if known else {}
+        properties[one.name] = described({**values[one.name], **default}, one.description)
     required = [one.name for one in skill.inputs if one.required]
-    types = {one.name: one.type for one in skill.inputs}
-    main = None if skill.main is None else (skill.main, value_schemas.value(types[skill.main]))
+    main = None if skill.main is None else (skill.main, values[skill.main])
     return _leaf(skill.name, properties, required, main, empty=True)
-
-
-def _decorator(decorator: NodeType) -> Schema:
-    if decorator.handler:
-        return {"type": "object", "allOf": [NODE]}
-    if not decorator.fields:
-        return value_schemas.BOOLEAN
-    properties = {field.name: _field(field) for field in decorator.fields}
-    required = [field.name for field in decorator.fields if field.required]
-    main = next(field for field in decorator.fields if field.name == decorator.main)
-    return _leaf(decorator.key, properties, required, (main.name, _content(main)))
 
 
 def _leaf(
@@ -196,13 +193,7 @@ def _leaf(
     """Return the schema of fields in a mapping, or of the main one as a scalar.
 
     Both stand in one schema where that is possible, which gives one clear message a mistake.
-
-    Args:
-        key: The word that they stand behind.
-        properties: Schemas of the fields.
-        required: Those that are needed.
-        main: The main field, None when there is none.
-        empty: Whether nothing may be written when no field is needed.
+    ``empty`` allows to write nothing where no field is needed.
     """
     types: list[object] = ["object", *(["null"] if empty and not required else [])]
     fields: Schema = {**mapping(properties, required), "type": types if types[1:] else "object"}
@@ -224,11 +215,6 @@ def _leaf(
         "type": list(dict.fromkeys([*scalars, *types])),
         **({"defaultSnippets": snippets} if snippets else {}),
     }
-
-
-def _field(field: NodeField) -> Schema:
-    """Return the schema of one field of the table of nodes."""
-    return described(_content(field), field.description)
 
 
 def _content(field: NodeField) -> Schema:
@@ -257,11 +243,3 @@ def _constant(field: NodeField) -> Schema:
         case FieldType.NUMBER:
             return value_schemas.number(field.minimum)
     return value_schemas.TEXT
-
-
-def _input(one: FieldSpec) -> Schema:
-    """Return the schema of one input of a skill."""
-    schema = value_schemas.value(one.type)
-    if not one.required and one.default is not None:
-        schema = {**schema, "default": value_schemas.plain(one.default)}
-    return described(schema, one.description)
