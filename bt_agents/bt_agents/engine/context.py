@@ -8,7 +8,7 @@ from random import Random
 
 from py_trees.behaviour import Behaviour
 
-from bt_agents.engine.environment import Clock, Environment, GoalRun, SkillGoal
+from bt_agents.engine.environment import Environment, GoalRun, SkillGoal
 from bt_agents.engine.scope import RunScope, Scope
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.model.specs import NodeSpec
@@ -18,6 +18,7 @@ class RunContext:
     """Access of leaves to the environment; tracks each goal until its end is confirmed.
 
     Attributes:
+        clock: The trees' clock.
         environment: Goals and feedback are sent by the methods here, which track them.
         deadlines: Path of a node → when time alone changes what it does, on the trees' clock [s];
             those of the last tick.
@@ -27,14 +28,10 @@ class RunContext:
         self.scope = scope
         self.random = random
         self.deadlines: dict[str, float] = {}
+        self.clock = environment.clock
         self.environment = environment
         # Each with the path of its node; some may be confirmed by now.
         self._goals: list[tuple[str, GoalRun]] = []
-
-    @property
-    def clock(self) -> Clock:
-        """The trees' clock."""
-        return self.environment.clock
 
     def is_due(self, path: str, at: float) -> bool:
         """Return whether a time has come for the node at ``path`` [s]; else set a deadline."""

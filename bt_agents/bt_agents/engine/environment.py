@@ -44,7 +44,6 @@ class SkillGoal:
 
     Attributes:
         name: ROS name, relative unless it starts with a slash.
-        type: ROS type.
         fields: Goal, request or message as plain nested data.
         sender: Path of the node that sends it; empty when none does.
         feedback: Whether the leaf uses the feedback of an action.
@@ -155,12 +154,6 @@ class Environment(Protocol):
     ) -> GoalRun:
         """Ask for a change of the running agent's profile.
 
-        Args:
-            kind: What it asks for.
-            values: Wanted values by scene parameter, of direct feedback only; about parameters
-                that are not named there is no opinion.
-            reason: Why, for people; may be empty.
-
-        Returns:
-            The request; rejected, with the reason, when nothing was changed.
+        Direct feedback has wanted values by scene parameter; about those that are not named there
+        is no opinion. The request is rejected, with the reason, when nothing was changed.
         """

@@ -102,26 +102,22 @@ class Run:
     """Ticks a tree to its end; a cancel stops every leaf, cleans up and waits for open goals.
 
     Args:
-        spec: The agent.
-        space: The scene parameters.
         scene: As awarded.
-        profile: The agent's current profile.
         live: Returns the scene as it is now.
         tunables: Current values by name; may change between ticks.
-        environment: All that the tree reaches outside.
         steady: Clock of the bounded waits, which never stands still [s].
         limits: How long those waits are.
         random: Random source of the nodes; None takes a fresh one.
         stopwatch: Measures how long ticks take [s]; None takes ``steady``.
         plugins: Makes the leaves whose behaviours come from packages.
         context: Makes what the nodes share.
-        on_visit: Called for each node that was ticked.
 
     Attributes:
         period_s: The time between two ticks; one that takes longer is an overrun [s]. Where it is
             infinite before the first tick, leaves are not measured.
         ticks: Ticks so far, of the tree and of its clean-up.
         overruns: Those that took too long.
+        deadlines: See :class:`RunContext`.
         overrun: The last tick, if it took too long.
         changes: What has changed in the last tick so far, in order.
         result: How it ended; None until then.
@@ -154,6 +150,7 @@ class Run:
         self.changes: list[StatusChange] = []
         self.result: RunResult | None = None
         self._context = context(environment, scope, random or Random())
+        self.deadlines = self._context.deadlines
         self._steady = steady
         self._stopwatch = stopwatch or steady
         self._limits = limits or RunLimits()
@@ -176,11 +173,6 @@ class Run:
         return _path_of((self._clean_up or self._root).tip())
 
     @property
-    def deadlines(self) -> Mapping[str, float]:
-        """Path of a node → when time alone changes what it does, as of the last tick [s]."""
-        return self._context.deadlines
-
-    @property
     def deadline(self) -> float:
         """When the wait at its end is over, on the steady clock [s]; infinite before."""
         return self._deadline if self._phase in (_Phase.CLEANING, _Phase.SETTLING) else math.inf
@@ -189,7 +181,7 @@ class Run:
         """Tick once, in whatever phase the run is; return what changed, in order."""
         self.changes = []
         self.overrun = None
-        self._context.deadlines.clear()
+        self.deadlines.clear()
         match self._phase:
             case _Phase.TICKING:
                 self._tick(self._root)
@@ -211,11 +203,8 @@ class Run:
         """Stop every running leaf now; a run that is ending already goes on ending as it does.
 
         So does one whose tree has ended and only waits for goals: it keeps that outcome. A tree
-        that was never ticked has begun nothing, and has nothing to clean up.
-
-        Args:
-            reason: Why, for people.
-            clean_up: False leaves the agent's ``on_cancel`` out, and stops it if it runs.
+        that was never ticked has begun nothing, and has nothing to clean up. Without ``clean_up``
+        the agent's ``on_cancel`` is left out, and stopped if it runs.
         """
         self.changes = []
         if self._phase is _Phase.CLEANING and not clean_up:

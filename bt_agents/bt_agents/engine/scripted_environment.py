@@ -42,8 +42,6 @@ class ScriptedReply:
 
     Attributes:
         state: How the goal ends.
-        result: Fields of its result.
-        message: Why, for people.
         accept_s: Time until it is accepted [s].
         after_s: Time until it ends, from the moment it was sent [s].
         cancel_s: Time a cancel takes [s]; infinite for a server that ignores it.

@@ -79,11 +79,9 @@ class Ticker:
     called as py_trees calls them, and its ``update`` may not return INVALID.
 
     Args:
-        root: The outermost node.
         on_change: Called once per changed node after each tick of it: ticked nodes in the order
             of their answers, then stopped nodes in the order of the tree. Nodes that have
             ``has_side_effects`` are reported at every end.
-        on_visit: Called for each node that was ticked.
         wrap_leaf: Wraps the tick of each leaf.
 
     Attributes:

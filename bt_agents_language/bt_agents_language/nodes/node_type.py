@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
@@ -88,9 +88,6 @@ class NodeField:
     """One field of a node type.
 
     Attributes:
-        content: What may stand there.
-        type: Type of a value or constant.
-        required: Whether it must be written.
         default: Taken when it is not written; None leaves the field out.
         words: The possible texts of a constant; of a value, texts that are possible besides; of
             timeouts, their keys.
@@ -196,7 +193,6 @@ class RawNode:
     """One node as written, its values not read yet.
 
     Attributes:
-        value: What stands behind its key.
         type: None for a skill.
         skill: Set for a skill.
         name: Name for people; empty when none is written.
@@ -289,7 +285,6 @@ class NodeType:
     """One type of node, or one decorator.
 
     Attributes:
-        key: The word in a file.
         order: Position in the documentation; of a decorator, also that in which it wraps a node:
             the lowest is the outermost.
         main: Field that a scalar stands for; None when there is none.
@@ -297,7 +292,6 @@ class NodeType:
         children: How many children are written behind the key.
         open: True takes names of the author's choice as fields, and gives them values.
         handler: Of a decorator, whether a node is written behind it.
-        description: One sentence.
         example: Part of an agent file; empty makes one from the fields.
         plugin: Class of a node that a plug-in brings; None for nodes of the language itself.
         siblings: The sibling keys that may stand beside it.
@@ -354,7 +348,9 @@ class NodeType:
     read: Callable[[NodeReader, RawNode, str, NameScope], NodeSpec | None] | None = None
     complete: Callable[[TypedReader, Node, Mapping[str, Node], FieldValues], None] | None = None
     outcomes: Callable[[NodeSpec, Sequence[Outcomes]], Outcomes] = as_its_child
-    unreached: Callable[[NodeSpec, Mapping[int, Outcomes]], Iterator[Unreached]] | None = None
+    unreached: Callable[[NodeSpec, Mapping[int, Outcomes]], Iterable[Unreached]] = (
+        lambda spec, outcomes: ()
+    )
     continues_on: Outcome = Outcome.SUCCESS
     concurrent: bool = False
     exclusive: bool = False

@@ -37,12 +37,9 @@ class Code:
     """One code.
 
     Attributes:
-        code: Its name in reports.
-        meaning: One sentence.
         wrong: The smallest file with this problem as its first. What cannot be seen, or is too
             long, is a mark: ``⟨tab⟩``, ``⟨U+202E⟩`` for a character, ``⟨byte FC⟩``, and
             ``⟨[] × 1,000⟩`` for so many times the same.
-        right: The same file without it.
         kind: What the examples are. Of an agent or test file they show only what matters; of a
             folder each file comes below a line ``# path``.
         severity: A file with a warning can be used, one with an error cannot.

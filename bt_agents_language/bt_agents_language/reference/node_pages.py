@@ -52,7 +52,6 @@ class NodePage:
 
     Attributes:
         forms: The ways of writing it, shortest first: ``wait: <time>``.
-        fields: In the order of the documentation.
         outputs: Names that later nodes may use; of skills and subtrees only.
         note: Where it may stand, or in which order it takes effect; may be empty.
         example: Part of an agent file, YAML.

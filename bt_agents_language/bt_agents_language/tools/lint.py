@@ -29,7 +29,7 @@ from bt_agents_language.model.specs import (
     iter_nodes,
 )
 from bt_agents_language.nodes.catalogue import type_of
-from bt_agents_language.nodes.endings import EITHER, Outcomes, Unreached
+from bt_agents_language.nodes.endings import EITHER, Outcomes
 from bt_agents_language.nodes.node_type import FOREVER, NodeType, Role, Waits
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
@@ -146,10 +146,12 @@ def _endless_speech(tree: _Tree) -> Found:
         elif loop is not None and _speaks(spec):
             key = type_of(loop).rounds
             rounds = _rounds(loop)
-            many = f"{rounds} {key} are for ever for whoever stands there"
-            end = "without end" if math.isinf(rounds) else f"of {rounds} {key}"
-            fewer = "a number" if math.isinf(rounds) else "a smaller number"
-            says = "the robot may say this for ever" if math.isinf(rounds) else many
+            if math.isinf(rounds):
+                end, fewer = "without end", "a number"
+                says = "the robot may say this for ever"
+            else:
+                end, fewer = f"of {rounds} {key}", "a smaller number"
+                says = f"{rounds} {key} are for ever for whoever stands there"
             yield _at(
                 spec,
                 "endless-speech",
@@ -199,8 +201,10 @@ def _endless_waits(tree: _Tree) -> Found:
 def _never_reached(tree: _Tree) -> Found:
     ways = _every_outcome(tree.nodes)
     for spec, node_type in zip(tree.nodes, tree.types, strict=True):
-        if node_type.unreached is not None:
-            yield from map(_unreached, node_type.unreached(spec, ways))
+        for node, reason, hint in node_type.unreached(spec, ways):
+            # A branch has no key of its own.
+            key = node.children[0] if type_of(node).role is Role.BRANCH else node
+            yield _at(key, "never-reached", f"this is never done: {reason}", hint)
 
 
 def _busy_repeats(tree: _Tree) -> Found:
@@ -361,13 +365,6 @@ def _takes_time(spec: NodeSpec) -> bool:
     if spec.skill is None:
         return False
     return spec.skill.binding is None or spec.skill.binding.kind is not BindingKind.TOPIC
-
-
-def _unreached(one: Unreached) -> Diagnostic:
-    # A branch has no key of its own.
-    is_branch = type_of(one.node).role is Role.BRANCH
-    key = one.node.children[0] if is_branch else one.node
-    return _at(key, "never-reached", f"this is never done: {one.reason}", one.hint)
 
 
 def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:

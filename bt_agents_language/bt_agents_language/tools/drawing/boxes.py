@@ -51,7 +51,6 @@ class Box:
     """Box: one node of a picture.
 
     Attributes:
-        word: Its key in the file.
         name: The author's name for it; empty when it has none.
         details: Its values and conditions, one each, with the commas between them.
         role: What it is to its parent: ``on failure``; empty for an ordinary child.

@@ -23,7 +23,7 @@ class Comment:
         text: From its ``#`` on, without spaces at its end.
         column: Where the first character of its line that is no space stands, from 0.
         own_column: Where its ``#`` stands in its line, from 0.
-        blank_before: Whether a blank line stands before it.
+        blank_before: Whether it is the first of its line, below a blank line.
     """
 
     index: int

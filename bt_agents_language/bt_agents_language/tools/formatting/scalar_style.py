@@ -94,14 +94,8 @@ def reindented(written: str, indent: int) -> list[str]:
 def reindented_block(written: str, text: str, indent: int, parent: int) -> list[str] | None:
     """Return the lines of a text block (``|`` or ``>``), the line with the sign first.
 
-    Args:
-        written: The block as it stands in the file.
-        text: What it says.
-        indent: Spaces before every line but the first.
-        parent: Indentation of the list or mapping that it stands in.
-
-    Returns:
-        None when the block holds only blank lines, which quotes show better.
+    The lines behind it are indented by so many spaces, ``parent`` of which are those of the list
+    or mapping around the block. None for a block of blank lines, which quotes show better.
     """
     if not text.strip(" \n"):
         return None

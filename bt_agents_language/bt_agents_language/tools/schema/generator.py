@@ -50,12 +50,9 @@ _SINGLE: Mapping[Form, Schema] = {
 def file_schema(
     kind: FileKind, space: SceneSpace, definitions: Mapping[str, Schema] | None = None
 ) -> Schema:
-    """Return the schema of a whole file.
+    """Return the schema of a kind of file, where names of scene parameters are keys.
 
-    Args:
-        kind: Its field table.
-        space: The scene parameters, whose names are keys in many places.
-        definitions: What the schema refers to besides the shared tables of the file.
+    Its definitions are the shared tables of the file and any others that it refers to.
     """
     generator = SchemaGenerator(space)
     version: Schema = {
