@@ -30,7 +30,7 @@ from bt_agents_language.model.specs import (
 )
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import EITHER, Outcomes
-from bt_agents_language.nodes.node_type import FOREVER, NodeType, Role, Waits
+from bt_agents_language.nodes.node_type import FOREVER, Role, Waits
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
@@ -44,36 +44,24 @@ _UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
 _NUMBER = re.compile(r"[ \t]+#\d\w*")
 _SIGN = re.compile(r"[ \t]#\d")
 
-_FOREVER = Literal(value=FOREVER)
-
 Found = Iterator[Diagnostic]
 
-
-class _Tree:
-    """Tree with all its nodes, parents before children, and their types."""
-
-    def __init__(self, root: NodeSpec) -> None:
-        self.root = root
-        self.nodes = list(iter_nodes(root))
-        self.types = [type_of(spec) for spec in self.nodes]
-
-    def where(self, wanted: Callable[[NodeType], object]) -> list[NodeSpec]:
-        """Return the nodes of the types that fit."""
-        pairs = zip(self.nodes, self.types, strict=True)
-        return [spec for spec, node_type in pairs if wanted(node_type)]
+_Tree = Sequence[NodeSpec]
+"""All nodes of a tree, parents before children."""
 
 
 @gc_paused()
 def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
     """Return the warnings about an agent, in the order of its file."""
     found: dict[tuple[Position, str], Diagnostic] = {}
-    trees = [_Tree(root) for root in (agent.tree, agent.on_cancel) if root is not None]
+    roots = (root for root in (agent.tree, agent.on_cancel) if root is not None)
+    trees = [list(iter_nodes(root)) for root in roots]
     for tree in trees:
         for rule in _RULES:
             for one in rule(tree):
                 # A subtree that is used twice is written once.
                 found.setdefault((one.position, one.code), one)
-    nodes = [node for tree in trees for node in tree.nodes]
+    nodes = list(chain(*trees))
     named = (
         _unread_tunables(agent, nodes),
         unused_inputs(agent.unused_inputs),
@@ -117,10 +105,10 @@ def outcomes(spec: NodeSpec) -> Outcomes:
     return _every_outcome(list(iter_nodes(spec)))[id(spec)]
 
 
-def _every_outcome(nodes: Sequence[NodeSpec]) -> dict[int, Outcomes]:
-    """Return the outcomes of all nodes of a tree, parents before children, by their identity."""
+def _every_outcome(tree: _Tree) -> dict[int, Outcomes]:
+    """Return the outcomes of all nodes of a tree by their identity."""
     found: dict[int, Outcomes] = {}
-    for spec in reversed(nodes):
+    for spec in reversed(tree):
         node_type = type_of(spec)
         if spec.children or node_type.role is Role.LEAF:
             children = [found[id(child)] for child in spec.children]
@@ -131,7 +119,7 @@ def _every_outcome(nodes: Sequence[NodeSpec]) -> dict[int, Outcomes]:
 
 
 def _endless_speech(tree: _Tree) -> Found:
-    if all(_rounds(spec) <= _PATIENCE for spec in tree.where(lambda one: one.rounds)):
+    if all(_rounds(spec) <= _PATIENCE for spec in tree):
         return iter(())
 
     def walk(spec: NodeSpec, loop: NodeSpec | None, guarded: bool) -> Found:
@@ -141,7 +129,7 @@ def _endless_speech(tree: _Tree) -> Found:
         elif node_type.limits:
             # Inside of a loop it ends one round only.
             guarded = guarded or loop is None
-        elif (_endless(spec) or _rounds(spec) > _PATIENCE) and not guarded:
+        elif _rounds(spec) > _PATIENCE and not guarded:
             loop = loop if loop is not None and _rounds(loop) > _rounds(spec) else spec
         elif loop is not None and _speaks(spec):
             key = type_of(loop).rounds
@@ -162,21 +150,15 @@ def _endless_speech(tree: _Tree) -> Found:
         for child in spec.children:
             yield from walk(child, loop, guarded)
 
-    return walk(tree.root, None, False)
-
-
-def _endless(spec: NodeSpec) -> bool:
-    """Return whether a node runs another one again and again, without a number."""
-    rounds = type_of(spec).rounds
-    return bool(rounds) and spec.fields.get(rounds) == _FOREVER
+    return walk(tree[0], None, False)
 
 
 def _rounds(spec: NodeSpec) -> float:
     """Return how often a loop does its node at most; 1 when nothing is known."""
-    if _endless(spec):
-        return math.inf
     count = spec.fields.get(type_of(spec).rounds)
     number = count.value if isinstance(count, Literal) else 1
+    if number == FOREVER:
+        return math.inf
     return number if isinstance(number, int) else 1
 
 
@@ -194,23 +176,23 @@ def _endless_waits(tree: _Tree) -> Found:
         for child in spec.children:
             yield from walk(child, ended)
 
-    waits = any(node_type.waits is Waits.EVENT for node_type in tree.types)
-    return walk(tree.root, False) if waits else iter(())
+    waits = any(type_of(spec).waits is Waits.EVENT for spec in tree)
+    return walk(tree[0], False) if waits else iter(())
 
 
 def _never_reached(tree: _Tree) -> Found:
-    ways = _every_outcome(tree.nodes)
-    for spec, node_type in zip(tree.nodes, tree.types, strict=True):
-        for node, reason, hint in node_type.unreached(spec, ways):
+    ways = _every_outcome(tree)
+    for spec in tree:
+        for node, reason, hint in type_of(spec).unreached(spec, ways):
             # A branch has no key of its own.
             key = node.children[0] if type_of(node).role is Role.BRANCH else node
             yield _at(key, "never-reached", f"this is never done: {reason}", hint)
 
 
 def _busy_repeats(tree: _Tree) -> Found:
-    for spec in tree.where(lambda one: one.rounds):
+    for spec in tree:
         if (
-            _endless(spec)
+            math.isinf(_rounds(spec))
             and "pause" not in spec.fields
             and not any(map(_takes_time, iter_nodes(spec)))
         ):
@@ -225,7 +207,9 @@ def _busy_repeats(tree: _Tree) -> Found:
 
 
 def _two_voices(tree: _Tree) -> Found:
-    for spec in tree.where(lambda one: one.concurrent):
+    for spec in tree:
+        if not type_of(spec).concurrent:
+            continue
         voices = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
         first, *others = [one for one in voices if one is not None] or [spec]
         for other in others:
@@ -239,7 +223,7 @@ def _two_voices(tree: _Tree) -> Found:
 
 
 def _not_offered(tree: _Tree) -> Found:
-    for spec in tree.nodes:
+    for spec in tree:
         if spec.skill is not None and spec.skill.binding is None:
             yield _at(
                 spec,
