@@ -16,6 +16,7 @@ from bt_agents.engine.nodes.skill import SkillLeaf
 from bt_agents.engine.scope import Scope
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
 
 
 def find_behaviours() -> dict[str, NodeMaker]:
@@ -36,6 +37,8 @@ def build(spec: NodeSpec, context: RunContext, plugins: NodeMaker = PluginLeaf) 
 
     def build_node(spec: NodeSpec, scope: Scope) -> Behaviour:
         scope.declare(spec.outputs)
+        if type_of(spec).open:
+            scope.declare(spec.fields)
         if spec.plugin is not None:
             maker = plugins
         else:

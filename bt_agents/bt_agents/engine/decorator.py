@@ -64,6 +64,15 @@ class Decorator(CallTicked, decorators.Decorator):
         ticker.reset_child(self.decorated)
         return status
 
+    def why_not(self, condition: str, *, verb: str = "not so") -> str:
+        """Return why a condition in a field is not true, empty when it is."""
+        try:
+            if self.fields.is_true(condition):
+                return ""
+        except Exception as error:
+            return reason_of(error)
+        return self.fields.explain_false(condition, verb=verb)
+
     def fail(self, reason: str) -> Status:
         """Set the message to the reason and return FAILURE."""
         self.feedback_message = with_location(reason, self.spec)

@@ -62,8 +62,18 @@ def code_groups() -> Mapping[str, tuple[Code, ...]]:
     table = files("bt_agents_language").joinpath("reference/codes.yaml")
     groups = yaml.load(table.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
     return {
-        heading: tuple(_code(name, entry) for name, entry in codes.items())
-        for heading, codes in groups.items()
+        heading: tuple(
+            Code(
+                code=name,
+                meaning=entry["meaning"],
+                wrong=entry["wrong"],
+                right=entry["right"],
+                kind=ExampleKind[entry.get("file", "agent").upper()],
+                severity=Severity(entry.get("severity", "error")),
+            )
+            for name, entry in group.items()
+        )
+        for heading, group in groups.items()
     }
 
 
@@ -71,14 +81,3 @@ def code_groups() -> Mapping[str, tuple[Code, ...]]:
 def codes() -> Mapping[str, Code]:
     """Return every code that a problem can have, by its name."""
     return {one.code: one for group in code_groups().values() for one in group}
-
-
-def _code(name: str, entry: Mapping[str, str]) -> Code:
-    return Code(
-        code=name,
-        meaning=entry["meaning"],
-        wrong=entry["wrong"],
-        right=entry["right"],
-        kind=ExampleKind[entry.get("file", "agent").upper()],
-        severity=Severity(entry.get("severity", "error")),
-    )

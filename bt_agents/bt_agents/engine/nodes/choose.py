@@ -17,7 +17,7 @@ class Choose(ChooseOne):
         mismatches = []
         for case in self.children:
             assert isinstance(case, Case)
-            mismatch = case.why_not()
+            mismatch = case.mismatch()
             if not mismatch:
                 self.feedback_message = f"case '{case.name}'"
                 return case

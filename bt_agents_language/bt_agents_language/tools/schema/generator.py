@@ -103,7 +103,7 @@ class SchemaGenerator:
         if isinstance(declared.value, Single) and declared.value.scene_names:
             text += f" Names: {', '.join(self._condition_names())}."
         if declared.default is not None:
-            schema = {**schema, "default": value_schemas.plain(declared.default)}
+            schema = {**schema, "default": declared.default}
         return described(schema, text)
 
     def _condition_names(self) -> list[str]:

@@ -175,7 +175,7 @@ def _skill(skill: SkillSpec) -> Schema:
     properties = {}
     for one in skill.inputs:
         known = not one.required and one.default is not None
-        default = {"default": value_schemas.plain(one.default)} if known else {}
+        default: Schema = {"default": one.default} if known else {}
         properties[one.name] = described({**values[one.name], **default}, one.description)
     required = [one.name for one in skill.inputs if one.required]
     main = None if skill.main is None else (skill.main, values[skill.main])

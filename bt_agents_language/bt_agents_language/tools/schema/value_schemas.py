@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeAlias
 
-from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.expression.units import ANGLE, LENGTH, TIME
 from bt_agents_language.reference.node_pages import TYPE_WORDS
 
@@ -129,15 +129,6 @@ def value(
         **({"defaultSnippets": snippets} if snippets else {}),
         **_limits(minimum, None),
     }
-
-
-def plain(default: Plain) -> object:
-    """Return a default as JSON holds it."""
-    if isinstance(default, tuple):
-        return [plain(item) for item in default]
-    if isinstance(default, Mapping):
-        return {key: plain(item) for key, item in default.items()}
-    return default
 
 
 def _quantity(pattern: str, expected: str) -> Schema:
