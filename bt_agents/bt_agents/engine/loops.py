@@ -14,14 +14,6 @@ from bt_agents.engine.node_errors import reason_of
 class Loop(Decorator):
     """Counts rounds; each starts at a tick of its own, no earlier than a pause after the last.
 
-    ==== =============== ============ =======
-    tick since the end   child        status
-    ==== =============== ============ =======
-    1                    ends         RUNNING
-    2    below the pause not ticked   RUNNING
-    3    the pause, more starts again RUNNING
-    ==== =============== ============ =======
-
     Counts and pauses may be tuned; they are evaluated at the end of a round, the pause also while
     it lasts.
     """

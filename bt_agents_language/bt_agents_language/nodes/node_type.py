@@ -15,7 +15,7 @@ from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.model.specs import Binding, Literal, NodeSpec, SkillSpec, Value
+from bt_agents_language.model.specs import Binding, FieldSpec, Literal, NodeSpec, SkillSpec, Value
 from bt_agents_language.nodes.endings import Outcome, Outcomes, Unreached, as_its_child
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
@@ -111,6 +111,17 @@ class NodeField:
     def default_value(self) -> Literal | None:
         """Value of the field in a node that does not write it; None for no value."""
         return None if self.default is None else Literal(value=self.default)
+
+
+def declared_field(one: FieldSpec) -> NodeField:
+    """Return an input or output of a skill or subtree as a field of a node."""
+    return NodeField(
+        name=one.name,
+        type=one.type,
+        required=one.required,
+        default=one.default,
+        description=one.description,
+    )
 
 
 MEMORY = NodeField(

@@ -9,9 +9,16 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec
+from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
-from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
+from bt_agents_language.nodes.node_type import (
+    Children,
+    Content,
+    NodeField,
+    NodeType,
+    Role,
+    declared_field,
+)
 from bt_agents_language.nodes.symbols import SymbolTable
 
 
@@ -129,8 +136,8 @@ def node_pages(vocabulary: SymbolTable) -> tuple[NodePage, ...]:
 
 def subtree_page(library: str, subtree: SubtreeSpec) -> NodePage:
     """Return what there is to say about a subtree of a library, a path in the trees folder."""
-    fields = tuple(_declared(one, None) for one in subtree.inputs)
-    outputs = tuple(_declared(one, None) for one in subtree.outputs)
+    fields = tuple(_entry(declared_field(one)) for one in subtree.inputs)
+    outputs = tuple(_entry(declared_field(one)) for one in subtree.outputs)
     given = [field for field in fields if field.required] or fields[:1]
     head = f"subtree: {subtree.name}"
     call = f"{head}\n"
@@ -216,8 +223,8 @@ def _nesting(decorator: str) -> str:
 
 
 def _skill_page(skill: SkillSpec) -> NodePage:
-    fields = tuple(_declared(one, skill.main) for one in skill.inputs)
-    outputs = tuple(_declared(one, None) for one in skill.outputs)
+    fields = tuple(_entry(declared_field(one), skill.main) for one in skill.inputs)
+    outputs = tuple(_entry(declared_field(one)) for one in skill.outputs)
     return NodePage(
         key=skill.name,
         group=Group.SKILL,
@@ -230,7 +237,7 @@ def _skill_page(skill: SkillSpec) -> NodePage:
     )
 
 
-def _entry(field: NodeField, main: str | None) -> FieldEntry:
+def _entry(field: NodeField, main: str | None = None) -> FieldEntry:
     return FieldEntry(
         name=field.name,
         expected=_expected(field),
@@ -239,18 +246,6 @@ def _entry(field: NodeField, main: str | None) -> FieldEntry:
         main=field.name == main,
         sample=_sample(field),
         description=field.description,
-    )
-
-
-def _declared(one: FieldSpec, main: str | None) -> FieldEntry:
-    return FieldEntry(
-        name=one.name,
-        expected=TYPE_WORDS[one.type],
-        required=one.required,
-        default=_format_default(one.default, one.type),
-        main=one.name == main,
-        sample=_SAMPLES[one.type],
-        description=one.description,
     )
 
 

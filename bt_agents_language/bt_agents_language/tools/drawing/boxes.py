@@ -12,7 +12,7 @@ from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.specs import Literal, NodeSpec, Value
 from bt_agents_language.nodes.catalogue import type_of
-from bt_agents_language.nodes.node_type import Children, Content, NodeField, Role
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, Role, declared_field
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.tools.drawing.value_format import LONGEST_TEXT, format_value
 
@@ -165,10 +165,7 @@ def _chosen(spec: NodeSpec, value: Value | Expression, field: NodeField | None) 
 
 def _fields(spec: NodeSpec) -> Mapping[str, NodeField]:
     if spec.skill is not None and type_of(spec) is SKILL:
-        return {
-            one.name: NodeField(name=one.name, type=one.type, default=one.default)
-            for one in spec.skill.inputs
-        }
+        return {one.name: declared_field(one) for one in spec.skill.inputs}
     return {field.name: field for field in type_of(spec).fields}
 
 
