@@ -28,8 +28,7 @@ from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary, yaml_files
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.tools.linting.comment_truncation import cut_texts
-from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.tools.lint import cut_texts, lint
 from bt_agents_language.yaml.source import Source
 from measuring import Effort, Row, Way, in_turn
 
@@ -241,7 +240,7 @@ def _whole(text: str, vocabulary: SymbolTable) -> Behaviour:
     """Read and check a file as ``bt-agents check`` does, and build its tree as a run does."""
     agent = _read(text, vocabulary)
     lint(agent)
-    cut_texts(Source(agent.file, text))
+    tuple(cut_texts(Source(agent.file, text)))
     values = tuple(SceneValue.missing(name) for name in vocabulary.space.names)
     scene = Scene(scene_id="benchmark", label="", person=True, values=values)
     scope = RunScope(

@@ -15,6 +15,7 @@ setup(
         "bt_agents_language": [
             "py.typed",
             "expression/*.yaml",
+            "reference/*.md",
             "reference/*.yaml",
             "tools/templates/*.yaml",
         ]

@@ -11,8 +11,7 @@ from pathlib import Path
 from bt_agents_groot.catalogue import with_table
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.reference.codes import codes_page
-from bt_agents_language.reference.reference_page import reference_page
+from bt_agents_language.reference.reference_page import codes_page, reference_page
 from bt_agents_language.tools.schema.folder import folder_vocabulary, schema_file, schema_text
 
 ROOT = Path(__file__).parents[1]

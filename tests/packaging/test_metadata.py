@@ -92,7 +92,8 @@ def test_the_packages_hold_more_than_python_modules():
     assert Path("bt_agents_tools/launcher/loopback.xml") in held
     assert Path("bt_agents_groot/builtins.yaml") in held
     language = Path("bt_agents_language")
-    data = ("expression/hints.yaml", "reference/codes.yaml", "tools/templates/agent.yaml")
+    data = ("expression/hints.yaml", "reference/codes.yaml", "reference/codes_head.md")
+    data += ("reference/nodes_head.md", "tools/templates/agent.yaml")
     assert {language / path for path in data} <= held
 
 

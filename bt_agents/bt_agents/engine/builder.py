@@ -16,6 +16,7 @@ from bt_agents.engine.nodes.skill import SkillLeaf
 from bt_agents.engine.scope import Scope
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
 
 
 def find_behaviours() -> dict[str, NodeMaker]:
@@ -32,21 +33,16 @@ BEHAVIOURS: Mapping[str, NodeMaker] = find_behaviours()
 
 @gc_paused()
 def build(spec: NodeSpec, context: RunContext, plugins: NodeMaker = PluginLeaf) -> Behaviour:
-    """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``.
-
-    Args:
-        spec: The outermost node.
-        context: What the nodes share.
-        plugins: Makes the leaves whose behaviours come from packages.
-    """
+    """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``."""
 
     def build_node(spec: NodeSpec, scope: Scope) -> Behaviour:
         scope.declare(spec.outputs)
-        return maker_of(spec)(spec, context, scope, build_node)
-
-    def maker_of(spec: NodeSpec) -> NodeMaker:
+        if type_of(spec).open:
+            scope.declare(spec.fields)
         if spec.plugin is not None:
-            return plugins
-        return SkillLeaf if spec.skill is not None else BEHAVIOURS[spec.kind]
+            maker = plugins
+        else:
+            maker = SkillLeaf if spec.skill is not None else BEHAVIOURS[spec.kind]
+        return maker(spec, context, scope, build_node)
 
     return build_node(spec, context.scope)

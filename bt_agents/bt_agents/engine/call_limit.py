@@ -24,7 +24,7 @@ class Blocked(BaseException):
 
 
 def bounded(call: Callable[[], T], limit_s: float) -> T:
-    """Return what a call returns, unless it takes longer than it may.
+    """Return what a call returns, unless it takes longer than it may on the steady clock.
 
     In the main thread, where there is ``SIGALRM``, it is interrupted: sleeping, waiting for input
     and endless loops of Python end there. A call into C that never returns to Python does not.
@@ -32,10 +32,6 @@ def bounded(call: Callable[[], T], limit_s: float) -> T:
     An alarm that somebody else has set is kept. Where Python drops exceptions (in ``__del__`` and
     in callbacks of the garbage collector) an interruption is lost without a word, and the next
     one ends the call.
-
-    Args:
-        call: The call.
-        limit_s: How long it may take, on the steady clock [s].
 
     Raises:
         Refused: ``BLOCKED``. Whatever the call raises is passed on.

@@ -35,10 +35,23 @@ class Composite(CallTicked, composites.Composite):
         self.current_child = None
 
     def stop(self, new_status: Status) -> None:
-        """Take the new status; INVALID stops the children, too."""
         super().stop(new_status)
         if new_status is INVALID:
             self.current_child = None
+
+
+class InOrder(Composite):
+    """Base of composites that tick their children one after the other.
+
+    Attributes:
+        memory: Whether they go on at the running child instead of the first one.
+    """
+
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
+    ) -> None:
+        super().__init__(spec, context, scope, build)
+        self.memory = bool(self.fields.constant("memory", True))
 
 
 class ChooseOne(Composite):
@@ -52,16 +65,12 @@ class ChooseOne(Composite):
         raise NotImplementedError
 
     def tick_children(self, ticker: Ticker) -> Status:
-        """Pick at the start, then tick the picked child."""
         if self.status is not RUNNING:
             for child in self.children:
                 ticker.reset_child(child)
-            self.current_child = self._picked()
+            try:
+                self.current_child = self.pick()
+            except Exception as error:
+                self.current_child = None
+                self.feedback_message = with_location(reason_of(error), self.spec)
         return FAILURE if self.current_child is None else ticker.tick_child(self.current_child)
-
-    def _picked(self) -> Behaviour | None:
-        try:
-            return self.pick()
-        except Exception as error:
-            self.feedback_message = with_location(reason_of(error), self.spec)
-            return None

@@ -4,33 +4,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from random import Random
 
 from py_trees.behaviour import Behaviour
 
-from bt_agents.engine.environment import Clock, Environment, GoalRun, SkillGoal
+from bt_agents.engine.environment import Environment, GoalRun, SkillGoal
 from bt_agents.engine.scope import RunScope, Scope
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.model.specs import NodeSpec
 
 
-@dataclass(frozen=True)
-class _OpenGoal:
-    path: str
-    run: GoalRun
-
-
 class RunContext:
     """Access of leaves to the environment; tracks each goal until its end is confirmed.
 
-    Args:
-        environment: All that the tree reaches outside.
-        scope: The names of the run.
-        random: Random source of the nodes.
-
     Attributes:
-        environment: See above; goals and feedback are sent by the methods here, which track them.
+        clock: The trees' clock.
+        environment: Goals and feedback are sent by the methods here, which track them.
         deadlines: Path of a node → when time alone changes what it does, on the trees' clock [s];
             those of the last tick.
     """
@@ -39,23 +28,16 @@ class RunContext:
         self.scope = scope
         self.random = random
         self.deadlines: dict[str, float] = {}
+        self.clock = environment.clock
         self.environment = environment
-        self._goals: list[_OpenGoal] = []
-
-    @property
-    def clock(self) -> Clock:
-        """The trees' clock."""
-        return self.environment.clock
-
-    def set_deadline(self, path: str, at: float) -> None:
-        """Set when time alone changes what the node at ``path`` does [s]."""
-        self.deadlines[path] = at
+        # Each with the path of its node; some may be confirmed by now.
+        self._goals: list[tuple[str, GoalRun]] = []
 
     def is_due(self, path: str, at: float) -> bool:
         """Return whether a time has come for the node at ``path`` [s]; else set a deadline."""
         if self.clock() >= at:
             return True
-        self.set_deadline(path, at)
+        self.deadlines[path] = at
         return False
 
     def send(self, path: str, goal: SkillGoal) -> GoalRun:
@@ -70,12 +52,12 @@ class RunContext:
 
     def open_goals(self) -> tuple[str, ...]:
         """Return the node paths of all goals whose end their servers have not confirmed."""
-        self._goals = [goal for goal in self._goals if not goal.run.confirmed]
-        return tuple(goal.path for goal in self._goals)
+        self._goals = [(path, run) for path, run in self._goals if not run.confirmed]
+        return tuple(path for path, _ in self._goals)
 
     def _track(self, path: str, run: GoalRun) -> GoalRun:
-        under_way = [goal for goal in self._goals if not goal.run.confirmed]
-        self._goals = [*under_way, _OpenGoal(path, run)]
+        under_way = [(at, goal) for at, goal in self._goals if not goal.confirmed]
+        self._goals = [*under_way, (path, run)]
         return run
 
 

@@ -46,7 +46,6 @@ class Decorator(CallTicked, decorators.Decorator):
         return self.decorated.status
 
     def tick_children(self, ticker: Ticker) -> Status:
-        """Tick the child unless it is short-circuited, and decide; an error is a FAILURE."""
         status = self.short_circuit()
         if status is RUNNING:
             return status
@@ -64,6 +63,15 @@ class Decorator(CallTicked, decorators.Decorator):
                     return status
         ticker.reset_child(self.decorated)
         return status
+
+    def why_not(self, condition: str, *, verb: str = "not so") -> str:
+        """Return why a condition in a field is not true, empty when it is."""
+        try:
+            if self.fields.is_true(condition):
+                return ""
+        except Exception as error:
+            return reason_of(error)
+        return self.fields.explain_false(condition, verb=verb)
 
     def fail(self, reason: str) -> Status:
         """Set the message to the reason and return FAILURE."""

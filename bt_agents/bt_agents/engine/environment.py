@@ -43,9 +43,7 @@ class SkillGoal:
     """A goal of an action, request of a service, or message of a topic.
 
     Attributes:
-        kind: Action, service or topic.
         name: ROS name, relative unless it starts with a slash.
-        type: ROS type.
         fields: Goal, request or message as plain nested data.
         sender: Path of the node that sends it; empty when none does.
         feedback: Whether the leaf uses the feedback of an action.
@@ -156,12 +154,6 @@ class Environment(Protocol):
     ) -> GoalRun:
         """Ask for a change of the running agent's profile.
 
-        Args:
-            kind: What it asks for.
-            values: Wanted values by scene parameter, of direct feedback only; about parameters
-                that are not named there is no opinion.
-            reason: Why, for people; may be empty.
-
-        Returns:
-            The request; rejected, with the reason, when nothing was changed.
+        Direct feedback has wanted values by scene parameter; about those that are not named there
+        is no opinion. The request is rejected, with the reason, when nothing was changed.
         """

@@ -17,12 +17,7 @@ from bt_agents_language.nodes.node_type import FOREVER
 
 @dataclass(frozen=True, kw_only=True)
 class NodeFields:
-    """The fields of one node, evaluated anew at each call, as names change while a tree runs.
-
-    Attributes:
-        spec: The node.
-        names: What names mean where the node stands.
-    """
+    """The fields of one node, evaluated anew at each call, as names change while a tree runs."""
 
     spec: NodeSpec
     names: ValueSource
@@ -66,13 +61,7 @@ class NodeFields:
         Raises:
             Refused: ``NOT_A_NUMBER``; it is none, negative or not finite. Else as :meth:`value`.
         """
-        value = self.value(name)
-        number = finite(value)
-        if number is None or number < 0:
-            raise Refused(
-                "NOT_A_NUMBER", f"'{name}' is {described(value)}, expected a number from 0 on"
-            )
-        return number
+        return self._from_zero(name, "NOT_A_NUMBER", "a number from 0 on")
 
     def seconds(self, name: str) -> float:
         """Return a time [s]; one that is not written is 0.
@@ -83,13 +72,7 @@ class NodeFields:
         """
         if name not in self.spec.fields:
             return 0.0
-        value = self.value(name)
-        seconds = finite(value)
-        if seconds is None or seconds < 0:
-            raise Refused(
-                "NOT_A_DURATION", f"'{name}' is {described(value)}, expected a time such as '5 s'"
-            )
-        return seconds
+        return self._from_zero(name, "NOT_A_DURATION", "a time such as '5 s'")
 
     def count(self, name: str) -> int | None:
         """Return a whole number from 1 on; None for ``forever``.
@@ -106,6 +89,13 @@ class NodeFields:
                 "NOT_A_COUNT", f"'{name}' is {described(value)}, expected a whole number from 1 on"
             )
         return int(number)
+
+    def _from_zero(self, name: str, code: str, expected: str) -> float:
+        value = self.value(name)
+        number = finite(value)
+        if number is None or number < 0:
+            raise Refused(code, f"'{name}' is {described(value)}, expected {expected}")
+        return number
 
 
 def finite(value: Plain) -> float | None:

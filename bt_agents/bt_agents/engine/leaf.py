@@ -52,7 +52,6 @@ class Leaf(LightBehaviour):
         """Leave nothing under way: called whenever it ends, maybe without having begun."""
 
     def initialise(self) -> None:
-        """Begin, storing any error for :meth:`update`."""
         self._error = ""
         try:
             self.begin()
@@ -60,7 +59,6 @@ class Leaf(LightBehaviour):
             self._error = reason_of(error)
 
     def update(self) -> Status:
-        """Step; an error is a FAILURE."""
         self.feedback_message = ""
         if not self._error:
             try:
@@ -71,7 +69,6 @@ class Leaf(LightBehaviour):
         return FAILURE
 
     def terminate(self, new_status: Status) -> None:
-        """End; an error becomes the message."""
         try:
             self.end()
         except Exception as error:

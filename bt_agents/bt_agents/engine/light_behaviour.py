@@ -25,11 +25,7 @@ class LightBehaviour(Behaviour):
     """A behaviour whose identifier and generator are made when a tool of py_trees asks for them.
 
     Among the bases of a class it has to stand before those of py_trees, whose ``__init__`` is not
-    called.
-
-    Args:
-        name: For people.
-        children: The nodes below, which are told apart by who they are and stay the same.
+    called. Its children are told apart by who they are and stay the same.
     """
 
     logger = Logger("bt_agents")
@@ -46,7 +42,6 @@ class LightBehaviour(Behaviour):
             child.parent = self
 
     def stop(self, new_status: Status) -> None:
-        """Terminate, and take the new status."""
         self.terminate(new_status)
         self.status = new_status
 

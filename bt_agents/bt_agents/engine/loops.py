@@ -14,14 +14,6 @@ from bt_agents.engine.node_errors import reason_of
 class Loop(Decorator):
     """Counts rounds; each starts at a tick of its own, no earlier than a pause after the last.
 
-    ==== =============== ============ =======
-    tick since the end   child        status
-    ==== =============== ============ =======
-    1                    ends         RUNNING
-    2    below the pause not ticked   RUNNING
-    3    the pause, more starts again RUNNING
-    ==== =============== ============ =======
-
     Counts and pauses may be tuned; they are evaluated at the end of a round, the pause also while
     it lasts.
     """
@@ -31,13 +23,11 @@ class Loop(Decorator):
     _pause_from: float | None = None
 
     def initialise(self) -> None:
-        """Begin with the first round."""
         self._round = 1
         self._label = ""
         self._pause_from = None
 
     def short_circuit(self) -> Status | None:
-        """Stay RUNNING during a pause."""
         if self._pause_from is None or self.status is not RUNNING:
             return None
         try:
@@ -56,7 +46,6 @@ class Loop(Decorator):
         return super().tip()
 
     def decide(self) -> Status:
-        """Return what the end of a round means; while one runs, name it in the message."""
         if self.decorated.status is not RUNNING:
             return self.ended(self.decorated.status)
         self.feedback_message = self._label
@@ -76,7 +65,7 @@ class Loop(Decorator):
         self._round += 1
         self._pause_from = self.context.clock()
         if pause:
-            self.context.set_deadline(self.spec.path, self._pause_from + pause)
+            self.context.deadlines[self.spec.path] = self._pause_from + pause
         self._label = f"{noun} {self._round}" + ("" if limit is None else f" of {limit}")
         self.feedback_message = self._label + (f", after a pause of {pause:g} s" if pause else "")
         return RUNNING

@@ -12,28 +12,21 @@ from bt_agents_language.model.specs import NodeSpec
 def reason_of(error: Exception) -> str:
     """Return the reason of an error for people."""
     match error:
-        case MissingValue():
-            return str(error)
         case Refused():
             return error.reason
-        case EvaluationError():
+        case MissingValue() | EvaluationError():
             return str(error)
-        case _:
-            return f"{type(error).__name__}: {error}"
+    return f"{type(error).__name__}: {error}"
 
 
 class LocatedReason(str):
-    """A reason with the node's path and its place in the file.
-
-    Attributes:
-        path: Path of the node that gives the reason.
-    """
+    """A reason with the node's path and its place in the file."""
 
     path: str
 
 
 def with_location(reason: str, spec: NodeSpec) -> LocatedReason:
-    """Return a reason with the node's path and its place in the file."""
+    """Return the reason that a node gives, with its path and its place in the file."""
     text = LocatedReason(f"{reason} ({spec.path}, {spec.position})")
     text.path = spec.path
     return text

@@ -47,13 +47,12 @@ class RunResult:
     """How a run ended.
 
     Attributes:
-        outcome: See :class:`TreeOutcome`.
         message: Why, for people.
         tip: Path of the node that decided; empty when the tree was never ticked.
         orphans: Paths of the nodes whose goals were not confirmed ended.
         ticks: Ticks of the tree and of its clean-up.
         overruns: Those that took longer than the time between two.
-        duration_s: On the tree's clock [s].
+        duration_s: On the trees' clock.
     """
 
     outcome: TreeOutcome
@@ -70,10 +69,8 @@ class Overrun:
     """A tick that took longer than the time between two.
 
     Attributes:
-        took_s: How long it took [s].
         slowest: Path of the leaf that took longest, with what led from the leaf before to it; of
             the outermost node where what came after the last leaf took longer.
-        slowest_s: How long that took [s].
     """
 
     took_s: float
@@ -105,26 +102,22 @@ class Run:
     """Ticks a tree to its end; a cancel stops every leaf, cleans up and waits for open goals.
 
     Args:
-        spec: The agent.
-        space: The scene parameters.
         scene: As awarded.
-        profile: The agent's current profile.
         live: Returns the scene as it is now.
         tunables: Current values by name; may change between ticks.
-        environment: All that the tree reaches outside.
         steady: Clock of the bounded waits, which never stands still [s].
         limits: How long those waits are.
         random: Random source of the nodes; None takes a fresh one.
         stopwatch: Measures how long ticks take [s]; None takes ``steady``.
         plugins: Makes the leaves whose behaviours come from packages.
         context: Makes what the nodes share.
-        on_visit: Called for each node that was ticked.
 
     Attributes:
         period_s: The time between two ticks; one that takes longer is an overrun [s]. Where it is
             infinite before the first tick, leaves are not measured.
         ticks: Ticks so far, of the tree and of its clean-up.
         overruns: Those that took too long.
+        deadlines: See :class:`RunContext`.
         overrun: The last tick, if it took too long.
         changes: What has changed in the last tick so far, in order.
         result: How it ended; None until then.
@@ -157,6 +150,7 @@ class Run:
         self.changes: list[StatusChange] = []
         self.result: RunResult | None = None
         self._context = context(environment, scope, random or Random())
+        self.deadlines = self._context.deadlines
         self._steady = steady
         self._stopwatch = stopwatch or steady
         self._limits = limits or RunLimits()
@@ -179,11 +173,6 @@ class Run:
         return _path_of((self._clean_up or self._root).tip())
 
     @property
-    def deadlines(self) -> Mapping[str, float]:
-        """Path of a node → when time alone changes what it does, as of the last tick [s]."""
-        return self._context.deadlines
-
-    @property
     def deadline(self) -> float:
         """When the wait at its end is over, on the steady clock [s]; infinite before."""
         return self._deadline if self._phase in (_Phase.CLEANING, _Phase.SETTLING) else math.inf
@@ -192,7 +181,7 @@ class Run:
         """Tick once, in whatever phase the run is; return what changed, in order."""
         self.changes = []
         self.overrun = None
-        self._context.deadlines.clear()
+        self.deadlines.clear()
         match self._phase:
             case _Phase.TICKING:
                 self._tick(self._root)
@@ -214,11 +203,8 @@ class Run:
         """Stop every running leaf now; a run that is ending already goes on ending as it does.
 
         So does one whose tree has ended and only waits for goals: it keeps that outcome. A tree
-        that was never ticked has begun nothing, and has nothing to clean up.
-
-        Args:
-            reason: Why, for people.
-            clean_up: False leaves the agent's ``on_cancel`` out, and stops it if it runs.
+        that was never ticked has begun nothing, and has nothing to clean up. Without ``clean_up``
+        the agent's ``on_cancel`` is left out, and stopped if it runs.
         """
         self.changes = []
         if self._phase is _Phase.CLEANING and not clean_up:
@@ -257,14 +243,10 @@ class Run:
         return self.result
 
     def _finish_tree(self) -> None:
-        tip = self._root.tip()
-        succeeded = self._root.status is Status.SUCCESS
-        reason = "" if succeeded else _reason(self._root)
-        self._end = (
-            TreeOutcome.SUCCEEDED if succeeded else TreeOutcome.FAILED,
-            "the tree succeeded" if succeeded else reason,
-            _path_of(tip),
-        )
+        if self._root.status is Status.SUCCESS:
+            self._end = (TreeOutcome.SUCCEEDED, "the tree succeeded", self.tip)
+        else:
+            self._end = (TreeOutcome.FAILED, _reason(self._root), self.tip)
         self._settle()
 
     def _stop_cleaning(self) -> None:
@@ -311,14 +293,12 @@ class Run:
             self.overrun = Overrun(took_s=took, slowest=slowest, slowest_s=self._slowest_s)
 
     def _ticker(self, root: Behaviour) -> Ticker:
-        ticker = self._tickers.get(root)
-        if ticker is None:
+        if root not in self._tickers:
             wrap_leaf = None if self.period_s == math.inf else self._timed
-            ticker = Ticker(
+            self._tickers[root] = Ticker(
                 root, on_change=self._report, on_visit=self._on_visit, wrap_leaf=wrap_leaf
             )
-            self._tickers[root] = ticker
-        return ticker
+        return self._tickers[root]
 
     def _timed(self, tick: Tick, leaf: Behaviour) -> Tick:
         clock = self._stopwatch

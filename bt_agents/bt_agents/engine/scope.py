@@ -58,7 +58,6 @@ class RunScope:
     """The names of one run; tunables and the live scene may change during it.
 
     Attributes:
-        space: The scene parameters.
         scene: As awarded.
         live: Returns the scene as it is now, or as it was last, marked as stale.
         profile: The agent's own vector.
@@ -75,7 +74,6 @@ class RunScope:
     blackboard: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`ValueSource`."""
         if name in self.blackboard:
             return self.blackboard[name]
         return self.read_only_value(name)
@@ -84,7 +82,6 @@ class RunScope:
         """Do nothing: no other names are hidden by those that are written."""
 
     def write(self, name: str, value: Plain) -> None:
-        """Give a name a value."""
         self.blackboard[name] = value
 
     def read_only_value(self, name: str) -> Plain:
@@ -110,7 +107,6 @@ class BindingNames:
     around: ValueSource
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`ValueSource`."""
         return self.inputs[name] if name in self.inputs else self.around.lookup(name)
 
 
@@ -133,7 +129,6 @@ class SubtreeScope:
     written: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`ValueSource`."""
         if name in self.written:
             return self.written[name]
         if name in self.inputs:
@@ -148,7 +143,6 @@ class SubtreeScope:
         self.own.update(names)
 
     def write(self, name: str, value: Plain) -> None:
-        """Give a name a value, which only the subtree sees."""
         self.written[name] = value
 
 
@@ -161,7 +155,6 @@ class MessageNames:
     around: ValueSource
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`ValueSource`."""
         group, _, path = name.partition(".")
         if group != self.prefix:
             return self.around.lookup(name)
@@ -234,14 +227,8 @@ def is_true(condition: Expression, names: ValueSource) -> bool:
 def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:
     """Return that a condition is not true, and what its names are instead.
 
-    Args:
-        condition: The condition.
-        names: What its names mean now.
-        verb: The negation: ``not so``, ``not so any more``.
-
-    Returns:
-        ``not so: answer == 'yes' (answer is 'no')``; of many names the first, and nothing about
-        a name that is the whole condition and false.
+    For example ``not so: answer == 'yes' (answer is 'no')``; of many names the first, and nothing
+    about a name that is the whole condition and false.
     """
     explanation = f"{verb}: {condition.text}"
     mentioned = list(dict.fromkeys(mention.name for mention in condition.mentions))

@@ -42,8 +42,6 @@ class ScriptedReply:
 
     Attributes:
         state: How the goal ends.
-        result: Fields of its result.
-        message: Why, for people.
         accept_s: Time until it is accepted [s].
         after_s: Time until it ends, from the moment it was sent [s].
         cancel_s: Time a cancel takes [s]; infinite for a server that ignores it.
@@ -85,7 +83,6 @@ class ScriptedGoal:
 
     @property
     def state(self) -> GoalState:
-        """Its current state."""
         now, cancelled = self._clock(), self._cancelled(self.cancelled_at)
         if self._is_given_up:
             return self._why[0]
@@ -95,24 +92,20 @@ class ScriptedGoal:
 
     @property
     def confirmed(self) -> bool:
-        """True when its server surely does nothing for it any more."""
         if self.goal.kind is BindingKind.SERVICE and self.state.ended:
             return True
         return self._clock() >= self._server_ends and not self._answer.vanishes
 
     @property
     def message(self) -> str:
-        """Reason of the state for people."""
         return self._why[1] if self._is_given_up else self._answer.message
 
     @property
     def result(self) -> Mapping[str, Plain]:
-        """Fields of the result once it succeeded."""
         return self._answer.result if self.state is GoalState.SUCCEEDED else {}
 
     @property
     def feedback(self) -> Mapping[str, Plain] | None:
-        """Fields of the latest feedback."""
         until = min(self._clock(), self._server_ends)
         published = [fields for at, fields in self._answer.feedback if self._sent + at <= until]
         return published[-1] if published and self._clock() >= self._accepted else None
@@ -128,7 +121,6 @@ class ScriptedGoal:
         return min((at for at in moments if at > now), default=math.inf)
 
     def cancel(self) -> None:
-        """Ask for the end."""
         if self.cancelled_at is None:
             self.cancelled_at = self._clock()
 
@@ -169,11 +161,9 @@ class ScriptedInbox:
         self.closed = False
 
     def take(self) -> Mapping[str, Plain] | None:
-        """Return the oldest message not taken yet."""
         return self.messages.popleft() if self.messages else None
 
     def close(self) -> None:
-        """Take no more messages."""
         self.closed = True
 
 

@@ -11,16 +11,7 @@ from bt_agents.engine.node_errors import reason_of
 
 
 class Skip(Decorator):
-    """Decides when the child would start whether it is skipped.
-
-    ==== ================= ======= =====================================
-    tick ``skip_reason``   child   status
-    ==== ================= ======= =====================================
-    1    ""                RUNNING RUNNING
-    2    not asked         SUCCESS SUCCESS
-    3    "done already"    (I)     SUCCESS; FAILURE below a selector
-    4    raises            (I)     FAILURE
-    ==== ================= ======= =====================================
+    """Decides when the child would start whether it is skipped, which is a SUCCESS.
 
     Below a selector a skip is a FAILURE, so that the next alternative is tried.
     """
@@ -30,7 +21,6 @@ class Skip(Decorator):
         raise NotImplementedError
 
     def short_circuit(self) -> Status | None:
-        """Skip the child if there is a reason at the start."""
         if self.status is RUNNING:
             return None
         try:
@@ -40,5 +30,4 @@ class Skip(Decorator):
         if not reason:
             return None
         self.feedback_message = f"left out: {reason}"
-        failure = self.fields.constant("otherwise") == "failure"
-        return FAILURE if failure else SUCCESS
+        return FAILURE if self.fields.constant("otherwise") == "failure" else SUCCESS

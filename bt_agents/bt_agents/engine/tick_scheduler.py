@@ -10,15 +10,11 @@ REST_S = 0.002
 
 
 class TickScheduler:
-    """Schedule of the next tick; there is never more than one to come.
+    """Schedule of the next tick, the first of which is due at once; all times are steady [s].
 
     Regular ticks stay on a grid of periods; those that were missed are left out. An extra tick
     comes after a rest as long as the last tick took, so that a flood of messages takes at most
-    half of the time. All times are on the steady clock [s].
-
-    Args:
-        period_s: Time between two regular ticks.
-        now: When the first tick is due.
+    half of the time.
 
     Attributes:
         due: When the next tick is due.
@@ -51,13 +47,7 @@ class TickScheduler:
         self._requested = False
 
     def finished(self, began: float, now: float, latest: float = math.inf) -> None:
-        """Receive the end of a tick.
-
-        Args:
-            began: When it began.
-            now: When it ended.
-            latest: When something ends whether anything happens or not.
-        """
+        """Receive the end of a tick; ``latest`` is when something ends by time alone."""
         self._rested = now + max(now - began, REST_S)
         if now >= self._grid:
             missed = math.floor((now - self._grid) / self._period_s)

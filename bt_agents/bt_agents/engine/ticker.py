@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -35,7 +36,6 @@ class CallTicked(LightBehaviour):
         raise NotImplementedError
 
     def update(self) -> Status:
-        """Return the status that :meth:`tick_children` has decided."""
         return self.status
 
     def tick(self) -> Iterator[Behaviour]:
@@ -45,7 +45,6 @@ class CallTicked(LightBehaviour):
         yield from visited
 
     def stop(self, new_status: Status) -> None:
-        """Take the new status; INVALID stops the children, too."""
         if new_status is INVALID:
             for child in self.children:
                 if child.status is not INVALID:
@@ -53,19 +52,16 @@ class CallTicked(LightBehaviour):
         self.status = new_status
 
 
+@dataclass(slots=True)
 class LastReport:
     """Status and message with which a node was last reported; INVALID before that.
 
-    Args:
-        node: The node, which is kept alive as reports are found by its ``id()``.
+    The node is kept alive, as reports are found by its ``id()``.
     """
 
-    __slots__ = ("message", "node", "status")
-
-    def __init__(self, node: Behaviour) -> None:
-        self.node = node
-        self.status = INVALID
-        self.message = ""
+    node: Behaviour
+    status: Status = INVALID
+    message: str = ""
 
     @property
     def outdated(self) -> bool:
@@ -83,11 +79,9 @@ class Ticker:
     called as py_trees calls them, and its ``update`` may not return INVALID.
 
     Args:
-        root: The outermost node.
         on_change: Called once per changed node after each tick of it: ticked nodes in the order
             of their answers, then stopped nodes in the order of the tree. Nodes that have
             ``has_side_effects`` are reported at every end.
-        on_visit: Called for each node that was ticked.
         wrap_leaf: Wraps the tick of each leaf.
 
     Attributes:

@@ -33,13 +33,7 @@ EITHER = SUCCESS | FAILURE
 
 
 class Unreached(NamedTuple):
-    """A node that never runs.
-
-    Attributes:
-        node: The node, or what wraps it.
-        reason: The reason, in words.
-        hint: How to fix it.
-    """
+    """A node, or what wraps it, that never runs."""
 
     node: NodeSpec
     reason: str
@@ -58,19 +52,13 @@ def always_success(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
 
 
 def in_sequence(children: Sequence[Outcomes], continues_on: Outcome) -> Outcomes:
-    """Return the outcomes of children that run one after the other.
-
-    Args:
-        children: Their outcomes in order.
-        continues_on: The outcome of a child after which the next one starts.
-    """
-    ends: set[Outcome] = set()
+    """Return the outcomes of children of which the next starts after one outcome of the last."""
+    ends: Outcomes = frozenset()
     for child in children:
         ends |= child
         if continues_on not in child:
-            ends.discard(continues_on)
-            return frozenset(ends)
-    return frozenset(ends)
+            return ends - {continues_on}
+    return ends
 
 
 def any_of(children: Sequence[Outcomes]) -> Outcomes:
@@ -113,10 +101,8 @@ def behind(
 ) -> Iterator[Unreached]:
     """Give the first child that comes behind one after which no other ever starts.
 
-    Args:
-        composite: Runs its children one after the other.
-        continues_on: The outcome of a child after which the next one starts.
-        outcomes: Those of each node, by its identity.
+    The next child starts after one outcome of the last; outcomes are found by the identity of
+    their node.
     """
     for before, after in pairwise(composite.children):
         ends = outcomes[id(before)]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
@@ -15,7 +15,7 @@ from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.model.specs import Binding, Literal, NodeSpec, SkillSpec, Value
+from bt_agents_language.model.specs import Binding, FieldSpec, Literal, NodeSpec, SkillSpec, Value
 from bt_agents_language.nodes.endings import Outcome, Outcomes, Unreached, as_its_child
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
@@ -88,9 +88,6 @@ class NodeField:
     """One field of a node type.
 
     Attributes:
-        content: What may stand there.
-        type: Type of a value or constant.
-        required: Whether it must be written.
         default: Taken when it is not written; None leaves the field out.
         words: The possible texts of a constant; of a value, texts that are possible besides; of
             timeouts, their keys.
@@ -116,6 +113,35 @@ class NodeField:
         return None if self.default is None else Literal(value=self.default)
 
 
+def declared_field(one: FieldSpec) -> NodeField:
+    """Return an input or output of a skill or subtree as a field of a node."""
+    return NodeField(
+        name=one.name,
+        type=one.type,
+        required=one.required,
+        default=one.default,
+        description=one.description,
+    )
+
+
+MEMORY = NodeField(
+    name="memory",
+    content=Content.CONSTANT,
+    type=FieldType.BOOLEAN,
+    required=False,
+    default=True,
+    description="whether it goes on at the running child instead of starting over at each tick",
+    drawn="starts over at each tick",
+)
+
+PAUSE = NodeField(
+    name="pause",
+    type=FieldType.DURATION,
+    required=False,
+    description="how long to wait in between",
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SiblingKey:
     """A key beside a node that is neither a node key nor a decorator.
@@ -124,7 +150,6 @@ class SiblingKey:
         field: The key, what may stand behind it, and one sentence.
         where: The nodes beside which it may stand, in words.
         hint: What to do where it stands beside another node; ``{node}`` is that node's key.
-        example: Part of an agent file.
     """
 
     field: NodeField
@@ -143,7 +168,6 @@ class MessageSource:
     """The ROS message from which the ``outputs`` of a leaf take their values.
 
     Attributes:
-        kind: Kind of ROS interface.
         section: Section of the interface type: ``result``.
         prefix: Name of the message in the paths of outputs: ``msg``.
     """
@@ -180,15 +204,11 @@ class RawNode:
     """One node as written, its values not read yet.
 
     Attributes:
-        key: The node key.
-        value: What stands behind it.
-        type: Its node type; None for a skill.
+        type: None for a skill.
         skill: Set for a skill.
         name: Name for people; empty when none is written.
-        decorators: Their entries by key.
         siblings: The entries of sibling keys such as ``with``.
         options: Fields of a composite.
-        children: In order.
         nodes: Nodes behind decorators and in fields of a composite, by key.
     """
 
@@ -227,7 +247,7 @@ Wrap = Callable[[RawNode, NodeSpec | None, str], NodeSpec | None]
 
 
 class NodeReader(Protocol):
-    """What a node type with a reader of its own builds on."""
+    """What a node type with a reader of its own builds on; ``names`` are those in sight."""
 
     @property
     def reading(self) -> TypedReader:
@@ -243,13 +263,9 @@ class NodeReader(Protocol):
     def values(
         self, node_type: NodeType, nodes: Mapping[str, Node], names: NameScope, what: str = ""
     ) -> FieldValues:
-        """Return the values of written fields, with defaults for the others.
+        """Return the values of the written fields of a type, with defaults for the others.
 
-        Args:
-            node_type: Says which fields there are.
-            nodes: What is written, by name of the field.
-            names: What it may name.
-            what: The node, for messages about its main field.
+        Messages about the main field name the node by ``what``.
         """
 
     def leaf(
@@ -262,25 +278,14 @@ class NodeReader(Protocol):
     ) -> NodeSpec | None:
         """Return a leaf as its fields describe it.
 
-        Args:
-            raw: The node as written.
-            path: Its path.
-            names: What it may name.
-            nodes: Its written fields; None reads them.
-            label: The value in its label; None takes that of the main field.
+        Its written fields are read unless they are given as ``nodes``; the value in its label is
+        that of the main field unless it is given.
         """
 
     def composite(
         self, raw: RawNode, path: str, names: NameScope, wrap: Wrap | None = None
     ) -> NodeSpec:
-        """Return a composite with its children.
-
-        Args:
-            raw: The node as written.
-            path: Its path.
-            names: What it and its children may name.
-            wrap: Returns what stands in the place of a child; None leaves the child itself.
-        """
+        """Return a composite with its children, or with what wraps each of them."""
 
     def subtree(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         """Return a call of a subtree, whose body is not in place yet."""
@@ -291,16 +296,13 @@ class NodeType:
     """One type of node, or one decorator.
 
     Attributes:
-        key: The word in a file.
         order: Position in the documentation; of a decorator, also that in which it wraps a node:
             the lowest is the outermost.
-        role: Its part in a tree.
         main: Field that a scalar stands for; None when there is none.
         fields: In the order of the documentation; a decorator without any is written ``true``.
         children: How many children are written behind the key.
         open: True takes names of the author's choice as fields, and gives them values.
         handler: Of a decorator, whether a node is written behind it.
-        description: One sentence.
         example: Part of an agent file; empty makes one from the fields.
         plugin: Class of a node that a plug-in brings; None for nodes of the language itself.
         siblings: The sibling keys that may stand beside it.
@@ -357,7 +359,9 @@ class NodeType:
     read: Callable[[NodeReader, RawNode, str, NameScope], NodeSpec | None] | None = None
     complete: Callable[[TypedReader, Node, Mapping[str, Node], FieldValues], None] | None = None
     outcomes: Callable[[NodeSpec, Sequence[Outcomes]], Outcomes] = as_its_child
-    unreached: Callable[[NodeSpec, Mapping[int, Outcomes]], Iterator[Unreached]] | None = None
+    unreached: Callable[[NodeSpec, Mapping[int, Outcomes]], Iterable[Unreached]] = (
+        lambda spec, outcomes: ()
+    )
     continues_on: Outcome = Outcome.SUCCESS
     concurrent: bool = False
     exclusive: bool = False
@@ -393,16 +397,9 @@ def wrapped(
     *,
     suffix: str = "",
 ) -> NodeSpec | None:
-    """Return a node around another one; None when there is no other.
+    """Return a node of a kind around another one; None when there is no other.
 
-    Args:
-        spec: The node inside.
-        kind: Kind of the node around it.
-        position: Where that stands.
-        path: Path of the place of both.
-        fields: Fields of the node around it.
-        label: Name of the node around it.
-        suffix: What its path ends with; empty for its kind.
+    Its path is that of both with a suffix, which is its kind unless another is given.
     """
     if spec is None:
         return None

@@ -27,10 +27,10 @@ from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
 
 def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> NodeSpec:
-    written = raw.options.get("succeed_on")
-    if written is None:
+    option = raw.options.get("succeed_on")
+    if option is None:
         return reader.composite(raw, path, names)
-    succeed_on = Literal(value=_read_succeed_on(reader.reading, raw, written.value))
+    succeed_on = Literal(value=_read_succeed_on(reader.reading, raw, option.value))
     spec = reader.composite(raw, path, names)
     return replace(spec, fields={**spec.fields, "succeed_on": succeed_on})
 
@@ -65,14 +65,13 @@ def _place(reading: TypedReader, raw: RawNode, item: Node) -> int | None:
     names = [child.name for child in raw.children]
     if names.count(name) == 1:
         return names.index(name)
-    known = [one for one in names if one]
-    hint = "name the children with 'name: …' beside them"
     if name in names:
         message = f"there are several children called {quote(name)}"
         hint = "give each its own name"
     else:
         message = f"no child is called {quote(name)}"
-        hint = did_you_mean(name, known) or hint
+        hint = did_you_mean(name, [one for one in names if one])
+        hint = hint or "name the children with 'name: …' beside them"
     reading.error("unknown-name", item, message, hint)
     return None
 

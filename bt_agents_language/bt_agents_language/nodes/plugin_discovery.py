@@ -34,7 +34,7 @@ class Plugins:
     Attributes:
         kinds: Node types by key.
         origins: Key → words for the node and where it comes from.
-        problems: Why the others cannot be nodes, in words.
+        problems: Why the others cannot be nodes.
     """
 
     kinds: Mapping[str, NodeType]
@@ -78,19 +78,21 @@ def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
     origins: dict[str, str] = {}
     problems: list[str] = []
     for point in sorted(points, key=lambda one: (one.name, one.value)):
+        package = point.dist.name if point.dist is not None else "a package"
+        whose = f"node '{point.name}' of {package} ({point.value})"
         try:
-            kind = _kind(point)
+            kind = _kind(point, whose)
             if kind.key in kinds:
-                raise PluginProblem(f"{_whose(point)}: there is a node '{kind.key}' already")
-            kinds[kind.key] = kind
-            origins[kind.key] = _whose(point)
+                raise PluginProblem(f"{whose}: there is a node '{kind.key}' already")
         except PluginProblem as problem:
             problems.append(str(problem))
+        else:
+            kinds[kind.key] = kind
+            origins[kind.key] = whose
     return Plugins(kinds=kinds, origins=origins, problems=tuple(problems))
 
 
-def _kind(point: EntryPoint) -> NodeType:
-    whose = _whose(point)
+def _kind(point: EntryPoint, whose: str) -> NodeType:
     if not _KEY.fullmatch(point.name):
         raise PluginProblem(
             f"{whose}: '{point.name}' cannot be the key of a node; expected small letters, digits "
@@ -118,7 +120,14 @@ def _kind(point: EntryPoint) -> NodeType:
     main = getattr(behaviour, "main", None)
     if main is not None and main not in names:
         raise PluginProblem(f"{whose}: 'main' is {main!r}, expected one of {', '.join(names)}")
-    _check_constructor(behaviour, names, whose)
+    if len(set(names)) < len(names):
+        raise PluginProblem(f"{whose}: two fields have the same name")
+    try:
+        inspect.signature(behaviour).bind(name="", **dict.fromkeys(names))
+    except TypeError as error:
+        raise PluginProblem(
+            f"{whose} cannot be made with the arguments name, {', '.join(names)}: {error}"
+        ) from None
     summary = (inspect.getdoc(behaviour) or "").partition("\n\n")[0]
     return NodeType(
         key=point.name,
@@ -144,19 +153,3 @@ def _is_field(field: object) -> bool:
         and _KEY.fullmatch(field.name) is not None
         and field.name != "name"
     )
-
-
-def _check_constructor(behaviour: type, names: list[str], whose: str) -> None:
-    if len(set(names)) < len(names):
-        raise PluginProblem(f"{whose}: two fields have the same name")
-    try:
-        inspect.signature(behaviour).bind(name="", **dict.fromkeys(names))
-    except TypeError as error:
-        raise PluginProblem(
-            f"{whose} cannot be made with the arguments name, {', '.join(names)}: {error}"
-        ) from None
-
-
-def _whose(point: EntryPoint) -> str:
-    package = point.dist.name if point.dist is not None else "a package"
-    return f"node '{point.name}' of {package} ({point.value})"

@@ -27,14 +27,15 @@ from bt_agents_language.nodes.weight import WEIGHT, WEIGHT_KEY
 
 def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> NodeSpec:
     def weighted(child: RawNode, spec: NodeSpec | None, here: str) -> NodeSpec | None:
+        label = "weight 1"
+        fields: FieldValues = {"weight": Literal(value=1.0)}
         entry = child.siblings.get(WEIGHT_KEY.key)
-        value = None
         if entry is not None:
-            value = read_value(
-                reader.reading, entry.value, FieldType.NUMBER, names, "'weight'", 0.0
-            )
-        label = f"weight {short(entry.value)}" if entry is not None and value else "weight 1"
-        fields: FieldValues = {"weight": value or Literal(value=1.0)}
+            reading = reader.reading
+            value = read_value(reading, entry.value, FieldType.NUMBER, names, "'weight'", 0.0)
+            if value is not None:
+                label = f"weight {short(entry.value)}"
+                fields["weight"] = value
         return wrapped(spec, WEIGHT.key, child.key.position, here, fields, label)
 
     spec = reader.composite(raw, path, names, weighted)

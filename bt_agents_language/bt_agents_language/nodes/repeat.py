@@ -10,13 +10,13 @@ from bt_agents_language.model.specs import Literal, NodeSpec
 from bt_agents_language.nodes.endings import ENDLESS, SUCCESS, Outcomes
 from bt_agents_language.nodes.node_type import (
     FOREVER,
+    PAUSE,
     Content,
     FieldValues,
     NodeField,
     NodeType,
     Role,
 )
-from bt_agents_language.nodes.shared_fields import PAUSE
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.specs import Literal, NodeSpec
 from bt_agents_language.nodes.endings import ENDLESS, FAILURE, Outcomes
-from bt_agents_language.nodes.node_type import FOREVER, NodeField, NodeType, Role
-from bt_agents_language.nodes.shared_fields import PAUSE
+from bt_agents_language.nodes.node_type import FOREVER, PAUSE, NodeField, NodeType, Role
 
 
 def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:

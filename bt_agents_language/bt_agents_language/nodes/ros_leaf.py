@@ -38,40 +38,23 @@ def read_ros_leaf(
     """Return the node of a leaf as one of a skill without a name; None when it is wrong."""
     assert raw.type is not None
     assert raw.type.interface is not None
-    skill = _skill(reader, raw, raw.type.interface, names)
-    if skill is None or skill.binding is None:
-        return None
-    return NodeSpec(
-        path=path,
-        position=raw.key.position,
-        kind=raw.type.key,
-        name=raw.name or f"{raw.type.key} {skill.binding.name}",
-        skill=skill,
-        outputs=skill.binding.outputs,
-        feedback=skill.binding.feedback,
-    )
-
-
-def _skill(
-    reader: NodeReader, raw: RawNode, kind: BindingKind, names: NameScope
-) -> SkillSpec | None:
-    reading, interfaces = reader.reading, reader.interfaces
+    reading, kind = reader.reading, raw.type.interface
     name_key = "topic" if kind is BindingKind.TOPIC else "name"
     keys = binding_keys(kind, name_key)
     if kind in RECEIVED:
         keys = (*keys, "outputs")
     needed = (name_key, "type", SENT[kind]) if kind is BindingKind.TOPIC else (name_key, "type")
-    fields = reading.fields(raw.value, f"'{raw.key_meant}'", keys, needed)
+    fields = reading.fields(raw.value, f"'{raw.type.key}'", keys, needed)
     if fields is None:
         return None
     outputs = _outputs(reader, fields, kind)
     binding = read_binding(
-        reading, kind, fields, names, names, interfaces, outputs, name_key=name_key
+        reading, kind, fields, names, names, reader.interfaces, outputs, name_key=name_key
     )
     if binding is None:
         return None
-    return SkillSpec(
-        name=raw.key_meant,
+    skill = SkillSpec(
+        name=raw.type.key,
         description="",
         main=None,
         inputs=(),
@@ -81,6 +64,15 @@ def _skill(
         ),
         binding=binding,
         position=raw.key.position,
+    )
+    return NodeSpec(
+        path=path,
+        position=raw.key.position,
+        kind=raw.type.key,
+        name=raw.name or f"{raw.type.key} {binding.name}",
+        skill=skill,
+        outputs=binding.outputs,
+        feedback=binding.feedback,
     )
 
 

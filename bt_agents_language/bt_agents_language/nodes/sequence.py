@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_language.nodes.endings import Outcome, behind, in_sequence
-from bt_agents_language.nodes.node_type import Children, NodeType, Role
-from bt_agents_language.nodes.shared_fields import MEMORY
+from bt_agents_language.nodes.node_type import MEMORY, Children, NodeType, Role
 
 SEQUENCE = NodeType(
     key="sequence",

@@ -6,13 +6,7 @@ from __future__ import annotations
 from bt_agents_core.field_types import FieldType
 from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, SiblingKey
 
-WITH = SiblingKey(
-    field=NodeField(
-        name="with", content=Content.MAP, description="The inputs of a subtree by their names."
-    ),
-    where="a subtree",
-    hint="write the fields behind '{node}:' as {{ … }}",
-    example="""\
+_EXAMPLE = """\
 tree:
   subtree: greet
   with: {who: Ms. Miller}
@@ -21,7 +15,15 @@ subtrees:
     inputs: {who: text}
     tree:
       say: Good morning, ${who}.
-""",
+"""
+
+WITH = SiblingKey(
+    field=NodeField(
+        name="with", content=Content.MAP, description="The inputs of a subtree by their names."
+    ),
+    where="a subtree",
+    hint="write the fields behind '{node}:' as {{ … }}",
+    example=_EXAMPLE,
 )
 
 OUTPUTS = SiblingKey(
@@ -56,14 +58,5 @@ SUBTREE = NodeType(
     description="Does a tree that stands under 'subtrees'; 'with' gives its inputs.",
     siblings=(WITH.key, OUTPUTS.key),
     read=lambda reader, raw, path, names: reader.subtree(raw, path, names),
-    example="""\
-tree:
-  subtree: greet
-  with: {who: Ms. Miller}
-subtrees:
-  greet:
-    inputs: {who: text}
-    tree:
-      say: Good morning, ${who}.
-""",
+    example=_EXAMPLE,
 )

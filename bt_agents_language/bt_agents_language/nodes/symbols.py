@@ -18,14 +18,7 @@ from bt_agents_language.nodes.node_type import NodeType
 
 @dataclass(frozen=True, kw_only=True)
 class Library:
-    """What a library file offers to those that import it.
-
-    Attributes:
-        file: The file as messages name it.
-        skills: Skills by name.
-        subtrees: Subtrees by name.
-        unused_inputs: Inputs of these subtrees.
-    """
+    """What a library file, as messages name it, offers to those that import it."""
 
     file: str
     skills: Mapping[str, SkillSpec] = field(default_factory=dict)
@@ -34,13 +27,7 @@ class Library:
 
 
 class ImportProblem(BtAgentsError):
-    """A library that cannot be imported.
-
-    Attributes:
-        code: Code of the problem at the place of the import.
-        message: What was found and what is expected.
-        hint: How to fix it; may be empty.
-    """
+    """A library that cannot be imported, with the problem at the place of the import."""
 
     def __init__(self, code: str, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -71,8 +58,6 @@ class SymbolTable:
     """The words that files with trees are checked against.
 
     Attributes:
-        space: The scene parameters.
-        skills: Skills by name.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         plugins: Node types that plug-ins bring, by key.
         libraries: Finds what ``imports`` names; None where there is no trees folder.

@@ -50,24 +50,17 @@ class FilePage:
 
 def file_pages(word: str) -> list[FilePage]:
     """Return the page of a kind of file, else those of the keys of this name."""
-    if word in FILE_KINDS:
-        return [_kind_page(FILE_KINDS[word])]
-    return [page for page in _key_pages() if page.key == word]
+    kind = FILE_KINDS.get(word)
+    if kind is None:
+        return [page for page in _key_pages() if page.key == word]
+    fields = tuple(map(_entry, kind.fields))
+    return [FilePage(key=word, where="file", description=kind.description, fields=fields)]
 
 
 @cache
 def file_words() -> tuple[str, ...]:
     """Return the words for kinds of files, and all keys of files."""
     return tuple(dict.fromkeys([*FILE_KINDS, *(page.key for page in _key_pages())]))
-
-
-def _kind_page(kind: FileKind) -> FilePage:
-    return FilePage(
-        key=kind.name,
-        where="file",
-        description=kind.description,
-        fields=tuple(map(_entry, kind.fields)),
-    )
 
 
 @cache

@@ -9,9 +9,16 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec
+from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
-from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
+from bt_agents_language.nodes.node_type import (
+    Children,
+    Content,
+    NodeField,
+    NodeType,
+    Role,
+    declared_field,
+)
 from bt_agents_language.nodes.symbols import SymbolTable
 
 
@@ -35,7 +42,6 @@ class FieldEntry:
         expected: What may be written there, in words: ``time`` or ``whole number ≥ 1``.
         default: What counts when it is left out, as it would be written; empty for nothing.
         main: Whether a scalar behind the word stands for it.
-        sample: What an example has there.
     """
 
     name: str
@@ -52,10 +58,7 @@ class NodePage:
     """Everything about one word.
 
     Attributes:
-        key: The word in a file.
-        description: One sentence or more.
         forms: The ways of writing it, shortest first: ``wait: <time>``.
-        fields: In the order of the documentation.
         outputs: Names that later nodes may use; of skills and subtrees only.
         note: Where it may stand, or in which order it takes effect; may be empty.
         example: Part of an agent file, YAML.
@@ -70,6 +73,8 @@ class NodePage:
     note: str = ""
     example: str
 
+
+_GROUPS = {Role.COMPOSITE: Group.COMPOSITE, Role.LEAF: Group.LEAF, Role.DECORATOR: Group.DECORATOR}
 
 TYPE_WORDS: Mapping[FieldType, str] = {
     FieldType.TEXT: "text",
@@ -107,7 +112,7 @@ def node_page(key: str, vocabulary: SymbolTable) -> NodePage | None:
     if key in vocabulary.skills:
         return _skill_page(vocabulary.skills[key])
     if key in DECORATORS:
-        return _decorator_page(DECORATORS[key])
+        return _type_page(DECORATORS[key])
     if key in SIBLINGS:
         sibling = SIBLINGS[key]
         return NodePage(
@@ -130,28 +135,20 @@ def node_pages(vocabulary: SymbolTable) -> tuple[NodePage, ...]:
 
 
 def subtree_page(library: str, subtree: SubtreeSpec) -> NodePage:
-    """Return what there is to say about a subtree of a library.
-
-    Args:
-        library: Path of the library from the trees folder.
-        subtree: What it declares.
-    """
-    fields = tuple(_declared(one, None) for one in subtree.inputs)
-    outputs = tuple(_declared(one, None) for one in subtree.outputs)
-    needed = [field for field in fields if field.required]
-    given = needed or fields[:1]
-    call = f"subtree: {subtree.name}\n"
+    """Return what there is to say about a subtree of a library, a path in the trees folder."""
+    fields = tuple(_entry(declared_field(one)) for one in subtree.inputs)
+    outputs = tuple(_entry(declared_field(one)) for one in subtree.outputs)
+    given = [field for field in fields if field.required] or fields[:1]
+    head = f"subtree: {subtree.name}"
+    call = f"{head}\n"
     if given:
         values = ", ".join(f"{field.name}: {field.default or field.sample}" for field in given)
         call += f"with: {{{values}}}\n"
-    forms = [f"subtree: {subtree.name}"]
-    if fields:
-        forms.append(f"with: {{{', '.join(f'{field.name}: …' for field in fields)}}}")
     return NodePage(
         key=subtree.name,
         group=Group.SUBTREE,
         description=subtree.description,
-        forms=tuple(forms),
+        forms=(head, f"with: {_every_field(fields)}") if fields else (head,),
         fields=fields,
         outputs=outputs,
         note=f"Declared in {library}, which an agent imports.",
@@ -191,33 +188,43 @@ def _format_default(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
 
 def _type_page(node_type: NodeType) -> NodePage:
     fields = tuple(_entry(field, node_type.main) for field in node_type.fields)
-    if node_type.plugin is not None:
-        group = Group.PLUGIN
-    else:
-        group = Group.COMPOSITE if node_type.role is Role.COMPOSITE else Group.LEAF
-    if node_type.children is Children.LIST:
-        options = "".join(f"{field.name}: …, " for field in node_type.fields)
-        forms: tuple[str, ...] = (
-            f"{node_type.key}: [node, …]",
-            f"{node_type.key}: {{{options}children: [node, …]}}",
-        )
-    elif node_type.open:
-        forms = (f"{node_type.key}: {{name: value, …}}",)
-    else:
-        forms = _forms(node_type.key, fields)
     return NodePage(
         key=node_type.key,
-        group=group,
+        group=Group.PLUGIN if node_type.plugin is not None else _GROUPS[node_type.role],
         description=node_type.description,
-        forms=forms,
+        forms=_forms_of_type(node_type, fields),
         fields=fields,
+        note=_nesting(node_type.key) if node_type.role is Role.DECORATOR else "",
         example=node_type.example or _made_example(node_type.key, fields, ()),
     )
 
 
+def _forms_of_type(node_type: NodeType, fields: tuple[FieldEntry, ...]) -> tuple[str, ...]:
+    key = node_type.key
+    if node_type.children is Children.LIST:
+        options = "".join(f"{field.name}: …, " for field in fields)
+        return f"{key}: [node, …]", f"{key}: {{{options}children: [node, …]}}"
+    if node_type.open:
+        return (f"{key}: {{name: value, …}}",)
+    if node_type.handler:
+        return (f"{key}: <node>",)
+    if node_type.role is Role.DECORATOR and not fields:
+        return (f"{key}: true",)
+    return _forms(key, fields)
+
+
+def _nesting(decorator: str) -> str:
+    """Return between which others a decorator acts."""
+    keys = list(DECORATORS)
+    at = keys.index(decorator)
+    places = [("inside of", keys[:at]), ("around", keys[at + 1 :])]
+    words = [f"{place} {', '.join(others)}" for place, others in places if others]
+    return f"However written, it acts {' and '.join(words)}."
+
+
 def _skill_page(skill: SkillSpec) -> NodePage:
-    fields = tuple(_declared(one, skill.main) for one in skill.inputs)
-    outputs = tuple(_declared(one, None) for one in skill.outputs)
+    fields = tuple(_entry(declared_field(one), skill.main) for one in skill.inputs)
+    outputs = tuple(_entry(declared_field(one)) for one in skill.outputs)
     return NodePage(
         key=skill.name,
         group=Group.SKILL,
@@ -230,30 +237,7 @@ def _skill_page(skill: SkillSpec) -> NodePage:
     )
 
 
-def _decorator_page(decorator: NodeType) -> NodePage:
-    fields = tuple(_entry(field, decorator.main) for field in decorator.fields)
-    if decorator.handler:
-        forms: tuple[str, ...] = (f"{decorator.key}: <node>",)
-    elif not fields:
-        forms = (f"{decorator.key}: true",)
-    else:
-        forms = _forms(decorator.key, fields)
-    keys = list(DECORATORS)
-    at = keys.index(decorator.key)
-    inside = f"around {', '.join(keys[at + 1 :])}" if keys[at + 1 :] else ""
-    outside = f"inside of {', '.join(keys[:at])}" if at else ""
-    return NodePage(
-        key=decorator.key,
-        group=Group.DECORATOR,
-        description=decorator.description,
-        forms=forms,
-        fields=fields,
-        note=f"However written, it acts {' and '.join(filter(None, (outside, inside)))}.",
-        example=decorator.example,
-    )
-
-
-def _entry(field: NodeField, main: str | None) -> FieldEntry:
+def _entry(field: NodeField, main: str | None = None) -> FieldEntry:
     return FieldEntry(
         name=field.name,
         expected=_expected(field),
@@ -262,18 +246,6 @@ def _entry(field: NodeField, main: str | None) -> FieldEntry:
         main=field.name == main,
         sample=_sample(field),
         description=field.description,
-    )
-
-
-def _declared(one: FieldSpec, main: str | None) -> FieldEntry:
-    return FieldEntry(
-        name=one.name,
-        expected=TYPE_WORDS[one.type],
-        required=one.required,
-        default=_format_default(one.default, one.type),
-        main=one.name == main,
-        sample=_SAMPLES[one.type],
-        description=one.description,
     )
 
 
@@ -287,8 +259,12 @@ def _forms(key: str, fields: tuple[FieldEntry, ...]) -> tuple[str, ...]:
     elif not needed:
         forms.append(f"{key}:")
     if len(fields) > 1 or (fields and main is None):
-        forms.append(f"{key}: {{{', '.join(f'{field.name}: …' for field in fields)}}}")
+        forms.append(f"{key}: {_every_field(fields)}")
     return tuple(forms)
+
+
+def _every_field(fields: tuple[FieldEntry, ...]) -> str:
+    return f"{{{', '.join(f'{field.name}: …' for field in fields)}}}"
 
 
 _TEXTS: Mapping[str, str] = {

@@ -1,63 +1,79 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Markdown page of all nodes, skills and decorators."""
+"""Markdown pages: of all nodes, skills and decorators, and of all diagnostic codes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from importlib.resources import files
 
 from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.reference.codes import code_groups
 from bt_agents_language.reference.node_pages import FieldEntry, Group, NodePage, node_pages
 
-_HEADINGS = {
-    Group.COMPOSITE: "Composites",
-    Group.LEAF: "Leaves",
-    Group.SKILL: "Skills",
-    Group.PLUGIN: "Nodes of plug-ins",
-    Group.DECORATOR: "Decorators",
-    Group.SIBLING: "Other keys beside a node",
+_GROUPS = {
+    Group.COMPOSITE: (
+        "Composites",
+        "A composite has children and says which of them are done, and when.",
+    ),
+    Group.LEAF: ("Leaves", "A leaf does something itself."),
+    Group.SKILL: (
+        "Skills",
+        "Skills are declared in the files of `skills/`; these are the ones of this repository. "
+        "Another robot can have others.",
+    ),
+    Group.PLUGIN: ("Nodes of plug-ins", "Installed packages bring these."),
+    Group.DECORATOR: (
+        "Decorators",
+        "A decorator stands beside a node and changes when it is done or what its end counts as. "
+        "However they are written, they act in the order of this page: the first is the "
+        "outermost.",
+    ),
+    Group.SIBLING: ("Other keys beside a node", ""),
 }
-_WORDS = {
-    Group.COMPOSITE: "A composite has children and says which of them are done, and when.",
-    Group.LEAF: "A leaf does something itself.",
-    Group.SKILL: "Skills are declared in the files of `skills/`; these are the ones of this "
-    "repository. Another robot can have others.",
-    Group.PLUGIN: "Installed packages bring these.",
-    Group.DECORATOR: "A decorator stands beside a node and changes when it is done or what its "
-    "end counts as. However they are written, they act in the order of this page: the first is "
-    "the outermost.",
-    Group.SIBLING: "",
-}
-_TOP = """\
-# Reference of nodes
-
-Made by `scripts/generate` from the tables that files are checked against; `bt-agents explain
-NODE` shows the same in the terminal.
-
-A node is a mapping with exactly one node key, and decorators beside it. `<…>` stands for a value;
-`${…}` may stand wherever a text, number, time, length, angle or `true` and `false` is expected,
-unless the table says that the value is fixed. Each example is part of an agent file.
-"""
+"""Heading of each group of words, and what stands below it."""
 
 
 def reference_page(vocabulary: SymbolTable) -> str:
-    """Return the page."""
+    """Return the page of all nodes, skills and decorators."""
     pages = node_pages(vocabulary)
-    parts = [_TOP, _contents(pages)]
-    for group in Group:
+    parts = [_contents(pages)]
+    for group, (heading, about) in _GROUPS.items():
         of_group = [page for page in pages if page.group is group]
         if of_group:
-            parts.append("\n\n".join(filter(None, [f"## {_HEADINGS[group]}", _WORDS[group]])))
-            parts += [_section(page) for page in of_group]
-    return "\n\n".join(part.rstrip() for part in parts) + "\n"
+            parts += [f"## {heading}", about, *map(_section, of_group)]
+    return _page("nodes", parts)
 
 
-def _contents(pages: Iterable[NodePage]) -> str:
-    listed = list(pages)
+def codes_page() -> str:
+    """Return the page of all codes."""
+    parts = []
+    for heading, group in code_groups().items():
+        parts.append(f"## {heading}")
+        for code in group:
+            fence = f"~~~{code.kind.language}\n"
+            parts += [
+                f"### {code.code}",
+                f"{code.meaning} Shown as {code.kind.value}:",
+                f"{fence}{code.wrong}~~~",
+                "Right:",
+                f"{fence}{code.right}~~~",
+            ]
+    return _page("codes", parts)
+
+
+def _page(name: str, parts: Iterable[str]) -> str:
+    """Return a page below its head, which stands in a file of its own."""
+    head = files("bt_agents_language").joinpath(f"reference/{name}_head.md")
+    every = [head.read_text(encoding="utf-8"), *parts]
+    return "\n\n".join(part.rstrip() for part in every if part) + "\n"
+
+
+def _contents(pages: Sequence[NodePage]) -> str:
     lines = ["| | |", "|---|---|"]
-    for group in Group:
-        keys = [f"[`{page.key}`](#{page.key})" for page in listed if page.group is group]
+    for group, (heading, _) in _GROUPS.items():
+        keys = [f"[`{page.key}`](#{page.key})" for page in pages if page.group is group]
         if keys:
-            lines.append(f"| {_HEADINGS[group]} | {' '.join(keys)} |")
+            lines.append(f"| {heading} | {' '.join(keys)} |")
     return "\n".join(lines)
 
 

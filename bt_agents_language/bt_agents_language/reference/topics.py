@@ -20,10 +20,7 @@ class ReferenceTopic:
     """What there is to say about a part of the language that is no key of a file.
 
     Attributes:
-        key: The word that stands for it.
-        description: One sentence or more.
         tables: Heading → what may be written, and what it means.
-        note: What else there is to know.
         example: Part of an agent file, YAML.
     """
 
@@ -47,15 +44,7 @@ MEANINGS: Mapping[int, str] = {
 
 
 def topic(key: str, space: SceneSpace) -> ReferenceTopic | None:
-    """Return what there is to say about a topic.
-
-    Args:
-        key: One of ``TOPICS``.
-        space: The scene parameters, which have names.
-
-    Returns:
-        None when there is no such topic.
-    """
+    """Return what there is to say about a topic, one of ``TOPICS``; None for any other word."""
     return TOPICS[key](space) if key in TOPICS else None
 
 

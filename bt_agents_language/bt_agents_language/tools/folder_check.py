@@ -20,8 +20,7 @@ from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
-from bt_agents_language.tools.linting.comment_truncation import cut_texts
-from bt_agents_language.tools.linting.lint import lint, unused_inputs
+from bt_agents_language.tools.lint import cut_texts, lint, unused_inputs
 from bt_agents_language.yaml.source import Source, read_source
 
 
@@ -31,7 +30,7 @@ class Checked:
 
     Attributes:
         problems: Errors and warnings, file by file in the order of reading.
-        agents: Names of the checked agents without errors.
+        agents: Those without errors.
         files: How many files were checked.
         unchecked: Files that could not be checked, because the scene or the skills are broken.
     """
@@ -96,7 +95,9 @@ class _FolderCheck:
         self._add_other_scenes(others)
         wanted = [path for path in (*base, *others, *dependent) if self._is_wanted(path)]
         for path in wanted:
-            self._add_cut_texts(path)
+            source = _source(str(path))
+            if source is not None:
+                self._add(cut_texts(source))
         self._add(_bad_plugin(folder, words) for words in plugin_problems)
         return Checked(
             problems=tuple(_with_excerpts(_by_file(self._found))),
@@ -154,7 +155,13 @@ class _FolderCheck:
             except ReadError as error:
                 self._add(error.diagnostics)
         if self._only is None and not (trees.agents or trees.broken):
-            self._add([_no_agents(self._folder)])
+            no_agents = Diagnostic(
+                code="no-agents",
+                position=Position(file=str(self._folder / "agents"), line=1, column=1),
+                message="there is no agent in this folder",
+                hint="make one with 'bt-agents new NAME'",
+            )
+            self._add([no_agents])
         return agents
 
     def _add_market(self, trees: Trees, path: Path) -> None:
@@ -169,11 +176,6 @@ class _FolderCheck:
                 library = vocabulary.libraries.load(f"{path.parent.name}/{path.name}")
                 self._add(unused_inputs(library.unused_inputs))
 
-    def _add_cut_texts(self, path: Path) -> None:
-        source = _source(str(path))
-        if source is not None:
-            self._add(cut_texts(source))
-
 
 def _real(path: Path) -> Path:
     """Return where a path leads; a link that leads back to itself is its own place."""
@@ -181,15 +183,6 @@ def _real(path: Path) -> Path:
         return path.resolve()
     except RuntimeError:
         return path.parent.resolve() / path.name
-
-
-def _no_agents(folder: Path) -> Diagnostic:
-    return Diagnostic(
-        code="no-agents",
-        position=Position(file=str(folder / "agents"), line=1, column=1),
-        message="there is no agent in this folder",
-        hint="make one with 'bt-agents new NAME'",
-    )
 
 
 def _bad_plugin(folder: Path, words: str) -> Diagnostic:
@@ -202,31 +195,28 @@ def _bad_plugin(folder: Path, words: str) -> Diagnostic:
     )
 
 
-def _by_file(problems: Iterable[Diagnostic]) -> list[Diagnostic]:
+def _by_file(problems: Collection[Diagnostic]) -> list[Diagnostic]:
     """Return problems file by file, those of a file in its order."""
-    files: dict[str, list[Diagnostic]] = {}
-    for problem in problems:
-        files.setdefault(problem.position.file, []).append(problem)
-    return [
-        problem
-        for of_file in files.values()
-        for problem in sorted(of_file, key=lambda p: (p.position.line, p.position.column))
-    ]
+    files = dict.fromkeys(problem.position.file for problem in problems)
+    order = {file: number for number, file in enumerate(files)}
+
+    def place(problem: Diagnostic) -> tuple[int, int, int]:
+        file, line, column = problem.position
+        return order[file], line, column
+
+    return sorted(problems, key=place)
 
 
-def _with_excerpts(problems: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+def _with_excerpts(problems: Collection[Diagnostic]) -> Iterator[Diagnostic]:
     """Yield problems with the lines they are about, also those found in checked trees."""
-    sources: dict[str, Source | None] = {}
+    files = {problem.position.file for problem in problems if not problem.excerpt}
+    sources = {file: _source(file) for file in files}
     for problem in problems:
-        if problem.excerpt:
+        source = sources.get(problem.position.file)
+        if problem.excerpt or source is None:
             yield problem
-            continue
-        file = problem.position.file
-        if file not in sources:
-            sources[file] = _source(file)
-        source = sources[file]
-        excerpt = source.line(problem.position.line) if source is not None else ""
-        yield replace(problem, excerpt=excerpt)
+        else:
+            yield replace(problem, excerpt=source.line(problem.position.line))
 
 
 def _source(file: str) -> Source | None:

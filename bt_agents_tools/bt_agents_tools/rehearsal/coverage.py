@@ -12,7 +12,7 @@ from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import Outcome
 from bt_agents_language.nodes.node_type import Mark, Role
-from bt_agents_language.tools.linting.outcomes import outcomes
+from bt_agents_language.tools.lint import outcomes
 
 Marks = Mapping[str, frozenset[Mark]]
 """Path of a node → the marks of what it has done."""

@@ -93,9 +93,9 @@ class Watched(Stage):
 def _under_way(stage: Watched) -> int:
     """Return how many goals are sent and neither ended nor cancelled."""
     open_goals = [
-        goal.run
-        for goal in stage.run._context._goals
-        if not goal.run.state.ended and goal.run.cancelled_at is None  # type: ignore[attr-defined]
+        goal
+        for _, goal in stage.run._context._goals
+        if not goal.state.ended and goal.cancelled_at is None  # type: ignore[attr-defined]
     ]
     return len(open_goals)
 

@@ -24,11 +24,10 @@ from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.nodes.plugin_discovery import read_plugins
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.reference.codes import Code, ExampleKind, code_groups, codes, example_bytes
+from bt_agents_language.reference.codes import Code, ExampleKind, code_groups, codes
 from bt_agents_language.tools import folder_check
 from bt_agents_language.tools.folder_check import check_folder
-from bt_agents_language.tools.linting.comment_truncation import cut_texts
-from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.tools.lint import cut_texts, lint
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.yaml_reader import Mapping
 from bt_agents_language.yaml.yaml_reader import read_document as read_file
@@ -146,6 +145,30 @@ LOOK: dict[ExampleKind, Callable[[bytes, Path], tuple[Diagnostic, ...]]] = {
     ExampleKind.XML: of_xml,
     ExampleKind.PACKAGE: of_package,
 }
+
+
+MARK = re.compile(r"⟨(?:(?P<tab>tab)|U\+(?P<point>[0-9A-F]{4})|byte (?P<byte>[0-9A-F]{2})"
+                  r"|(?P<unit>.+?) × (?P<times>[0-9,]+))⟩")  # fmt: skip
+
+
+def marked(mark: re.Match[str]) -> bytes:
+    if mark["tab"]:
+        return b"\t"
+    if mark["point"]:
+        return chr(int(mark["point"], 16)).encode()
+    if mark["byte"]:
+        return bytes([int(mark["byte"], 16)])
+    return mark["unit"].encode() * int(mark["times"].replace(",", ""))
+
+
+def example_bytes(example: str) -> bytes:
+    """Return an example as it would stand in a file, without the marks for what is not shown."""
+    data = b""
+    at = 0
+    for mark in MARK.finditer(example):
+        data += example[at : mark.start()].encode() + marked(mark)
+        at = mark.end()
+    return data + example[at:].encode()
 
 
 def found(code: Code, example: str, folder: Path) -> tuple[Diagnostic, ...]:

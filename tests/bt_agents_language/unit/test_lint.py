@@ -9,8 +9,7 @@ import pytest
 
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.endings import Outcome
-from bt_agents_language.tools.linting.lint import lint
-from bt_agents_language.tools.linting.outcomes import outcomes
+from bt_agents_language.tools.lint import lint, outcomes
 from file_texts import read_agent_text
 from tree_harness import VOCABULARY, agent
 

@@ -30,7 +30,7 @@ from bt_agents_language.nodes.plugin import PLUGIN
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.reference.node_pages import node_page
 from bt_agents_language.tools.drawing.outline import outline
-from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.tools.lint import lint
 from bt_agents_language.tools.schema.node_schemas import node_definitions
 from checkout import ROOT
 from file_texts import read_agent_text

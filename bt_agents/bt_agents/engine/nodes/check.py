@@ -13,7 +13,6 @@ class Check(Leaf):
     """SUCCESS when the condition is true, FAILURE when it is false or not known."""
 
     def step(self) -> Status:
-        """Evaluate the condition."""
         if self.fields.is_true("condition"):
             return SUCCESS
         self.feedback_message = self.fields.explain_false("condition")

@@ -11,24 +11,13 @@ from bt_agents_core.errors import Refused
 
 
 class Choose(ChooseOne):
-    """Ticks the first case that fits when it starts; no later one is tried instead.
-
-    ==== =============== ======= ======= =======
-    tick conditions: a b a       b       status
-    ==== =============== ======= ======= =======
-    1    false true      (I)     RUNNING RUNNING
-    2    true true       (I)     FAILURE FAILURE
-    3    true true       SUCCESS (I)     SUCCESS
-    4    false false     (I)     (I)     FAILURE
-    ==== =============== ======= ======= =======
-    """
+    """Ticks the first case that fits when it starts; no later one is tried instead."""
 
     def pick(self) -> Behaviour:
-        """Return the first case that fits."""
         mismatches = []
         for case in self.children:
             assert isinstance(case, Case)
-            mismatch = case.why_not()
+            mismatch = case.mismatch()
             if not mismatch:
                 self.feedback_message = f"case '{case.name}'"
                 return case

@@ -15,7 +15,6 @@ class Cooldown(Skip):
     _ended_at: float | None = None
 
     def skip_reason(self) -> str:
-        """Compare the end of the child with the clock."""
         if self._ended_at is None:
             return ""
         seconds = self.fields.seconds("duration")
@@ -24,7 +23,6 @@ class Cooldown(Skip):
         return f"done less than {seconds:g} s ago"
 
     def decide(self) -> Status:
-        """Remember when the child ends."""
         if self.decorated.status is not RUNNING:
             self._ended_at = self.context.clock()
         return self.decorated.status

@@ -24,7 +24,6 @@ class Fail(Decorator):
         self._failure = with_location("succeeded, and counts as failed", spec)
 
     def tick_children(self, ticker: Ticker) -> Status:
-        """Tick the child and return FAILURE for its end."""
         status = ticker.ticks[self.decorated]()
         self.feedback_message = self._failure if status is SUCCESS else ""
         return RUNNING if status is RUNNING else FAILURE

@@ -27,7 +27,6 @@ class GiveFeedback(Leaf):
     _kind = FeedbackKind.POSITIVE
 
     def begin(self) -> None:
-        """Send the feedback."""
         self._run = None
         self._kind = FeedbackKind[str(self.fields.value("kind")).upper()]
         values = self._values()
@@ -35,7 +34,6 @@ class GiveFeedback(Leaf):
         self._run = self.context.give_feedback(self.spec.path, self._kind, values, reason)
 
     def step(self) -> Status:
-        """Poll the answer."""
         assert self._run is not None
         state, title = self._run.state, f"{self._kind.name.lower()} feedback"
         if not state.ended:
@@ -49,7 +47,6 @@ class GiveFeedback(Leaf):
         return Status.FAILURE
 
     def end(self) -> None:
-        """Stop waiting for the answer."""
         if self._run is not None and not self._run.state.ended:
             self._run.cancel()
 

@@ -24,7 +24,6 @@ class Invert(Decorator):
         self._failure = with_location("succeeded, and is inverted", spec)
 
     def tick_children(self, ticker: Ticker) -> Status:
-        """Tick the child and return the opposite of its end."""
         status = ticker.ticks[self.decorated]()
         self.feedback_message = self._failure if status is SUCCESS else ""
         if status is RUNNING:

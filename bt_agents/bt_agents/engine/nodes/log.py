@@ -15,7 +15,6 @@ class Log(Leaf):
     has_side_effects = True
 
     def step(self) -> Status:
-        """Write the line."""
         text = str(self.fields.value("message"))
         self.context.environment.log(str(self.fields.constant("level", "info")), text)
         self.feedback_message = text

@@ -9,14 +9,6 @@ from bt_agents.engine.nodes.selector import LightSelector
 class OnFailure(LightSelector):
     """A selector with memory of two children: the node, and after its FAILURE the handler.
 
-    ==== ======= ======= =======
-    tick node    handler status
-    ==== ======= ======= =======
-    1    RUNNING (I)     RUNNING
-    2    FAILURE RUNNING RUNNING
-    3    (I)     SUCCESS SUCCESS
-    ==== ======= ======= =======
-
     The failure is handled: the status is that of the handler.
     """
 

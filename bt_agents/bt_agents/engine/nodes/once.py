@@ -15,11 +15,9 @@ class Once(Skip):
     _done = False
 
     def skip_reason(self) -> str:
-        """Return whether the child has ended."""
         return "done once already" if self._done else ""
 
     def decide(self) -> Status:
-        """Remember the end of the child."""
         self._done = self.decorated.status is not RUNNING
         return self.decorated.status
 

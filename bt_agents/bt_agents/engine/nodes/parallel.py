@@ -52,7 +52,6 @@ class CountingParallel(Composite, composites.Parallel):
                 self.policy = ParallelPolicy.SuccessOnSelected(self._named)
 
     def tick_children(self, ticker: Ticker) -> Status:
-        """Tick the children that have not ended; stop them at the end."""
         if self.status is not RUNNING:
             for child in self.children:
                 ticker.reset_child(child)

@@ -42,14 +42,12 @@ class PluginLeaf(Leaf):
     _limit_s = BLOCKS_S
 
     def begin(self) -> None:
-        """Make the behaviour from what its fields mean now."""
         self._limit_s = BLOCKS_S
         fields = {name: copy.deepcopy(self._field(name)) for name in self.spec.fields}
         behaviour = self._behaviour = self._contained(lambda: self._made(fields))
         self._contained(behaviour.setup_with_descendants)
 
     def step(self) -> Status:
-        """Tick the behaviour."""
         behaviour = self._behaviour
         assert behaviour is not None
         self._contained(behaviour.tick_once)
@@ -102,15 +100,13 @@ class PluginLeaf(Leaf):
             if refused.code == "BLOCKED":
                 self._limit_s = max(self._limit_s * BLOCKED_SHARE, _LEAST_S)
             raise
+        except (Exception, KeyboardInterrupt):
+            raise
         except SystemExit:
             raise Refused(
                 "EXIT", "the plug-in wanted to end the program, which it may not"
             ) from None
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:
-            if isinstance(error, Exception):
-                raise
             raise Refused("EXIT", f"the plug-in raised {type(error).__name__}: {error}") from None
 
 

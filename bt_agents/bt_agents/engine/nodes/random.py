@@ -16,16 +16,7 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class RandomChoice(ChooseOne):
-    """Ticks one child, drawn at each start, the more often the larger its weight.
-
-    ==== ========= ======= ======= =======
-    tick draws     a       b       status
-    ==== ========= ======= ======= =======
-    1    b         (I)     RUNNING RUNNING
-    2    –         (I)     SUCCESS SUCCESS
-    3    a         FAILURE (I)     FAILURE
-    ==== ========= ======= ======= =======
-    """
+    """Ticks one child, drawn at each start, the more often the larger its weight."""
 
     def __init__(
         self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
@@ -35,19 +26,16 @@ class RandomChoice(ChooseOne):
         self._random = Random(seed) if isinstance(seed, int) else context.random
 
     def pick(self) -> Behaviour:
-        """Draw among the children whose weight is not 0."""
         weights: dict[Weight, float] = {}
         for child in self.children:
             assert isinstance(child, Weight)
-            if (weight := child.weight()) > 0:
+            if (weight := child.fields.number("weight")) > 0:
                 weights[child] = weight
         if not weights:
             raise Refused("NO_WEIGHT", "all weights are 0, expected at least one larger number")
-        largest = max(weights.values())
         # Scaled, so that the sum of large weights is finite.
-        [picked] = self._random.choices(
-            list(weights), [weight / largest for weight in weights.values()]
-        )
+        shares = [weight / max(weights.values()) for weight in weights.values()]
+        [picked] = self._random.choices(list(weights), shares)
         self.feedback_message = f"picked '{picked.decorated.name}'"
         return picked
 

@@ -16,7 +16,6 @@ class Repeat(Loop):
     """
 
     def ended(self, status: Status) -> Status:
-        """Count successes."""
         if status is not SUCCESS:
             return status
         if self._is_over():

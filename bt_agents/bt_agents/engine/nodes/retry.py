@@ -13,7 +13,6 @@ class Retry(Loop):
     """SUCCESS with the first SUCCESS of the child, FAILURE after so many attempts in all."""
 
     def ended(self, status: Status) -> Status:
-        """Count failures."""
         if status is not FAILURE:
             return status
         attempts = self.fields.count("attempts")

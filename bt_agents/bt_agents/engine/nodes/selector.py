@@ -8,15 +8,12 @@ from itertools import islice
 from py_trees import composites
 from py_trees.common import Status
 
-from bt_agents.engine.composite import Composite
-from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.composite import InOrder
 from bt_agents.engine.light_behaviour import FAILURE, INVALID, RUNNING
-from bt_agents.engine.scope import Scope
 from bt_agents.engine.ticker import Ticker
-from bt_agents_language.model.specs import NodeSpec
 
 
-class LightSelector(Composite, composites.Selector):
+class LightSelector(InOrder, composites.Selector):
     """Ticks its children in order; the first that does not fail decides.
 
     S, F and R are the answers of the children a, b and c, I is INVALID, a bracket was not ticked.
@@ -36,14 +33,7 @@ class LightSelector(Composite, composites.Selector):
     another than the last one.
     """
 
-    def __init__(
-        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
-    ) -> None:
-        super().__init__(spec, context, scope, build)
-        self.memory = bool(self.fields.constant("memory", True))
-
     def tick_children(self, ticker: Ticker) -> Status:
-        """Tick until a child does not fail."""
         ticks, children = ticker.ticks, self.children
         # Start: go on from the first child.
         starts = self.status is not RUNNING

@@ -8,15 +8,12 @@ from itertools import islice
 from py_trees import composites
 from py_trees.common import Status
 
-from bt_agents.engine.composite import Composite
-from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.composite import InOrder
 from bt_agents.engine.light_behaviour import INVALID, RUNNING, SUCCESS
-from bt_agents.engine.scope import Scope
 from bt_agents.engine.ticker import Ticker
-from bt_agents_language.model.specs import NodeSpec
 
 
-class LightSequence(Composite, composites.Sequence):
+class LightSequence(InOrder, composites.Sequence):
     """Ticks its children in order; the first that does not succeed decides.
 
     S, F and R are the answers of the children a, b and c, I is INVALID, a bracket was not ticked.
@@ -35,14 +32,7 @@ class LightSequence(Composite, composites.Sequence):
     memory each tick begins at the first child, and those behind the one that decides are stopped.
     """
 
-    def __init__(
-        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
-    ) -> None:
-        super().__init__(spec, context, scope, build)
-        self.memory = bool(self.fields.constant("memory", True))
-
     def tick_children(self, ticker: Ticker) -> Status:
-        """Tick until a child does not succeed."""
         ticks, children = ticker.ticks, self.children
         starts = self.status is not RUNNING
         if starts:

@@ -49,7 +49,6 @@ class SkillLeaf(Leaf):
     _main_text = ""
 
     def begin(self) -> None:
-        """Send the goal, or publish the message."""
         self._run = self._last_feedback = None
         skill = self.spec.skill
         assert skill is not None
@@ -73,7 +72,6 @@ class SkillLeaf(Leaf):
             self._run = self.context.send(self.spec.path, goal)
 
     def step(self) -> Status:
-        """Poll the goal."""
         if self._run is None:
             return Status.SUCCESS
         state = self._run.state
@@ -90,7 +88,6 @@ class SkillLeaf(Leaf):
         return Status.FAILURE
 
     def end(self) -> None:
-        """Cancel what has not ended."""
         if self._run is not None and not self._run.state.ended:
             self._run.cancel()
 

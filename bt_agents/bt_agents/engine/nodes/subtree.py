@@ -31,11 +31,9 @@ class Subtree(Decorator):
         super().__init__(spec, context, scope, lambda child, _: build(child, self._inside))
 
     def initialise(self) -> None:
-        """Forget what was written."""
         self._inside.written.clear()
 
     def decide(self) -> Status:
-        """Hand over the outputs at the end."""
         status = self.decorated.status
         if status is not RUNNING:
             for name, inner in self.spec.outputs.items():

@@ -14,7 +14,6 @@ class Succeed(Decorator):
     """SUCCESS for FAILURE."""
 
     def tick_children(self, ticker: Ticker) -> Status:
-        """Tick the child and return SUCCESS for its end."""
         status = ticker.ticks[self.decorated]()
         return RUNNING if status is RUNNING else SUCCESS
 

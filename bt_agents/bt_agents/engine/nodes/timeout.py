@@ -13,24 +13,15 @@ from bt_agents.engine.light_behaviour import RUNNING
 class Timeout(Decorator):
     """FAILURE when the child still runs after a time, on the trees' clock; it may be tuned.
 
-    ==== ================ ================= =======
-    tick since the start  child             status
-    ==== ================ ================= =======
-    1    0 s              RUNNING           RUNNING
-    2    below the limit  RUNNING           RUNNING
-    3    the limit, more  RUNNING, stopped  FAILURE
-    3    the limit, more  SUCCESS, FAILURE  as the child
-    ==== ================ ================= =======
+    A child that ends in the tick in which its time is up ends as it does.
     """
 
     _start = 0.0
 
     def initialise(self) -> None:
-        """Take the time of the start."""
         self._start = self.context.clock()
 
     def decide(self) -> Status:
-        """Compare the start with the clock while the child runs."""
         if self.decorated.status is not RUNNING:
             return self.decorated.status
         limit = self.fields.seconds("limit")

@@ -16,11 +16,9 @@ class Wait(Leaf):
     _start = 0.0
 
     def begin(self) -> None:
-        """Take the time of the start."""
         self._start = self.context.clock()
 
     def step(self) -> Status:
-        """Compare the start with the clock."""
         duration = self.fields.seconds("duration")
         if self.context.is_due(self.spec.path, self._start + duration):
             return SUCCESS

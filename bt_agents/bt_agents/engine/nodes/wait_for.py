@@ -40,13 +40,11 @@ class WaitForCondition(Leaf):
     """SUCCESS when a condition has been true for a time; one with a missing value is not true."""
 
     def begin(self) -> None:
-        """Start without having evaluated anything."""
         self._hold = _Hold()
         self._unknown: MissingValue | None = None
         self._explanation = ""
 
     def step(self) -> Status:
-        """Evaluate the condition."""
         self._hold.update(self._is_true(), self.context.clock)
         due = self._hold.due(self.fields.seconds("for"))
         return SUCCESS if self.context.is_due(self.spec.path, due) else RUNNING
@@ -90,7 +88,6 @@ class WaitForMessage(Leaf):
     _mismatch = ""
 
     def begin(self) -> None:
-        """Subscribe."""
         self._mismatch = ""
         self._hold = _Hold()
         self._message: Mapping[str, Plain] = {}
@@ -99,7 +96,6 @@ class WaitForMessage(Leaf):
         self._inbox = self.context.environment.watch(topic, type_name, latched=latched)
 
     def step(self) -> Status:
-        """Handle the messages that have come."""
         assert self._inbox is not None
         seconds = self.fields.seconds("for")
         while (message := self._inbox.take()) is not None:
@@ -121,11 +117,9 @@ class WaitForMessage(Leaf):
         return SUCCESS
 
     def missing(self) -> str:
-        """Return why the last message did not fit."""
         return self._mismatch
 
     def end(self) -> None:
-        """Unsubscribe."""
         if self._inbox is not None:
             inbox, self._inbox = self._inbox, None
             inbox.close()

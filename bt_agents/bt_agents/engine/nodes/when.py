@@ -12,7 +12,6 @@ class When(Skip):
     """Skips the child unless the condition is true; one that cannot be evaluated is not true."""
 
     def skip_reason(self) -> str:
-        """Evaluate the condition."""
         try:
             if self.fields.is_true("condition"):
                 return ""

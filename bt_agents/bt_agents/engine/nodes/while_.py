@@ -7,36 +7,15 @@ from py_trees.common import Status
 
 from bt_agents.engine.decorator import Decorator
 from bt_agents.engine.light_behaviour import RUNNING
-from bt_agents.engine.node_errors import reason_of
 
 
 class While(Decorator):
-    """FAILURE as soon as the condition is not true; evaluated at each tick, before the child.
-
-    ==== ========= ============ =======
-    tick condition child        status
-    ==== ========= ============ =======
-    1    true      RUNNING      RUNNING
-    2    true      SUCCESS      SUCCESS
-    3    true      RUNNING      RUNNING
-    4    false     (I), stopped FAILURE
-    5    missing   (I)          FAILURE
-    ==== ========= ============ =======
-    """
+    """FAILURE as soon as the condition is not true; evaluated at each tick, before the child."""
 
     def short_circuit(self) -> Status | None:
-        """Evaluate the condition."""
-        reason = self._why_not()
-        return self.fail(reason) if reason else None
-
-    def _why_not(self) -> str:
-        try:
-            if self.fields.is_true("condition"):
-                return ""
-        except Exception as error:
-            return reason_of(error)
         verb = "not so any more" if self.status is RUNNING else "not so"
-        return self.fields.explain_false("condition", verb=verb)
+        reason = self.why_not("condition", verb=verb)
+        return self.fail(reason) if reason else None
 
 
 BEHAVIOURS = {"while": While}

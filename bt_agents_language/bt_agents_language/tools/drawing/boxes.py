@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.specs import Literal, NodeSpec, Value
 from bt_agents_language.nodes.catalogue import type_of
-from bt_agents_language.nodes.node_type import Children, Content, Role
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, Role, declared_field
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.tools.drawing.value_format import LONGEST_TEXT, format_value
 
@@ -52,14 +51,9 @@ class Box:
     """Box: one node of a picture.
 
     Attributes:
-        kind: How it looks.
-        word: Its key in the file.
         name: The author's name for it; empty when it has none.
         details: Its values and conditions, one each, with the commas between them.
         role: What it is to its parent: ``on failure``; empty for an ordinary child.
-        path: Its path in the tree.
-        position: Its place in the file.
-        children: In order.
     """
 
     kind: BoxKind
@@ -73,13 +67,7 @@ class Box:
 
 
 def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> Box:
-    """Return what a picture shows of a node and of all below it.
-
-    Args:
-        spec: The node.
-        longest_text: Characters of a name or text; the rest is left out.
-        role: What the node is to its parent.
-    """
+    """Return what a picture shows of a node and of all below it, long texts cut off."""
     return Box(
         kind=_kind(spec),
         word=type_of(spec).drawn_key(spec),
@@ -147,7 +135,8 @@ def _values(spec: NodeSpec, longest_text: int) -> list[str]:
     shown = []
     for name, value in spec.fields.items():
         field = fields.get(name)
-        if name in node_type.derived or _is_default(value, field):
+        constant = value.value if isinstance(value, Literal) else value
+        if name in node_type.derived or (field is not None and constant == field.default):
             continue
         text = _chosen(spec, value, field) or _text(value, field, longest_text)
         if field is not None and field.drawn:
@@ -161,27 +150,10 @@ def _values(spec: NodeSpec, longest_text: int) -> list[str]:
     return shown
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Field:
-    """Field as far as a picture needs it.
-
-    Attributes:
-        words: Whether texts in it are words.
-        counts: Whether numbers in it are places of children.
-        drawn: What a picture says of any value but the default.
-    """
-
-    type: FieldType
-    default: object
-    words: bool = False
-    counts: bool = False
-    drawn: str = ""
-
-
-def _chosen(spec: NodeSpec, value: Value | Expression, field: _Field | None) -> str:
+def _chosen(spec: NodeSpec, value: Value | Expression, field: NodeField | None) -> str:
     """Return the names of the children that a field chooses; empty when it chooses none."""
     chosen = value.value if isinstance(value, Literal) else None
-    if field is None or not field.counts or not isinstance(chosen, tuple):
+    if field is None or field.content is not Content.COUNT or not isinstance(chosen, tuple):
         return ""
     names = []
     for child in (spec.children[at] for at in chosen if isinstance(at, int)):
@@ -191,28 +163,16 @@ def _chosen(spec: NodeSpec, value: Value | Expression, field: _Field | None) -> 
     return f"[{', '.join(names)}]"
 
 
-def _fields(spec: NodeSpec) -> Mapping[str, _Field]:
+def _fields(spec: NodeSpec) -> Mapping[str, NodeField]:
     if spec.skill is not None and type_of(spec) is SKILL:
-        return {one.name: _Field(type=one.type, default=one.default) for one in spec.skill.inputs}
-    return {
-        one.name: _Field(
-            type=one.type,
-            default=one.default,
-            words=bool(one.words) or one.content is not Content.VALUE,
-            counts=one.content is Content.COUNT,
-            drawn=one.drawn,
-        )
-        for one in type_of(spec).fields
-    }
+        return {one.name: declared_field(one) for one in spec.skill.inputs}
+    return {field.name: field for field in type_of(spec).fields}
 
 
-def _is_default(value: Value | Expression, field: _Field | None) -> bool:
-    return field is not None and isinstance(value, Literal) and value.value == field.default
-
-
-def _text(value: Value | Expression, field: _Field | None, longest_text: int) -> str:
+def _text(value: Value | Expression, field: NodeField | None, longest_text: int) -> str:
     if field is None:
         return format_value(value, longest_text=longest_text)
-    if field.words and isinstance(value, Literal) and isinstance(value.value, str):
+    is_word = field.words or field.content is not Content.VALUE
+    if is_word and isinstance(value, Literal) and isinstance(value.value, str):
         return value.value
     return format_value(value, field.type, longest_text)

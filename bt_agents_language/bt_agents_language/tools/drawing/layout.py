@@ -54,7 +54,7 @@ class Placed:
 
 def place(box: Box, x: float, y: float) -> Placed:
     """Return a tree with its upper left corner at a point."""
-    lines = _lines(box)
+    lines = tuple(filter(None, (head(box), *detail_lines(box), box.role)))
     width = _width(box, lines)
     height = len(lines) * LINE + 2 * PADDING
     children: list[Placed] = []
@@ -87,8 +87,3 @@ def _width(box: Box, lines: tuple[str, ...]) -> float:
     longest = max([first, *map(columns, lines[1:])])
     slant = 2 * PADDING if box.kind is BoxKind.DECORATOR else 0.0
     return max(_NARROWEST, longest * _COLUMN + 2 * PADDING + slant)
-
-
-def _lines(box: Box) -> tuple[str, ...]:
-    role = [box.role] if box.role else []
-    return (head(box), *detail_lines(box), *role)

@@ -25,12 +25,7 @@ _NARROWEST = 24
 
 
 def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
-    """Return the agent's head and trees as text, ended by a line feed.
-
-    Args:
-        agent: The agent.
-        space: The scene parameters.
-        width: Columns that a line should not be wider than.
+    """Return the agent's head and trees as text, ended by a line feed, in so many columns.
 
     Example:
         ::
@@ -58,13 +53,7 @@ def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
 
 
 def head_lines(agent: AgentSpec, space: SceneSpace, width: int) -> list[str]:
-    """Return what an agent is, the words lined up.
-
-    Args:
-        agent: The agent.
-        space: The scene parameters.
-        width: Columns that a line should not be wider than.
-    """
+    """Return what an agent is, the words lined up, in lines of so many columns."""
     entries: dict[str, Sequence[str]] = {
         "profile": [format_profile(agent.profile, space)],
         "requires": [agent.requires.text] if agent.requires is not None else [],
@@ -108,11 +97,10 @@ def _lines(box: Box, file: str, digits: int, width: int, before: str, below: str
 
 
 def packed(pieces: Iterable[str], width: int) -> list[str]:
-    """Return lines that hold the pieces one after the other.
+    """Return lines of so many columns that hold the pieces one after the other.
 
-    Args:
-        pieces: Each stays in one line if it fits; a longer one is broken between its words.
-        width: Columns of a line; only a single word may be wider.
+    Each stays in one line if it fits; a longer one is broken between its words, of which only a
+    single one may be wider than a line.
     """
     lines: list[str] = []
     for piece in pieces:

@@ -22,22 +22,19 @@ class Comment:
         index: Index of its ``#`` in the file's text.
         text: From its ``#`` on, without spaces at its end.
         column: Where the first character of its line that is no space stands, from 0.
-        blank_before: Whether a blank line stands before it.
+        own_column: Where its ``#`` stands in its line, from 0.
+        blank_before: Whether it is the first of its line, below a blank line.
     """
 
     index: int
     text: str
     column: int
+    own_column: int
     blank_before: bool
 
 
 def find_comments(source: Source, root: Node) -> tuple[Comment, ...]:
-    """Return the comments of a file in their order.
-
-    Args:
-        source: The file; its lines end with a line feed alone.
-        root: Its document.
-    """
+    """Return the comments of a file, whose lines end with a line feed alone, in their order."""
     found: list[Comment] = []
     at = 0
     for scalar in sorted(scalars(root), key=lambda one: one.span):
@@ -81,5 +78,6 @@ def _in_gap(source: Source, start: int, end: int) -> Iterator[Comment]:
             index=match.start(),
             text=match[0].rstrip(),
             column=len(line) - len(line.lstrip()),
+            own_column=len(line) - 1,
             blank_before=blank_before(source, match.start()),
         )

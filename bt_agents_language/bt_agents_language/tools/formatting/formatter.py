@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from bisect import bisect
-from dataclasses import dataclass
 from typing import TypeGuard
 
 from bt_agents_core.errors import BtAgentsError
@@ -88,14 +87,6 @@ def _read(source: Source) -> Node:
     return root
 
 
-@dataclass(frozen=True, kw_only=True)
-class _TrailingComment:
-    """A comment behind something; its ``column`` in the source counts from 0."""
-
-    column: int
-    text: str
-
-
 class _Writer:
     """Writes one document line by line, with the comments at their places."""
 
@@ -108,7 +99,7 @@ class _Writer:
         self._next = 0
         self._lines: list[str] = []
         # Comments behind lines, by the index of the line.
-        self._trailing_comments: dict[int, _TrailingComment] = {}
+        self._trailing_comments: dict[int, Comment] = {}
         # The dashes that the next line starts with.
         self._dashes = ""
         # Up to where the source has been written.
@@ -187,7 +178,7 @@ class _Writer:
         if self._next < len(self._comments) and self._comments[self._next].index < node.span[1]:
             comment = self._comments[self._next]
             self._next += 1
-            self._beside(len(self._lines) - count, comment)
+            self._trailing_comments[len(self._lines) - count] = comment
             self._takes_comment = False
 
     def _on_own_line(
@@ -251,10 +242,9 @@ class _Writer:
 
     def _is_block(self, node: Node, column: int) -> TypeGuard[Mapping | Sequence]:
         """Return whether a value is a list or mapping that is to take several lines."""
-        if isinstance(node, Scalar):
-            return False
-        if not _children(node):
-            return False
+        match node:
+            case Scalar() | Mapping(entries=()) | Sequence(items=()):
+                return False
         if self._source.text[node.span[0]] not in "{[":
             return True
         if bisect(self._places, node.span[0]) < bisect(self._places, node.span[1]):
@@ -282,7 +272,7 @@ class _Writer:
             comment = self._comments[self._next]
             self._next += 1
             if self._takes_comment and self._same_line(self._end, comment.index):
-                self._beside(len(self._lines) - 1, comment)
+                self._trailing_comments[len(self._lines) - 1] = comment
             else:
                 self._line(indent, comment.text, comment.blank_before)
             self._takes_comment = False
@@ -312,11 +302,6 @@ class _Writer:
     def _same_line(self, start: int, end: int) -> bool:
         return 0 <= start <= end and "\n" not in self._source.text[start:end]
 
-    def _beside(self, number: int, comment: Comment) -> None:
-        """Put a comment at the end of a line."""
-        before = self._source.text[: comment.index].rpartition("\n")[2]
-        self._trailing_comments[number] = _TrailingComment(column=len(before), text=comment.text)
-
     def _with_trailing_comments(self) -> list[str]:
         """Return the lines with their comments, which stay lined up on neighbouring lines."""
         lines = list(self._lines)
@@ -330,12 +315,12 @@ class _Writer:
         return self._source.text[slice(*scalar.span)]
 
 
-def _runs(comments: dict[int, _TrailingComment]) -> list[list[int]]:
+def _runs(comments: dict[int, Comment]) -> list[list[int]]:
     """Return the neighbouring lines whose comments stood in one column; many are alone."""
     runs: list[list[int]] = []
     for number, comment in sorted(comments.items()):
         before = comments.get(number - 1)
-        if before is not None and before.column == comment.column:
+        if before is not None and before.own_column == comment.own_column:
             runs[-1].append(number)
         else:
             runs.append([number])
@@ -350,7 +335,3 @@ def _first(node: Node) -> int:
         case Sequence(items=(first, *_)):
             return _first(first)
     return node.span[0]
-
-
-def _children(node: Mapping | Sequence) -> tuple[object, ...]:
-    return node.entries if isinstance(node, Mapping) else node.items

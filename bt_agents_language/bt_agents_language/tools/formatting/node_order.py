@@ -14,20 +14,12 @@ from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 _COMMENT_NEXT = re.compile(r"[ \t,]*#")
 _ARGUMENTS = ("with", "outputs")
 _HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
-_RANKS = {
-    word: rank
-    for rank, word in enumerate(
-        dict.fromkeys(
-            (
-                "name",
-                *(word for word in SIBLINGS if word not in _ARGUMENTS),
-                *_ARGUMENTS,
-                *(word for word in DECORATORS if word not in _HANDLERS),
-                *_HANDLERS,
-            )
-        )
-    )
-}
+_ORDER = (
+    *(word for word in SIBLINGS if word not in _ARGUMENTS),
+    *_ARGUMENTS,
+    *(word for word in DECORATORS if word not in _HANDLERS),
+    *_HANDLERS,
+)
 
 
 def ordered_nodes(
@@ -37,12 +29,7 @@ def ordered_nodes(
 
     ``name`` comes first. Decorators stay on their side of the node key, in the order in which they
     nest; ``with`` and ``outputs`` come before them, and the handler ``on_failure`` last. A node
-    where that would change the order of comments stays as it is.
-
-    Args:
-        root: The document.
-        text: Of the file.
-        comments: Index of every comment, rising.
+    where that would change the order of comments, found by their indices, stays as it is.
 
     Returns:
         Span of the node's mapping → its entries.
@@ -52,7 +39,7 @@ def ordered_nodes(
 
 def _ordered(node: Mapping, text: str, comments: Sequence[int]) -> tuple[MappingEntry, ...]:
     entries = node.entries
-    keys = [at for at, entry in enumerate(entries) if entry.key.text not in _RANKS]
+    keys = [at for at, entry in enumerate(entries) if entry.key.text not in _ORDER]
     if len(keys) != 1:
         return entries
     before, after = entries[: keys[0]], entries[keys[0] + 1 :]
@@ -73,7 +60,7 @@ def _ordered(node: Mapping, text: str, comments: Sequence[int]) -> tuple[Mapping
 
 
 def _rank(entry: MappingEntry) -> int:
-    return _RANKS[entry.key.text]
+    return _ORDER.index(entry.key.text)
 
 
 def _end(node: Node) -> int:

@@ -27,17 +27,11 @@ def quoted(text: str) -> str:
 
 
 def in_one_line(scalar: Scalar, written: str, *, flow: bool, keep_quotes: bool = False) -> str:
-    r"""Return a value as it is to be written in one line.
+    """Return a value as it is to be written in one line, ``flow`` inside of ``{}`` or ``[]``.
 
     Quotes are dropped only around a few words and, outside of ``{}`` and ``[]``, around
     ``${name}``: there nobody can take the text for anything else. Numbers, times and the words
     that other programs take for true or false keep what they have. A question gets quotes.
-
-    Args:
-        scalar: The value.
-        written: How it stands in the file.
-        flow: Whether it is to stand inside of ``{}`` or ``[]``.
-        keep_quotes: Drop no quotes.
     """
     if scalar.style == "":
         return quoted(scalar.text) if "?" in scalar.text else scalar.text
@@ -82,14 +76,13 @@ def _in_quotes(scalar: Scalar, written: str) -> str:
 
 
 def reindented(written: str, indent: int) -> list[str]:
-    """Return the lines of a plain or quoted text, all but the first indented.
+    """Return the lines of a text as it stands in the file, all but the first indented."""
 
-    Args:
-        written: The text as it stands in the file, its quotes included.
-        indent: Spaces before every line but the first.
-    """
+    def strip(line: str) -> str:
+        # An escaped space at the end of a line of a double-quoted text is a part of it.
+        return _ESCAPED_SPACE.sub("", line) if written.startswith('"') else line.rstrip()
+
     first, *others = written.split("\n")
-    strip = _without_space if written.startswith('"') else str.rstrip
     lines = [strip(first)]
     for number, other in enumerate(others, start=2):
         line = other.lstrip(" \t")
@@ -101,14 +94,8 @@ def reindented(written: str, indent: int) -> list[str]:
 def reindented_block(written: str, text: str, indent: int, parent: int) -> list[str] | None:
     """Return the lines of a text block (``|`` or ``>``), the line with the sign first.
 
-    Args:
-        written: The block as it stands in the file.
-        text: What it says.
-        indent: Spaces before every line but the first.
-        parent: Indentation of the list or mapping that it stands in.
-
-    Returns:
-        The lines, or None when the block holds only blank lines, which quotes show better.
+    The lines behind it are indented by so many spaces, ``parent`` of which are those of the list
+    or mapping around the block. None for a block of blank lines, which quotes show better.
     """
     if not text.strip(" \n"):
         return None
@@ -130,8 +117,3 @@ def reindented_block(written: str, text: str, indent: int, parent: int) -> list[
         *(" " * indent + line if line else "" for line in content),
         *[""] * (ends - 1),
     ]
-
-
-def _without_space(line: str) -> str:
-    """Return a line of a double-quoted text without the spaces at its end that mean nothing."""
-    return _ESCAPED_SPACE.sub("", line)

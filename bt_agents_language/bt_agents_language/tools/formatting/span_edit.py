@@ -14,14 +14,11 @@ from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence,
 
 
 def replace_value(source: Source, node: Scalar, new_text: str) -> str:
-    """Return the text of a file with one value changed; every other character stays.
+    """Return the text of a file with one value of it changed; every other character stays.
 
-    Args:
-        source: The file.
-        node: The value, as it was read from this text.
-        new_text: What is to stand there instead. Where a text stood it stays a text, in quotes if
-            it would mean something else without; where a number, time, truth value or nothing
-            stood, it means what it would mean to an author.
+    Where a text stood the new one stays a text, in quotes if it would mean something else
+    without; where a number, time, truth value or nothing stood, it means what it would mean to an
+    author.
 
     Raises:
         ValueError: ``node`` is no value of this file, or no file can hold ``new_text``.
@@ -60,18 +57,16 @@ def _only_changed(before: Node, after: Node, node: Scalar, new_text: str) -> boo
     old, new = list(_parts(before)), list(_parts(after))
     if len(old) != len(new):
         return False
-    for one, other in zip(old, new, strict=True):
+
+    def fits(one: Scalar | str, other: Scalar | str) -> bool:
         if isinstance(one, str) or isinstance(other, str):
-            same = one == other
-        elif one.span == node.span:
-            same = other.text == new_text and (
-                value_type(one) is not str or value_type(other) is str
-            )
-        else:
-            same = (one.text, one.style) == (other.text, other.style)
-        if not same:
-            return False
-    return True
+            return one == other
+        if one.span != node.span:
+            return (one.text, one.style) == (other.text, other.style)
+        stays_text = value_type(one) is not str or value_type(other) is str
+        return other.text == new_text and stays_text
+
+    return all(map(fits, old, new))
 
 
 def _parts(node: Node) -> Iterator[Scalar | str]:

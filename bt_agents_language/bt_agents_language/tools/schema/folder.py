@@ -24,9 +24,7 @@ _WITH_TREES = (AGENT, LIBRARY)
 def folder_vocabulary(folder: Path, plugins: Mapping[str, NodeType] | None = None) -> SymbolTable:
     """Return all words that some file of a trees folder may use, those of libraries included.
 
-    Args:
-        folder: The trees folder.
-        plugins: Kinds of nodes of plug-ins; None takes the installed ones.
+    Nodes of plug-ins are those of the installed packages unless others are given.
 
     Raises:
         ReadError: ``scene.yaml`` or a skills file is broken.

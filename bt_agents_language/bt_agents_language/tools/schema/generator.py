@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.fields.scope import mood_names, scene_names
 from bt_agents_language.tools.schema import value_schemas
@@ -31,31 +32,27 @@ from bt_agents_language.yaml.typed_reader import FORMAT
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 
-_SINGLE: Mapping[Form, Callable[[], Schema]] = {
-    Form.ANY: dict,
-    Form.AMOUNT: lambda: {"type": ["number", "string"]},
-    Form.BOOLEAN: value_schemas.boolean,
-    Form.CONDITION: value_schemas.condition,
-    Form.DURATION: value_schemas.duration,
-    Form.LENGTH: value_schemas.length,
-    Form.NAME: value_schemas.name,
-    Form.NODE: lambda: dict(value_schemas.NODE),
-    Form.NOTHING: lambda: {"type": "null"},
-    Form.ROS_NAME: value_schemas.ros_name,
-    Form.ROS_TYPE: value_schemas.ros_type,
-    Form.TEXT: value_schemas.text,
+_SINGLE: Mapping[Form, Schema] = {
+    Form.ANY: {},
+    Form.AMOUNT: {"type": ["number", "string"]},
+    Form.BOOLEAN: value_schemas.BOOLEAN,
+    Form.CONDITION: value_schemas.CONDITION,
+    Form.DURATION: value_schemas.quantity(FieldType.DURATION),
+    Form.LENGTH: value_schemas.quantity(FieldType.LENGTH),
+    Form.NAME: value_schemas.NAME,
+    Form.NODE: value_schemas.NODE,
+    Form.NOTHING: {"type": "null"},
+    Form.ROS_TYPE: value_schemas.ROS_TYPE,
+    Form.TEXT: value_schemas.TEXT,
 }
 
 
 def file_schema(
     kind: FileKind, space: SceneSpace, definitions: Mapping[str, Schema] | None = None
 ) -> Schema:
-    """Return the schema of a whole file.
+    """Return the schema of a kind of file, where names of scene parameters are keys.
 
-    Args:
-        kind: Its field table.
-        space: The scene parameters, whose names are keys in many places.
-        definitions: What the schema refers to besides the shared tables of the file.
+    Its definitions are the shared tables of the file and any others that it refers to.
     """
     generator = SchemaGenerator(space)
     version: Schema = {
@@ -82,11 +79,7 @@ def table_schema(table: KeyTable) -> Schema:
 
 
 class SchemaGenerator:
-    """Makes schemas of values from their declarations.
-
-    Args:
-        space: The scene parameters.
-    """
+    """Makes schemas of values from their declarations."""
 
     def __init__(self, space: SceneSpace) -> None:
         self._space = space
@@ -110,7 +103,7 @@ class SchemaGenerator:
         if isinstance(declared.value, Single) and declared.value.scene_names:
             text += f" Names: {', '.join(self._condition_names())}."
         if declared.default is not None:
-            schema = {**schema, "default": value_schemas.plain(declared.default)}
+            schema = {**schema, "default": declared.default}
         return described(schema, text)
 
     def _condition_names(self) -> list[str]:
@@ -154,9 +147,9 @@ class SchemaGenerator:
                 return value_schemas.number(*limits)
             case Form.INTEGER:
                 return value_schemas.integer(*limits)
-            case Form.ROS_NAME if declared.placeholders:
-                return value_schemas.ros_name(placeholders=True)
-        return _SINGLE[declared.form]()
+            case Form.ROS_NAME:
+                return value_schemas.ros_name(placeholders=declared.placeholders)
+        return _SINGLE[declared.form]
 
     def _entries(self, declared: Entries) -> Schema:
         value = self.value(declared.value)
@@ -178,7 +171,7 @@ class SchemaGenerator:
             return mapping({name: value_schemas.number(*of) for name, of in limits.items()}, [])
         properties = self._parameters()
         if declared.person and "person" not in properties:
-            properties["person"] = described(value_schemas.boolean(), declared.person)
+            properties["person"] = described(value_schemas.BOOLEAN, declared.person)
         schema = mapping(properties, list(self._space.names) if declared.every else [])
         return schema | ({"minProperties": 1} if declared.filled else {})
 

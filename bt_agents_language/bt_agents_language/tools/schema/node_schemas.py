@@ -8,15 +8,25 @@ from collections.abc import Mapping
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.fields.bindings import HEARTBEAT, TIMEOUTS
-from bt_agents_language.model.specs import FieldSpec, SkillSpec
+from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
-from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.node_pages import NodePage, node_page
 from bt_agents_language.tools.schema import value_schemas
 from bt_agents_language.tools.schema.generator import table_schema
 from bt_agents_language.tools.schema.value_schemas import NODE, Schema, described, mapping
+
+_CONTENT: Mapping[Content, Schema] = {
+    Content.CONDITION: value_schemas.CONDITION,
+    Content.ROS_NAME: value_schemas.ros_name(),
+    Content.ROS_TYPE: value_schemas.ROS_TYPE,
+    Content.MAP: {"type": "object"},
+    Content.OUTPUTS: value_schemas.names(value_schemas.TEXT),
+    Content.HEARTBEAT: table_schema(HEARTBEAT),
+    Content.NODE: NODE,
+}
 
 
 def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
@@ -31,7 +41,7 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
         **{key: _skill(skill) for key, skill in vocabulary.skills.items()},
     }
     others = {
-        **{key: _decorator(one) for key, one in DECORATORS.items()},
+        **{key: _type(one, vocabulary.space) for key, one in DECORATORS.items()},
         **{key: _content(one.field) for key, one in SIBLINGS.items()},
     }
     properties: dict[str, object] = {}
@@ -122,13 +132,17 @@ def _snippet(names: list[str]) -> Schema:
 
 
 def _type(node_type: NodeType, space: SceneSpace) -> Schema:
-    properties = {field.name: _field(field) for field in node_type.fields}
-    if node_type.interface is None:
+    if node_type.handler:
+        return {"type": "object", "allOf": [NODE]}
+    if node_type.role is Role.DECORATOR and not node_type.fields:
+        return value_schemas.BOOLEAN
+    scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.names}
+    properties = {}
+    for field in node_type.fields:
         # Only the goals, requests and messages of ROS have fields that no table knows.
-        scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.names}
-        for field in node_type.fields:
-            if field.content is Content.MAP:
-                properties[field.name] = described(mapping(scene, []), field.description)
+        of_scene = field.content is Content.MAP and node_type.interface is None
+        schema = mapping(scene, []) if of_scene else _content(field)
+        properties[field.name] = described(schema, field.description)
     required = [field.name for field in node_type.fields if field.required]
     if node_type.open:
         anything = value_schemas.value(FieldType.ANY)
@@ -157,22 +171,15 @@ def _type(node_type: NodeType, space: SceneSpace) -> Schema:
 
 
 def _skill(skill: SkillSpec) -> Schema:
-    properties = {one.name: _input(one) for one in skill.inputs}
+    values = {one.name: value_schemas.value(one.type) for one in skill.inputs}
+    properties = {}
+    for one in skill.inputs:
+        known = not one.required and one.default is not None
+        default: Schema = {"default": one.default} if known else {}
+        properties[one.name] = described({**values[one.name], **default}, one.description)
     required = [one.name for one in skill.inputs if one.required]
-    types = {one.name: one.type for one in skill.inputs}
-    main = None if skill.main is None else (skill.main, value_schemas.value(types[skill.main]))
+    main = None if skill.main is None else (skill.main, values[skill.main])
     return _leaf(skill.name, properties, required, main, empty=True)
-
-
-def _decorator(decorator: NodeType) -> Schema:
-    if decorator.handler:
-        return {"type": "object", "allOf": [NODE]}
-    if not decorator.fields:
-        return value_schemas.boolean()
-    properties = {field.name: _field(field) for field in decorator.fields}
-    required = [field.name for field in decorator.fields if field.required]
-    main = next(field for field in decorator.fields if field.name == decorator.main)
-    return _leaf(decorator.key, properties, required, (main.name, _content(main)))
 
 
 def _leaf(
@@ -186,13 +193,7 @@ def _leaf(
     """Return the schema of fields in a mapping, or of the main one as a scalar.
 
     Both stand in one schema where that is possible, which gives one clear message a mistake.
-
-    Args:
-        key: The word that they stand behind.
-        properties: Schemas of the fields.
-        required: Those that are needed.
-        main: The main field, None when there is none.
-        empty: Whether nothing may be written when no field is needed.
+    ``empty`` allows to write nothing where no field is needed.
     """
     types: list[object] = ["object", *(["null"] if empty and not required else [])]
     fields: Schema = {**mapping(properties, required), "type": types if types[1:] else "object"}
@@ -216,60 +217,29 @@ def _leaf(
     }
 
 
-def _field(field: NodeField) -> Schema:
-    """Return the schema of one field of the table of nodes."""
-    return described(_content(field), field.description)
-
-
 def _content(field: NodeField) -> Schema:
     match field.content:
         case Content.VALUE:
             return value_schemas.value(field.type, field.minimum, field.words)
-        case Content.CONDITION:
-            return value_schemas.condition()
-        case Content.ROS_NAME:
-            return value_schemas.ros_name()
-        case Content.ROS_TYPE:
-            return value_schemas.ros_type()
-        case Content.MAP:
-            return {"type": "object"}
-        case Content.OUTPUTS:
-            return value_schemas.names(value_schemas.text())
         case Content.TIMEOUTS:
             return table_schema(TIMEOUTS.only(field.words))
-        case Content.HEARTBEAT:
-            return table_schema(HEARTBEAT)
-        case Content.NODE:
-            return NODE
         case Content.COUNT:
-            return {
-                "anyOf": [
-                    {"enum": list(field.words)},
-                    value_schemas.integer(1),
-                    {"type": "array", "items": value_schemas.text()},
-                ]
-            }
-    if field.words:
-        return {"enum": list(field.words)}
-    return _constant(field)
+            words: Schema = {"enum": list(field.words)}
+            names: Schema = {"type": "array", "items": value_schemas.TEXT}
+            return {"anyOf": [words, value_schemas.integer(1), names]}
+        case Content.CONSTANT:
+            return {"enum": list(field.words)} if field.words else _constant(field)
+    return _CONTENT[field.content]
 
 
 def _constant(field: NodeField) -> Schema:
     match field.type:
         case FieldType.BOOLEAN:
-            return value_schemas.boolean()
+            return value_schemas.BOOLEAN
         case FieldType.INTEGER:
             return value_schemas.integer(None if field.minimum is None else int(field.minimum))
         case FieldType.DURATION:
-            return value_schemas.duration()
+            return value_schemas.quantity(field.type)
         case FieldType.NUMBER:
             return value_schemas.number(field.minimum)
-    return value_schemas.text()
-
-
-def _input(one: FieldSpec) -> Schema:
-    """Return the schema of one input of a skill."""
-    schema = value_schemas.value(one.type)
-    if not one.required and one.default is not None:
-        schema["default"] = value_schemas.plain(one.default)
-    return described(schema, one.description)
+    return value_schemas.TEXT

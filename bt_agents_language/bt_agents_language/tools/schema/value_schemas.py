@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeAlias
 
-from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.expression.units import ANGLE, LENGTH, TIME
 from bt_agents_language.reference.node_pages import TYPE_WORDS
 
@@ -24,26 +24,35 @@ _SCALAR = ["string", "number", "boolean"]
 _NAME = "^[a-z][a-z0-9_]*$"
 _ROS_NAME = r"^[A-Za-z~/_][A-Za-z0-9_/~]*$"
 _ROS_NAME_WITH_PLACEHOLDERS = r"^[A-Za-z~/_<][A-Za-z0-9_/~<>]*$"
-_ROS_TYPE = r"^[A-Za-z][A-Za-z0-9_]*/(msg|srv|action)/[A-Za-z][A-Za-z0-9_]*$"
+
+TEXT: Schema = {"type": _SCALAR}
+"""A text; a number or ``true`` is taken as it is written."""
+
+CONDITION: Schema = {"type": ["string", "boolean"]}
+
+BOOLEAN: Schema = {
+    "type": ["boolean", "string"],
+    "pattern": "^(true|True|TRUE|false|False|FALSE)$",
+    "patternErrorMessage": "expected true or false",
+}
+
+NAME: Schema = {
+    "type": "string",
+    "pattern": _NAME,
+    "patternErrorMessage": "a name has small letters a-z, digits and '_', a letter first",
+}
+"""A name that a file introduces."""
+
+ROS_TYPE: Schema = {
+    "type": "string",
+    "pattern": r"^[A-Za-z][A-Za-z0-9_]*/(msg|srv|action)/[A-Za-z][A-Za-z0-9_]*$",
+    "patternErrorMessage": "expected package/msg/Name, package/srv/Name or package/action/Name",
+}
 
 
 def described(schema: Schema, text: str) -> Schema:
     """Return a schema with what an editor shows about it."""
     return {"description": text, **schema} if text else schema
-
-
-def text() -> Schema:
-    """Return the schema of a text; a number or ``true`` is taken as it is written."""
-    return {"type": list(_SCALAR)}
-
-
-def name() -> Schema:
-    """Return the schema of a name that a file introduces."""
-    return {
-        "type": "string",
-        "pattern": _NAME,
-        "patternErrorMessage": "a name has small letters a-z, digits and '_', a letter first",
-    }
 
 
 def names(values: Schema, pattern: str = _NAME) -> Schema:
@@ -65,21 +74,6 @@ def mapping(properties: Mapping[str, Schema], required: list[str]) -> Schema:
     return {**schema, "required": required} if required else schema
 
 
-def condition() -> Schema:
-    """Return the schema of a condition."""
-    return {"type": ["string", "boolean"]}
-
-
-def boolean() -> Schema:
-    """Return the schema of ``true`` or ``false``."""
-    words = ("true", "True", "TRUE", "false", "False", "FALSE")
-    return {
-        "type": ["boolean", "string"],
-        "pattern": f"^({'|'.join(words)})$",
-        "patternErrorMessage": "expected true or false",
-    }
-
-
 def number(minimum: float | None = None, maximum: float | None = None) -> Schema:
     """Return the schema of a number in a range, without any name in it."""
     schema = _quantity(f"^\\s*{_NUMBER}\\s*$", "a number")
@@ -92,14 +86,9 @@ def integer(minimum: float | None = None, maximum: float | None = None) -> Schem
     return schema | {"type": ["string", "integer"]} | _limits(minimum, maximum)
 
 
-def duration() -> Schema:
-    """Return the schema of a time, without any name in it."""
-    return _with_unit(FieldType.DURATION) | _limits(0, None)
-
-
-def length() -> Schema:
-    """Return the schema of a length that is not negative, without any name in it."""
-    return _with_unit(FieldType.LENGTH) | _limits(0, None)
+def quantity(field_type: FieldType) -> Schema:
+    """Return the schema of a time or length that is not negative, without any name in it."""
+    return _with_unit(field_type) | _limits(0, None)
 
 
 def ros_name(*, placeholders: bool = False) -> Schema:
@@ -113,33 +102,17 @@ def ros_name(*, placeholders: bool = False) -> Schema:
     }
 
 
-def ros_type() -> Schema:
-    """Return the schema of the name of a ROS type."""
-    return {
-        "type": "string",
-        "pattern": _ROS_TYPE,
-        "patternErrorMessage": "expected package/msg/Name, package/srv/Name or "
-        "package/action/Name",
-    }
-
-
 def value(
     field_type: FieldType, minimum: float | None = None, words: tuple[str, ...] = ()
 ) -> Schema:
-    """Return the schema of a value in which ``${…}`` may stand.
-
-    Args:
-        field_type: Its type.
-        minimum: Smallest number.
-        words: Texts that may stand there besides.
-    """
+    """Return the schema of a value in which ``${…}`` may stand, or one of some words."""
     match field_type:
         case FieldType.ANY:
             return {"type": [*_SCALAR, "array", "object"]}
         case FieldType.TEXT:
-            return text()
+            return TEXT
         case FieldType.BOOLEAN:
-            schema = boolean()
+            schema = BOOLEAN
         case FieldType.INTEGER:
             schema = integer()
         case FieldType.NUMBER:
@@ -148,22 +121,14 @@ def value(
             schema = _with_unit(field_type)
     expected = str(schema["patternErrorMessage"])
     also = "".join(f"|^{word}$" for word in words)
-    schema |= {
+    snippets = [{"label": word, "body": word} for word in words]
+    return {
+        **schema,
         "pattern": f"{schema['pattern']}|{_WITH_NAME}{also}",
         "patternErrorMessage": " or ".join([expected, *words, "${…}"]),
+        **({"defaultSnippets": snippets} if snippets else {}),
+        **_limits(minimum, None),
     }
-    if words:
-        schema["defaultSnippets"] = [{"label": word, "body": word} for word in words]
-    return schema | _limits(minimum, None)
-
-
-def plain(written: Plain) -> object:
-    """Return a default as JSON holds it."""
-    if isinstance(written, tuple):
-        return [plain(item) for item in written]
-    if isinstance(written, Mapping):
-        return {key: plain(item) for key, item in written.items()}
-    return written
 
 
 def _quantity(pattern: str, expected: str) -> Schema:

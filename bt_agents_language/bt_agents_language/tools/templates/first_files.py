@@ -28,19 +28,14 @@ def _filled(template: str, **names: str) -> str:
 def new_agent(
     name: str, folder: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillSpec]
 ) -> str:
-    """Return the text of an agent file.
+    """Return the text of an agent file, whose profile fits the parameters of the scene.
 
-    Args:
-        name: Of the agent.
-        folder: The trees folder, as the author would name it.
-        file: The agent file, likewise.
-        scene: Its profile fits the parameters of this.
-        skills: It says something when they have a usable ``say``, else it only writes a log.
+    It says something when there is a usable skill ``say``, else it only writes a log; the folder
+    and the file are named as the author would.
     """
-    parameter = scene.space.parameters[0]
-    middle = _number(_middle(parameter))
     return _filled(
         "agent",
+        **_remarks(scene.space, skills),
         name=name,
         folder=folder,
         file=file,
@@ -48,25 +43,12 @@ def new_agent(
         profile=_profile(scene.space),
         requires="requires: scene.person\n" if scene.person is not None else "",
         feedback=_feedback(scene.space),
-        say=_say(skills),
-        parameter=parameter.name,
-        middle=middle,
-        high=_high(parameter),
-        low=_low(parameter),
     )
 
 
 def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillSpec]) -> str:
-    """Return the text of a test for the agent that :func:`new_agent` makes.
-
-    Args:
-        name: Of the agent.
-        file: The test file, as the author would name it.
-        scene: As for the agent.
-        skills: As for the agent.
-    """
+    """Return the text of a test for the agent that :func:`new_agent` makes."""
     parameter = scene.space.parameters[0]
-    say = _say(skills)
     # The default is high enough, unless it is the smallest value.
     high = {} if _middle(parameter) == parameter.default else {parameter.name: parameter.maximum}
     high_scene = _scene(scene.space, high)
@@ -76,17 +58,18 @@ def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillS
         stopped = _filled(
             "test_stopped", scene=high_scene, mood=mood.name, worst=_number(mood.minimum)
         )
+    remarks = _remarks(scene.space, skills)
+    # Where there is no voice, a test has no line about all that is said.
+    says = "      says: [Hello., {}, Good-bye.]\n" if remarks["say"] == "say" else ""
     return _filled(
         "test",
+        **remarks,
         name=name,
         file=file,
-        parameter=parameter.name,
-        middle=_number(_middle(parameter)),
         high_scene=high_scene,
         low_scene=_scene(scene.space, {parameter.name: parameter.minimum}),
-        says_high=_says(say, _high(parameter)),
-        says_low=_says(say, _low(parameter)),
-        say=say,
+        says_high=says.format(remarks["high"]),
+        says_low=says.format(remarks["low"]),
         stopped=stopped,
     )
 
@@ -94,6 +77,19 @@ def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillS
 def new_library(name: str, skills: Mapping[str, SkillSpec]) -> str:
     """Return the text of a library; ``skills`` are as in :func:`new_agent`."""
     return _filled("library", name=name, say=_say(skills))
+
+
+def _remarks(space: SceneSpace, skills: Mapping[str, SkillSpec]) -> dict[str, str]:
+    """Return what an agent and its test say, and about which parameter."""
+    parameter = space.parameters[0]
+    middle = _number(_middle(parameter))
+    return {
+        "say": _say(skills),
+        "parameter": parameter.name,
+        "middle": middle,
+        "high": f"Here {parameter.name} is {middle} or more.",
+        "low": f"Here {parameter.name} is less than {middle}.",
+    }
 
 
 def _say(skills: Mapping[str, SkillSpec]) -> str:
@@ -104,11 +100,6 @@ def _say(skills: Mapping[str, SkillSpec]) -> str:
     needed = [one.name for one in skill.inputs if one.required]
     is_text = any(one.name == skill.main and one.type is FieldType.TEXT for one in skill.inputs)
     return "say" if is_text and needed in ([], [skill.main]) else "log"
-
-
-def _says(say: str, remark: str) -> str:
-    """Return the line of a test about all that is said; nothing where there is no voice."""
-    return f"      says: [Hello., {remark}, Good-bye.]\n" if say == "say" else ""
 
 
 def _scene(space: SceneSpace, values: Mapping[str, float]) -> str:
@@ -151,14 +142,6 @@ def _middle(parameter: SceneParameter) -> float:
     if parameter.default > parameter.minimum:
         return parameter.default
     return (parameter.minimum + parameter.maximum) / 2
-
-
-def _high(parameter: SceneParameter) -> str:
-    return f"Here {parameter.name} is {_number(_middle(parameter))} or more."
-
-
-def _low(parameter: SceneParameter) -> str:
-    return f"Here {parameter.name} is less than {_number(_middle(parameter))}."
 
 
 def _number(value: float) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linter of checked agents: warns of what is legal, but rarely meant by its author."""
+"""Linter of checked agents and their files: what is legal, but rarely meant by its author."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.model.specs import (
@@ -28,49 +29,39 @@ from bt_agents_language.model.specs import (
     iter_nodes,
 )
 from bt_agents_language.nodes.catalogue import type_of
-from bt_agents_language.nodes.endings import Unreached
-from bt_agents_language.nodes.node_type import NodeType, Role, Waits
-from bt_agents_language.tools.linting.outcomes import endless, every_outcome
+from bt_agents_language.nodes.endings import EITHER, Outcomes
+from bt_agents_language.nodes.node_type import FOREVER, Role, Waits
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
+from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
 _PATIENCE = 20
 """Oftener than that nobody wants to hear the same."""
 
 _UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
 
+# A comment starts with a word; a number behind it, as in "gate #4", is part of what is said.
+_NUMBER = re.compile(r"[ \t]+#\d\w*")
+_SIGN = re.compile(r"[ \t]#\d")
+
 Found = Iterator[Diagnostic]
 
-
-class _Tree:
-    """Tree with the types of its nodes, as the rules need it.
-
-    Attributes:
-        root: Its outermost node.
-        nodes: All its nodes, parents before children.
-        types: Their types.
-    """
-
-    def __init__(self, root: NodeSpec) -> None:
-        self.root = root
-        self.nodes = list(iter_nodes(root))
-        self.types = [type_of(spec) for spec in self.nodes]
-
-    def where(self, wanted: Callable[[NodeType], object]) -> list[NodeSpec]:
-        """Return the nodes of the types that fit."""
-        pairs = zip(self.nodes, self.types, strict=True)
-        return [spec for spec, node_type in pairs if wanted(node_type)]
+_Tree = Sequence[NodeSpec]
+"""All nodes of a tree, parents before children."""
 
 
 @gc_paused()
 def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
     """Return the warnings about an agent, in the order of its file."""
     found: dict[tuple[Position, str], Diagnostic] = {}
-    trees = [_Tree(root) for root in (agent.tree, agent.on_cancel) if root is not None]
+    roots = (root for root in (agent.tree, agent.on_cancel) if root is not None)
+    trees = [list(iter_nodes(root)) for root in roots]
     for tree in trees:
         for rule in _RULES:
             for one in rule(tree):
                 # A subtree that is used twice is written once.
                 found.setdefault((one.position, one.code), one)
-    nodes = [node for tree in trees for node in tree.nodes]
+    nodes = list(chain(*trees))
     named = (
         _unread_tunables(agent, nodes),
         unused_inputs(agent.unused_inputs),
@@ -81,8 +72,54 @@ def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
     return tuple(sorted(found.values(), key=lambda one: (one.position.line, one.position.column)))
 
 
+def cut_texts(source: Source) -> Found:
+    """Yield a warning for each text of a file that was probably meant to go on behind a '#'."""
+    root = read_yaml(source, Diagnostics(source)) if _SIGN.search(source.text) else None
+    for scalar in _scalar_values(root) if root is not None else ():
+        match = _NUMBER.match(source.text, scalar.span[1])
+        if scalar.plain and scalar.text and match is not None:
+            lost = match[0].strip()
+            yield _warning(
+                "cut-text",
+                source.position(match.end() - len(lost)),
+                len(lost),
+                f"the text ends before '{lost[:20]}', because ' #' starts a comment",
+                'put quotes around the whole text: "…"',
+            )
+
+
+def _scalar_values(root: Node) -> Iterator[Scalar]:
+    waiting: list[Node] = [root]
+    while waiting:
+        match waiting.pop():
+            case Scalar() as scalar:
+                yield scalar
+            case SequenceNode(items=items):
+                waiting += reversed(items)
+            case Mapping(entries=entries):
+                waiting += [entry.value for entry in reversed(entries)]
+
+
+def outcomes(spec: NodeSpec) -> Outcomes:
+    """Return every way in which a node can go; a way too many where only a run shows it."""
+    return _every_outcome(list(iter_nodes(spec)))[id(spec)]
+
+
+def _every_outcome(tree: _Tree) -> dict[int, Outcomes]:
+    """Return the outcomes of all nodes of a tree by their identity."""
+    found: dict[int, Outcomes] = {}
+    for spec in reversed(tree):
+        node_type = type_of(spec)
+        if spec.children or node_type.role is Role.LEAF:
+            children = [found[id(child)] for child in spec.children]
+            found[id(spec)] = node_type.outcomes(spec, children)
+        else:
+            found[id(spec)] = EITHER
+    return found
+
+
 def _endless_speech(tree: _Tree) -> Found:
-    if all(_rounds(spec) <= _PATIENCE for spec in tree.where(lambda one: one.rounds)):
+    if all(_rounds(spec) <= _PATIENCE for spec in tree):
         return iter(())
 
     def walk(spec: NodeSpec, loop: NodeSpec | None, guarded: bool) -> Found:
@@ -92,15 +129,17 @@ def _endless_speech(tree: _Tree) -> Found:
         elif node_type.limits:
             # Inside of a loop it ends one round only.
             guarded = guarded or loop is None
-        elif (endless(spec) or _rounds(spec) > _PATIENCE) and not guarded:
+        elif _rounds(spec) > _PATIENCE and not guarded:
             loop = loop if loop is not None and _rounds(loop) > _rounds(spec) else spec
         elif loop is not None and _speaks(spec):
             key = type_of(loop).rounds
             rounds = _rounds(loop)
-            many = f"{rounds} {key} are for ever for whoever stands there"
-            end = "without end" if math.isinf(rounds) else f"of {rounds} {key}"
-            fewer = "a number" if math.isinf(rounds) else "a smaller number"
-            says = "the robot may say this for ever" if math.isinf(rounds) else many
+            if math.isinf(rounds):
+                end, fewer = "without end", "a number"
+                says = "the robot may say this for ever"
+            else:
+                end, fewer = f"of {rounds} {key}", "a smaller number"
+                says = f"{rounds} {key} are for ever for whoever stands there"
             yield _at(
                 spec,
                 "endless-speech",
@@ -111,15 +150,15 @@ def _endless_speech(tree: _Tree) -> Found:
         for child in spec.children:
             yield from walk(child, loop, guarded)
 
-    return walk(tree.root, None, False)
+    return walk(tree[0], None, False)
 
 
 def _rounds(spec: NodeSpec) -> float:
     """Return how often a loop does its node at most; 1 when nothing is known."""
-    if endless(spec):
-        return math.inf
     count = spec.fields.get(type_of(spec).rounds)
     number = count.value if isinstance(count, Literal) else 1
+    if number == FOREVER:
+        return math.inf
     return number if isinstance(number, int) else 1
 
 
@@ -137,21 +176,23 @@ def _endless_waits(tree: _Tree) -> Found:
         for child in spec.children:
             yield from walk(child, ended)
 
-    waits = any(node_type.waits is Waits.EVENT for node_type in tree.types)
-    return walk(tree.root, False) if waits else iter(())
+    waits = any(type_of(spec).waits is Waits.EVENT for spec in tree)
+    return walk(tree[0], False) if waits else iter(())
 
 
 def _never_reached(tree: _Tree) -> Found:
-    ways = every_outcome(tree.nodes)
-    for spec, node_type in zip(tree.nodes, tree.types, strict=True):
-        if node_type.unreached is not None:
-            yield from map(_unreached, node_type.unreached(spec, ways))
+    ways = _every_outcome(tree)
+    for spec in tree:
+        for node, reason, hint in type_of(spec).unreached(spec, ways):
+            # A branch has no key of its own.
+            key = node.children[0] if type_of(node).role is Role.BRANCH else node
+            yield _at(key, "never-reached", f"this is never done: {reason}", hint)
 
 
 def _busy_repeats(tree: _Tree) -> Found:
-    for spec in tree.where(lambda one: one.rounds):
+    for spec in tree:
         if (
-            endless(spec)
+            math.isinf(_rounds(spec))
             and "pause" not in spec.fields
             and not any(map(_takes_time, iter_nodes(spec)))
         ):
@@ -166,7 +207,9 @@ def _busy_repeats(tree: _Tree) -> Found:
 
 
 def _two_voices(tree: _Tree) -> Found:
-    for spec in tree.where(lambda one: one.concurrent):
+    for spec in tree:
+        if not type_of(spec).concurrent:
+            continue
         voices = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
         first, *others = [one for one in voices if one is not None] or [spec]
         for other in others:
@@ -180,7 +223,7 @@ def _two_voices(tree: _Tree) -> Found:
 
 
 def _not_offered(tree: _Tree) -> Found:
-    for spec in tree.nodes:
+    for spec in tree:
         if spec.skill is not None and spec.skill.binding is None:
             yield _at(
                 spec,
@@ -306,13 +349,6 @@ def _takes_time(spec: NodeSpec) -> bool:
     if spec.skill is None:
         return False
     return spec.skill.binding is None or spec.skill.binding.kind is not BindingKind.TOPIC
-
-
-def _unreached(one: Unreached) -> Diagnostic:
-    # A branch has no key of its own.
-    is_branch = type_of(one.node).role is Role.BRANCH
-    key = one.node.children[0] if is_branch else one.node
-    return _at(key, "never-reached", f"this is never done: {one.reason}", one.hint)
 
 
 def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:
