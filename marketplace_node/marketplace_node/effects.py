@@ -60,6 +60,10 @@ class Effect:
     """Something that the market wants done; each kind is a class of its own."""
 
 
+Execute = Callable[[list[Effect]], None]
+"""Executes the effects with which the market answers an event."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Connect(Effect):
     """Reach a host that is new, was restarted or has moved its interfaces."""

@@ -199,16 +199,14 @@ def _character(space: SceneSpace, bidder: Bidder) -> dict[str, Any]:
     return fields
 
 
-def _content(parsed: object) -> str:
-    at: object = parsed
-    for key in ("choices", 0, "message", "content"):
-        if isinstance(key, int):
-            at = at[key] if isinstance(at, list) and at else None
-        else:
-            at = at.get(key) if isinstance(at, dict) else None
-    if not isinstance(at, str):
+def _content(parsed: Any) -> str:
+    try:
+        text = parsed["choices"][0]["message"]["content"]
+    except (KeyError, IndexError, TypeError):
+        text = None
+    if not isinstance(text, str):
         raise Refused("NO_ANSWER", "the server's answer has no text at choices[0].message.content")
-    return at
+    return text
 
 
 def _objects(content: str) -> Iterator[Mapping[str, Any]]:

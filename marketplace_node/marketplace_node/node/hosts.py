@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +19,7 @@ from bt_agents_interfaces.msg import Heartbeat
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.messages import seconds
-from marketplace_node.effects import Effect, RunGoal, SendGoal
+from marketplace_node.effects import Execute, RunGoal, SendGoal
 from marketplace_node.interaction.market_failover import MAX_RUNS
 from marketplace_node.market import Market
 from marketplace_node.node.messages import (
@@ -68,13 +67,7 @@ class HostConnections:
     and to the states of all its goals, which takes longer than all the rest.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        market: Market,
-        space: SceneSpace,
-        execute: Callable[[list[Effect]], None],
-    ) -> None:
+    def __init__(self, node: Node, market: Market, space: SceneSpace, execute: Execute) -> None:
         self._node = node
         self._market = market
         self._space = space

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -18,7 +17,7 @@ from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_ros import qos
 from bt_agents_ros.timers import FuturePoller
-from marketplace_node.effects import Effect, PreviewEnded
+from marketplace_node.effects import Execute, PreviewEnded
 from marketplace_node.market import Market
 from marketplace_node.node.messages import auction_to_msg, operator_command_from_msg, scene_or_last
 
@@ -26,13 +25,7 @@ from marketplace_node.node.messages import auction_to_msg, operator_command_from
 class OperatorServices:
     """Services ``~/operate`` and ``~/preview``; a preview blocks nothing while it is open."""
 
-    def __init__(
-        self,
-        node: Node,
-        market: Market,
-        space: SceneSpace,
-        execute: Callable[[list[Effect]], None],
-    ) -> None:
+    def __init__(self, node: Node, market: Market, space: SceneSpace, execute: Execute) -> None:
         self._node = node
         self._market = market
         self._space = space
