@@ -37,11 +37,11 @@ def schema(directory: str, kinds: tuple[str, ...], output: Path, check: bool) ->
     \b
     # yaml-language-server: $schema=../../schema/agent.schema.json
     """  # noqa: D301 (click wants the character, not the two letters)
-    vocabulary = folder_vocabulary(find_trees(directory))
+    symbols = folder_vocabulary(find_trees(directory))
     outdated = []
     for kind in kinds or FILE_KINDS:
         file = output / schema_file(kind)
-        text = schema_text(kind, vocabulary)
+        text = schema_text(kind, symbols)
         if _written(file) == text.encode():
             continue
         if check:
