@@ -22,7 +22,7 @@ from bt_agents_interfaces.srv import Analyze
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
-from bt_agents_language.model.specs import Script, Visit
+from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.people import REACTION_S, field_value, is_read, nested, pause_after, readings
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
@@ -269,16 +269,19 @@ class VisitorsNode(BaseNode):
 
     def _react(self, now: float) -> None:
         for change in self._performance.due(now):
-            self._values.update(change.values)
-            self._seen.update(change.values)
-            if change.person is not None:
-                self._person = change.person
-            self._sense()
+            self._change(change)
         for reaction in list(self._reactions):
             at, publisher, message = reaction
             if now >= at:
                 self._reactions.remove(reaction)
                 publisher.publish(message)
+
+    def _change(self, change: SceneChange) -> None:
+        self._values.update(change.values)
+        self._seen.update(change.values)
+        if change.person is not None:
+            self._person = change.person
+        self._sense()
 
     def _leave(self, now: float) -> None:
         visits = self._script.visits
