@@ -88,6 +88,10 @@ def said(made: ImportedAgent, weight: RemarkLevel) -> str:
             f"<TryCatch>{S}{F}</TryCatch>",
             "{sequence: [check: true], on_failure: {fail: true, check: false}}",
         ),
+        (
+            f"<Control ID='random' _uid='7' _collapsed='true'>{S}{F}</Control>",
+            "random: [check: true, check: false]",
+        ),
         (HOT, "check: hot"),
         (COLD, "check: not hot"),
         (f"<IfThenElse>{HOT}{S}</IfThenElse>",
