@@ -34,9 +34,6 @@ from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import FORMAT
 
-ON_CANCEL = "on_cancel"
-"""Name of the tree that becomes the clean-up of the agent when no other tree uses it."""
-
 _BUILDERS = {**CONTROLS, **SIMPLE_NODES}
 _SCRIPT_NAME = re.compile(r"[A-Za-z_@]\w*")
 _INITIAL_COMMENT = (
@@ -79,7 +76,7 @@ class _Import:
     def run(self) -> ImportedAgent:
         document, main = self._document, self._document.main
         unused = (i for i in document.trees if i != main and not self._callers(i))
-        on_cancel = next((i for i in unused if snake(i) == ON_CANCEL), None)
+        on_cancel = next((i for i in unused if snake(i) == "on_cancel"), None)
         for element in document.unread:
             self._remark_unread(element)
         subtrees = {

@@ -34,10 +34,8 @@ class Builtin:
     """Built-in node.
 
     Attributes:
-        id: Name of its element.
         ours: Equivalent in our language; empty when there is none.
         ports: Port → kind of its value.
-        required: Ports that must be given.
         children: How many it has.
         note: Difference between the two; empty when they do the same.
     """

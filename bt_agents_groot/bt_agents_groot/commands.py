@@ -10,7 +10,7 @@ import click
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_groot.agent_export import export_agent
-from bt_agents_groot.agent_import import ImportedAgent, import_agent
+from bt_agents_groot.agent_import import import_agent
 from bt_agents_groot.naming import snake
 from bt_agents_groot.translation import Remark, RemarkLevel
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -55,7 +55,10 @@ def import_groot(file: str, out: str, agent: str, directory: str) -> None:
         click.echo(f"skills that nobody declares yet: {names}", err=True)
         click.echo("the end of the file shows how a skills file would declare them", err=True)
     else:
-        _check(imported, out, symbols)
+        try:
+            read_agent(Source(out or "(the agent)", imported.text), symbols)
+        except ReadError as error:
+            click.echo(f"before it can run, mend this:\n{error.report}", err=True)
 
 
 @export.command("groot")
@@ -113,11 +116,3 @@ def _print_remarks(remarks: tuple[Remark, ...]) -> None:
     lost = sum(remark.level is RemarkLevel.LOST for remark in remarks)
     if lost:
         click.echo(f"{lost} not translated; the file says where", err=True)
-
-
-def _check(imported: ImportedAgent, out: str, symbols: SymbolTable) -> None:
-    """Print the errors that a file still has."""
-    try:
-        read_agent(Source(out or "(the agent)", imported.text), symbols)
-    except ReadError as error:
-        click.echo(f"before it can run, mend this:\n{error.report}", err=True)

@@ -72,8 +72,8 @@ def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
     chosen = [tree.node(child) for child in element.children]
     for number, weight in enumerate(weights):
         if weight != 1:
-            written = Raw(weight) if isinstance(weight, str) else weight
-            siblings = {**chosen[number].siblings, "weight": written}
+            value = Raw(weight) if isinstance(weight, str) else weight
+            siblings = {**chosen[number].siblings, "weight": value}
             chosen[number] = replace(chosen[number], siblings=siblings)
     seed = element.get("seed")
     options: dict[str, Data] = {"seed": Raw(seed)} if seed else {}

@@ -46,7 +46,7 @@ def parse_formula(text: str) -> Formula:
     return _Parser(tokens).formula(0)
 
 
-def condition_script(node: Node, *, negative: bool = False) -> str:
+def condition_script(node: Node, *, opposite: bool = False) -> str:
     """Return a condition as a script, or the opposite of it.
 
     Raises:
@@ -54,7 +54,7 @@ def condition_script(node: Node, *, negative: bool = False) -> str:
     """
     assert isinstance(node, Scalar)
     formula = parse_formula(node.text)
-    return as_script(negated(formula) if negative else formula)
+    return as_script(negated(formula) if opposite else formula)
 
 
 def set_script(entries: tuple[MappingEntry, ...]) -> str:

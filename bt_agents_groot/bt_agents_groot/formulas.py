@@ -155,9 +155,9 @@ def _expression(formula: Formula) -> tuple[str, int]:
     raise Untranslatable(f"our language has no operator '{formula.operator}' in a condition")
 
 
-def _enclosed(written: tuple[str, int], strength: int) -> str:
+def _enclosed(operand: tuple[str, int], strength: int) -> str:
     """Return an operand in parentheses, unless its operator is as strong as that."""
-    text, own = written
+    text, own = operand
     return text if own >= strength else f"({text})"
 
 

@@ -68,8 +68,8 @@ def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Calle
             entry = callee.names.original(name)
         if entry is not None:
             outputs[tree.names.rename(entry)] = name
-    for written in outputs:
-        tree.names.write(written)
+    for name in outputs:
+        tree.names.write(name)
     for name in entries:
         if name not in (*callee.inputs.values(), *callee.outputs):
             tree.note(element, f"'{name}' is not passed on: '{callee.name}' never uses it")

@@ -255,7 +255,7 @@ def _around(
 
 
 def _skip_unless(node: Node, xml: Xml) -> Xml:
-    skip = {SKIP_IF: condition_script(node, negative=True)}
+    skip = {SKIP_IF: condition_script(node, opposite=True)}
     return replace(xml, attributes={**xml.attributes, **skip})
 
 

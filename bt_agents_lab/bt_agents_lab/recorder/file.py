@@ -65,9 +65,6 @@ class RecordedMessage:
 class JournalFile:
     """A new MCAP file; messages wait in memory until a flush writes all of them or none.
 
-    Args:
-        path: Of the file, which must not exist.
-
     Attributes:
         waiting: Number of messages that are not in the file yet.
 

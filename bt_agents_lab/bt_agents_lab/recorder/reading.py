@@ -70,7 +70,6 @@ class Counted:
     """Count of the messages of one topic that were not returned.
 
     Attributes:
-        messages: Their number.
         lost: Number of those that the journal found no room for.
         first_ns: When the first one was sent [ns since 1970].
         last_ns: When the last one was.
@@ -97,7 +96,7 @@ class JournalReader:
 
     Attributes:
         problems: Texts about what could not be read; complete after reading.
-        counted: RecordedTopic → its messages that were only counted; complete after reading.
+        counted: Topic → its messages that were only counted; complete after reading.
 
     Raises:
         BtAgentsError: A file cannot be opened.
@@ -115,11 +114,9 @@ class JournalReader:
                 raise BtAgentsError(f"no journal {path}: {error.strerror}") from None
 
     def entries(self, types: Collection[str] | None = None) -> list[JournalEntry]:
-        """Return messages.
+        """Return messages of the types ``package/msg/Name``; None returns all.
 
-        Args:
-            types: ``package/msg/Name`` of those to return; the others are counted as often as they
-                are there. None returns all.
+        The others are counted as often as they are there.
         """
         seen: set[int] = set()
         found = []

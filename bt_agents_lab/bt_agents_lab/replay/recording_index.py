@@ -99,7 +99,6 @@ class RecordingIndex:
         counts: Topic → messages.
         lost: Topic → messages that the journal found no room for.
         first_ns: When the first message was sent [ns since 1970]; 0 for none.
-        last_ns: When the last one was.
         problems: Texts about what cannot be read.
         hints: Texts to show before them.
     """
@@ -132,7 +131,7 @@ def read(paths: Sequence[Path]) -> RecordingIndex:
         BtAgentsError: A file cannot be opened.
     """
     reader = JournalReader(paths)
-    recording = index_entries(reader.entries(frozenset(_TYPES + name for name in _HANDLERS)))
+    recording = index_entries(reader.entries(_HANDLERS.keys()))
     for topic, counted in reader.counted.items():
         recording.counts[topic] += counted.messages
         if counted.lost:
@@ -161,8 +160,8 @@ class _Indexer:
             recording.last_ns = max(recording.last_ns, entry.sent_ns)
             if entry.lost:
                 recording.lost[entry.topic] += entry.lost
-            handle = _HANDLERS.get(entry.type.removeprefix(_TYPES))
-            if handle is None or not entry.type.startswith(_TYPES):
+            handle = _HANDLERS.get(entry.type)
+            if handle is None:
                 continue
             try:
                 message = entry.decode()
@@ -260,11 +259,11 @@ def _migrate_options(auction: Any) -> int:
 _OF_RUNS = (f"{_TYPES}RunRecord", f"{_TYPES}TreeStatus")
 
 _HANDLERS = {
-    "AgentFiles": _Indexer._files,
-    "HostCard": _Indexer._card,
-    "Run": _Indexer._run,
-    "Auction": _Indexer._auction,
-    "Feedback": _Indexer._feedback,
-    "RunRecord": _Indexer._record,
-    "TreeStatus": _Indexer._status,
+    f"{_TYPES}AgentFiles": _Indexer._files,
+    f"{_TYPES}HostCard": _Indexer._card,
+    f"{_TYPES}Run": _Indexer._run,
+    f"{_TYPES}Auction": _Indexer._auction,
+    f"{_TYPES}Feedback": _Indexer._feedback,
+    f"{_TYPES}RunRecord": _Indexer._record,
+    f"{_TYPES}TreeStatus": _Indexer._status,
 }

@@ -9,6 +9,9 @@ import pytest
 import yaml
 
 from bt_agents_groot.agent_import import ImportedAgent, import_agent, skills_file
+from bt_agents_groot.catalogue import BUILTINS
+from bt_agents_groot.controls import CONTROLS
+from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
@@ -83,6 +86,10 @@ def said(made: ImportedAgent, weight: RemarkLevel) -> str:
         (
             f"<TryCatch>{S}{F}</TryCatch>",
             "{sequence: [check: true], on_failure: {fail: true, check: false}}",
+        ),
+        (
+            f"<Control ID='random' _uid='7' _collapsed='true'>{S}{F}</Control>",
+            "random: [check: true, check: false]",
         ),
         (HOT, "check: hot"),
         (COLD, "check: not hot"),
@@ -226,6 +233,10 @@ def test_a_leaf_that_is_lost_fails_and_says_so():
         "log": {"message": 'not translated: <UnsetBlackboard key="x">', "level": "error"},
     }
     read_agent_text(made.text, "a.yaml", VOCABULARY)
+
+
+def test_every_built_in_node_has_a_translator():
+    assert CONTROLS.keys() | SIMPLE_NODES.keys() == BUILTINS.keys()
 
 
 def test_a_condition_that_is_a_node_is_asked_once():
