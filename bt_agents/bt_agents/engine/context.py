@@ -56,7 +56,7 @@ class RunContext:
         return tuple(path for path, _ in self._goals)
 
     def _track(self, path: str, run: GoalRun) -> GoalRun:
-        under_way = [(at, goal) for at, goal in self._goals if not goal.confirmed]
+        under_way = [(node, goal) for node, goal in self._goals if not goal.confirmed]
         self._goals = [*under_way, (path, run)]
         return run
 

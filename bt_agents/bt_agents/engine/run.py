@@ -117,6 +117,7 @@ class Run:
             infinite before the first tick, leaves are not measured.
         ticks: Ticks so far, of the tree and of its clean-up.
         overruns: Those that took too long.
+        deadline: When the wait at its end is over, on the steady clock [s]; infinite when none is.
         deadlines: See :class:`RunContext`.
         overrun: The last tick, if it took too long.
         changes: What has changed in the last tick so far, in order.
@@ -164,18 +165,13 @@ class Run:
         self._slowest_s = 0.0
         self._phase = _Phase.TICKING
         self._start = environment.clock()
-        self._deadline = 0.0
+        self.deadline = math.inf
         self._end = (TreeOutcome.CANCELLED, "", "")
 
     @property
     def tip(self) -> str:
         """Path of the deepest node that decides the status of the tree."""
         return _path_of((self._clean_up or self._root).tip())
-
-    @property
-    def deadline(self) -> float:
-        """When the wait at its end is over, on the steady clock [s]; infinite before."""
-        return self._deadline if self._phase in (_Phase.CLEANING, _Phase.SETTLING) else math.inf
 
     def tick(self) -> list[StatusChange]:
         """Tick once, in whatever phase the run is; return what changed, in order."""
@@ -189,7 +185,7 @@ class Run:
                     self._finish_tree()
             case _Phase.CLEANING:
                 assert self._clean_up is not None
-                if self._steady() >= self._deadline:
+                if self._steady() >= self.deadline:
                     self._stop_cleaning()
                 else:
                     self._tick(self._clean_up)
@@ -220,14 +216,14 @@ class Run:
         else:
             self._clean_up = build(self.spec.on_cancel, self._context, self._plugins)
             self._phase = _Phase.CLEANING
-            self._deadline = self._steady() + self._limits.clean_up_s
+            self.deadline = self._steady() + self._limits.clean_up_s
         return self.changes
 
     def shorten_settling(self, settle_s: float) -> None:
         """Limit the wait for goals to be confirmed ended, from now or from its begin [s]."""
         self._limits = replace(self._limits, settle_s=min(self._limits.settle_s, settle_s))
         if self._phase is _Phase.SETTLING:
-            self._deadline = min(self._deadline, self._steady() + settle_s)
+            self.deadline = min(self.deadline, self._steady() + settle_s)
 
     def give_up(self, reason: str) -> RunResult:
         """Stop every leaf and end at once, without clean-up or waiting; return how it ended."""
@@ -237,7 +233,7 @@ class Run:
                 if tree is not None:
                     self._ticker(tree).halt()
         self._end = (TreeOutcome.FAILED, reason, "")
-        self._deadline = self._steady()
+        self.deadline = self._steady()
         self._try_end()
         assert self.result is not None
         return self.result
@@ -256,12 +252,13 @@ class Run:
 
     def _settle(self) -> None:
         self._phase = _Phase.SETTLING
-        self._deadline = self._steady() + self._limits.settle_s
+        self.deadline = self._steady() + self._limits.settle_s
 
     def _try_end(self) -> None:
         open_goals = self._context.open_goals()
-        if open_goals and self._steady() < self._deadline:
+        if open_goals and self._steady() < self.deadline:
             return
+        self.deadline = math.inf
         outcome, message, tip = self._end
         self.result = RunResult(
             outcome=outcome,

@@ -413,12 +413,6 @@ def wrapped(
     )
 
 
-def constant_field(spec: NodeSpec, name: str) -> Plain:
-    """Return the value of a field that cannot change; None when there is none."""
-    value = spec.fields.get(name)
-    return value.value if isinstance(value, Literal) else None
-
-
 def short(node: Node | None) -> str:
     """Return what is written somewhere as part of a label."""
     if not isinstance(node, Scalar):

@@ -6,7 +6,7 @@ from __future__ import annotations
 from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_core.text import join_quoted
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.model.specs import Literal, NodeSpec
 from bt_agents_language.nodes.endings import EITHER, ENDLESS
 from bt_agents_language.nodes.node_type import (
     Content,
@@ -17,7 +17,6 @@ from bt_agents_language.nodes.node_type import (
     RawNode,
     Resources,
     Waits,
-    constant_field,
 )
 from bt_agents_language.yaml.yaml_reader import key_or_node
 
@@ -50,13 +49,12 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
 
 
 def _resources(spec: NodeSpec) -> Resources:
-    topic = constant_field(spec, "topic")
-    if topic is None:
+    values = spec.fields.items()
+    fixed = {name: value.value for name, value in values if isinstance(value, Literal)}
+    if "topic" not in fixed:
         return Resources()
-    return Resources(
-        topic=(str(topic), str(constant_field(spec, "type"))),
-        latched=constant_field(spec, "latched") is True,
-    )
+    topic = (str(fixed["topic"]), str(fixed["type"]))
+    return Resources(topic=topic, latched=fixed.get("latched") is True)
 
 
 WAIT_FOR = NodeType(

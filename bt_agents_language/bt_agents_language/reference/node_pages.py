@@ -23,7 +23,7 @@ from bt_agents_language.nodes.symbols import SymbolTable
 
 
 class Group(Enum):
-    """The kinds of words, in the order of the documentation."""
+    """The kinds of words, in the order of the documentation; nodes have those of their role."""
 
     COMPOSITE = "composite"
     LEAF = "leaf"
@@ -73,8 +73,6 @@ class NodePage:
     note: str = ""
     example: str
 
-
-_GROUPS = {Role.COMPOSITE: Group.COMPOSITE, Role.LEAF: Group.LEAF, Role.DECORATOR: Group.DECORATOR}
 
 TYPE_WORDS: Mapping[FieldType, str] = {
     FieldType.TEXT: "text",
@@ -190,7 +188,7 @@ def _type_page(node_type: NodeType) -> NodePage:
     fields = tuple(_entry(field, node_type.main) for field in node_type.fields)
     return NodePage(
         key=node_type.key,
-        group=Group.PLUGIN if node_type.plugin is not None else _GROUPS[node_type.role],
+        group=Group.PLUGIN if node_type.plugin is not None else Group[node_type.role.name],
         description=node_type.description,
         forms=_forms_of_type(node_type, fields),
         fields=fields,

@@ -14,7 +14,6 @@ from py_trees.common import Status
 from bt_agents.engine.call_limit import bounded
 from bt_agents.engine.context import NodeMaker
 from bt_agents.engine.leaf import Leaf
-from bt_agents.engine.scope import evaluate, is_true
 from bt_agents_core.errors import LONGEST_REASON, Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import Expression
@@ -75,8 +74,8 @@ class PluginLeaf(Leaf):
     def _field(self, name: str) -> Plain:
         value = self.spec.fields[name]
         if isinstance(value, Expression):
-            return is_true(value, self.scope)
-        return evaluate(value, self.scope)
+            return self.fields.is_true(name)
+        return self.fields.value(name)
 
     def _made(self, fields: dict[str, Plain]) -> Behaviour:
         assert self.spec.plugin is not None

@@ -42,9 +42,8 @@ def format_source(source: Source) -> str:
 
     Two spaces a level, lists indented below their key. Short lists and mappings that are written
     in ``{}`` or ``[]`` stay in one line. Comments, the order of keys (but see
-    :func:`~bt_agents_language.tools.formatting.node_order.ordered_nodes`), the line breaks of long
-    texts and single blank lines stay. A comment stands two blanks behind its line, or where those
-    of neighbouring lines do that were lined up.
+    :func:`ordered_nodes`), the line breaks of long texts and single blank lines stay. A comment
+    stands two blanks behind its line, or where those of neighbouring lines do that were lined up.
 
     Raises:
         ReadError: It is no YAML that this project reads; it lists all problems of its form.
