@@ -25,7 +25,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_core.scene import Scene, SceneValue
 from bt_agents_language.fields import scope as names
 from bt_agents_language.files.agent_reader import read_agent
-from bt_agents_language.files.folder_reader import read_trees, read_vocabulary, yaml_files
+from bt_agents_language.files.folder_reader import read_symbols, read_trees, yaml_files
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tools.lint import cut_texts, lint
@@ -108,11 +108,11 @@ def measure(effort: Effort) -> Iterator[Row]:
     Raises:
         RuntimeError: A file means something else than it should.
     """
-    vocabulary = read_vocabulary(TREES)
+    symbols = read_symbols(TREES)
     for nodes in SHORT_SIZES if effort.is_short else SIZES:
         goal = GOAL if nodes == LARGE else None
         yield from _compared(
-            f"mixture, {nodes:,} nodes", mixture(nodes), nodes, goal, vocabulary, effort
+            f"mixture, {nodes:,} nodes", mixture(nodes), nodes, goal, symbols, effort
         )
     nodes = SHORT_SIZES[-1] if effort.is_short else LARGE
     for what, text, note in (
@@ -120,11 +120,11 @@ def measure(effort: Effort) -> Iterator[Row]:
         ("subtrees", subtrees(nodes), ""),
     ):
         case = f"{what}, {nodes:,} nodes"
-        yield from _compared(case, text, nodes, GOAL, vocabulary, effort, note)
+        yield from _compared(case, text, nodes, GOAL, symbols, effort, note)
     yield _folder(effort)
     size = SHORT_BYTES if effort.is_short else HOSTILE_BYTES
     for name, hostile in hostile_files(size).items():
-        yield _refused(name, hostile, vocabulary, effort)
+        yield _refused(name, hostile, symbols, effort)
 
 
 def mixture(nodes: int) -> str:
@@ -208,11 +208,11 @@ def _compared(
     text: str,
     nodes: int,
     goal: float | None,
-    vocabulary: SymbolTable,
+    symbols: SymbolTable,
     effort: Effort,
     note: str = "",
 ) -> Iterator[Row]:
-    whole = partial(_whole, text, vocabulary)
+    whole = partial(_whole, text, symbols)
     found = sum(1 for _ in whole().iterate())
     if found != nodes:
         raise RuntimeError(f"{case}: the tree has {found} nodes")
@@ -236,15 +236,15 @@ def _compared(
     yield Row(case=case, side=OURS, values=values[OURS], floor=EVENTS, floor_values=values[EVENTS])
 
 
-def _whole(text: str, vocabulary: SymbolTable) -> Behaviour:
+def _whole(text: str, symbols: SymbolTable) -> Behaviour:
     """Read and check a file as ``bt-agents check`` does, and build its tree as a run does."""
-    agent = _read(text, vocabulary)
+    agent = _read(text, symbols)
     lint(agent)
     tuple(cut_texts(Source(agent.file, text)))
-    values = tuple(SceneValue.missing(name) for name in vocabulary.space.names)
+    values = tuple(SceneValue.missing(name) for name in symbols.space.names)
     scene = Scene(scene_id="benchmark", label="", person=True, values=values)
     scope = RunScope(
-        space=vocabulary.space,
+        space=symbols.space,
         scene=scene,
         live=lambda: scene,
         profile=agent.profile,
@@ -253,9 +253,9 @@ def _whole(text: str, vocabulary: SymbolTable) -> Behaviour:
     return build(agent.tree, RunContext(ScriptedEnvironment(), scope, random.Random(1)))
 
 
-def _read(text: str, vocabulary: SymbolTable) -> AgentSpec:
+def _read(text: str, symbols: SymbolTable) -> AgentSpec:
     _forget()
-    return read_agent(Source("benchmark.yaml", text), vocabulary)
+    return read_agent(Source("benchmark.yaml", text), symbols)
 
 
 def _forget() -> None:
@@ -289,14 +289,11 @@ def _folder(effort: Effort) -> Row:
     )
 
 
-def _refused(name: str, text: str, vocabulary: SymbolTable, effort: Effort) -> Row:
+def _refused(name: str, text: str, symbols: SymbolTable, effort: Effort) -> Row:
     good = _padded(mixture(len(text) // 43), len(text))
-    _read(good, vocabulary)
+    _read(good, symbols)
     values = in_turn(
-        {
-            OURS: _way(partial(_refuse, text, vocabulary)),
-            SAFE: _way(partial(_read, good, vocabulary)),
-        },
+        {OURS: _way(partial(_refuse, text, symbols)), SAFE: _way(partial(_read, good, symbols))},
         effort,
     )
     return Row(
@@ -309,9 +306,9 @@ def _refused(name: str, text: str, vocabulary: SymbolTable, effort: Effort) -> R
     )
 
 
-def _refuse(text: str, vocabulary: SymbolTable) -> None:
+def _refuse(text: str, symbols: SymbolTable) -> None:
     try:
-        _read(text, vocabulary)
+        _read(text, symbols)
     except ReadError:
         return
     raise RuntimeError("a hostile file was read")

@@ -22,7 +22,7 @@ from bt_agents.engine.ticker import Ticker
 from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.agent_reader import read_agent
-from bt_agents_language.files.folder_reader import read_vocabulary
+from bt_agents_language.files.folder_reader import read_symbols
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.source import Source
 from engines import behaviours, light_behaviours
@@ -202,8 +202,8 @@ def _row(
 
 
 def _agent(tree: str) -> tuple[SceneSpace, AgentSpec]:
-    vocabulary = read_vocabulary(TREES_FOLDER)
-    return vocabulary.space, read_agent(Source("benchmark.yaml", HEAD + tree), vocabulary)
+    symbols = read_symbols(TREES_FOLDER)
+    return symbols.space, read_agent(Source("benchmark.yaml", HEAD + tree), symbols)
 
 
 class _World(ScriptedEnvironment):

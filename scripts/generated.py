@@ -12,7 +12,7 @@ from bt_agents_groot.catalogue import with_table
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.reference_page import codes_page, reference_page
-from bt_agents_language.tools.schema.folder import folder_vocabulary, schema_file, schema_text
+from bt_agents_language.tools.schema.folder import folder_symbols, schema_file, schema_text
 
 ROOT = Path(__file__).parents[1]
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 @cache
 def shipped() -> SymbolTable:
     """Return the words of the trees folder of this repository, without installed plug-ins."""
-    return folder_vocabulary(ROOT / "trees", plugins={})
+    return folder_symbols(ROOT / "trees", plugins={})
 
 
 def _schema(kind: str) -> str:

@@ -15,7 +15,7 @@ from bt_agents_groot.naming import snake
 from bt_agents_groot.translation import Remark, RemarkLevel
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.agent_reader import read_agent
-from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
+from bt_agents_language.files.folder_reader import read_symbols, read_trees
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.source import Source, read_source
 
@@ -46,7 +46,7 @@ def import_groot(file: str, out: str, agent: str, directory: str) -> None:
     """
     _refuse_existing(out)
     folder = find_trees(directory)
-    symbols = read_vocabulary(folder)
+    symbols = read_symbols(folder)
     imported = import_agent(read_source(Path(file)), snake(agent or Path(file).stem), symbols)
     _write(out, imported.text)
     _print_remarks(imported.remarks)
@@ -84,14 +84,14 @@ def _find(agent: str, directory: str) -> tuple[Path, SymbolTable]:
     if agent.endswith((".yaml", ".yml")) or "/" in agent:
         above = (one for one in path.absolute().parents if (one / "scene.yaml").is_file())
         folder = find_trees(directory or str(next(above, "")))
-        return path, read_vocabulary(folder)
+        return path, read_symbols(folder)
     trees = read_trees(find_trees(directory))
     files = {one.name: Path(one.file) for one in trees.agents}
     files |= {broken.file.stem: broken.file for broken in trees.broken}
     if agent not in files:
         hint = did_you_mean(agent, files)
         raise BtAgentsError(f"there is no agent '{agent}' in {trees.folder}; {hint}")
-    return files[agent], trees.vocabulary
+    return files[agent], trees.symbols
 
 
 def _refuse_existing(out: str) -> None:

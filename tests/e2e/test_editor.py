@@ -12,14 +12,14 @@ import pytest
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from checkout import ROOT
 from language_server import LanguageServer, NoServer, installed_server
-from tree_harness import SPACE, VOCABULARY
+from tree_harness import SPACE, SYMBOLS
 
 pytestmark = pytest.mark.e2e
 
 FILE = ROOT / "trees" / "agents" / "written_in_a_test.yaml"
 TOP = "# yaml-language-server: $schema=../../schema/agent.schema.json\nformat: 1\nagent: a\n"
 HEAD = f"{TOP}profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n"
-WORDS = {*NODE_TYPES, *DECORATORS, *VOCABULARY.skills}
+WORDS = {*NODE_TYPES, *DECORATORS, *SYMBOLS.skills}
 
 
 @pytest.fixture(scope="module")

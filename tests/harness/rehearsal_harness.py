@@ -11,7 +11,7 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
 from bt_agents_tools.rehearsal.rehearsal import rehearse
 from file_texts import read_test_text
-from tree_harness import SPACE, VOCABULARY, agent
+from tree_harness import SPACE, SYMBOLS, agent
 
 
 def scenario(spec: AgentSpec, text: str = "") -> Scenario:
@@ -19,7 +19,7 @@ def scenario(spec: AgentSpec, text: str = "") -> Scenario:
     head = "format: 1\n"
     if "scene:" not in text:
         head += "scene: {age: 3, familiarity: 3, mood: 3}\n"
-    return read_scenario_text(head + textwrap.dedent(text), "options", spec, VOCABULARY)
+    return read_scenario_text(head + textwrap.dedent(text), "options", spec, SYMBOLS)
 
 
 def rehearsed(tree: str, text: str = "", *, head: str = "") -> Rehearsed:
@@ -33,7 +33,7 @@ def cases_for(spec: AgentSpec, cases: str) -> AgentTest:
     text = f"format: 1\ntest: {spec.name}\ncases:\n" + textwrap.indent(
         textwrap.dedent(cases), "  "
     )
-    return read_test_text(text, "a.test.yaml", [spec], VOCABULARY)
+    return read_test_text(text, "a.test.yaml", [spec], SYMBOLS)
 
 
 def events_of(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:

@@ -16,7 +16,7 @@ from bt_agents.engine.run import Run, RunLimits, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_language.files.folder_reader import read_vocabulary
+from bt_agents_language.files.folder_reader import read_symbols
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.symbols import SymbolTable
@@ -24,7 +24,7 @@ from file_texts import read_agent_text
 
 TREES = Path(__file__).parents[2] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
-VOCABULARY: SymbolTable = read_vocabulary(TREES)
+SYMBOLS: SymbolTable = read_symbols(TREES)
 
 
 def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
@@ -51,7 +51,7 @@ def agent(tree: str, head: str = "") -> AgentSpec:
         + "\ntree:\n"
         + textwrap.indent(textwrap.dedent(tree), "  ")
     )
-    return read_agent_text(text, "a.yaml", VOCABULARY)
+    return read_agent_text(text, "a.yaml", SYMBOLS)
 
 
 class Stage:

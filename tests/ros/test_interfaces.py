@@ -19,7 +19,7 @@ from bt_agents_interfaces.msg import Scene
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.types import fill, load_type, read_field, to_plain
 from file_texts import read_agent_text
-from tree_harness import VOCABULARY
+from tree_harness import SYMBOLS
 
 pytestmark = pytest.mark.ros
 
@@ -276,9 +276,9 @@ def test_fields_have_types_as_far_as_one_value_has_one():
     ],
 )
 def test_values_and_conditions_are_checked_against_the_installed_types(tree, expected):
-    vocabulary = replace(VOCABULARY, interfaces=InstalledInterfaces())
+    symbols = replace(SYMBOLS, interfaces=InstalledInterfaces())
     head = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {"
     with pytest.raises(ReadError) as caught:
-        read_agent_text(head + tree + "}\n", "a.yaml", vocabulary)
+        read_agent_text(head + tree + "}\n", "a.yaml", symbols)
     assert [line.split("error[")[1].split("]")[0] for line in caught.value.lines] == [expected]
-    read_agent_text(head + "say: x}\n", "a.yaml", vocabulary)
+    read_agent_text(head + "say: x}\n", "a.yaml", symbols)

@@ -49,7 +49,7 @@ def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> Ag
     try:
         source = read_source(path)
         text = source.text
-        agent = read_agent(source, replace(libraries.vocabulary, libraries=asked))
+        agent = read_agent(source, replace(libraries.symbols, libraries=asked))
     except ReadError as problem:
         error = problem
     return AgentFile(

@@ -40,7 +40,7 @@ class Trees:
     """A trees folder.
 
     Attributes:
-        vocabulary: What its agents may speak of.
+        symbols: What its agents may speak of.
         agents: The agents that could be read, by name.
         broken: The files of agents and libraries that could not.
         plugin_problems: Why some nodes of installed packages cannot be used, in words.
@@ -54,7 +54,7 @@ class Trees:
 
     folder: Path
     scene: SceneSpec
-    vocabulary: SymbolTable
+    symbols: SymbolTable
     agents: tuple[AgentSpec, ...]
     broken: tuple[BrokenFile, ...]
     plugin_problems: tuple[str, ...] = ()
@@ -110,7 +110,7 @@ def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = 
     return Trees(
         folder=folder,
         scene=scene,
-        vocabulary=libraries.vocabulary,
+        symbols=libraries.symbols,
         agents=agents,
         broken=broken_files(files, folder, libraries),
         plugin_problems=plugin_problems(libraries),
@@ -121,9 +121,9 @@ def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = 
     )
 
 
-def read_vocabulary(folder: Path) -> SymbolTable:
+def read_symbols(folder: Path) -> SymbolTable:
     """Return what agents of a folder may speak of, without ROS types; as :func:`read_trees`."""
-    return _libraries(folder, read_scene(folder / "scene.yaml"), None, "").vocabulary
+    return _libraries(folder, read_scene(folder / "scene.yaml"), None, "").symbols
 
 
 def _libraries(
@@ -212,7 +212,7 @@ def broken_files(
 
 def plugin_problems(libraries: FolderLibraries) -> tuple[str, ...]:
     """Return why nodes of packages are left out, those named like a skill of a library too."""
-    skills = dict(libraries.vocabulary.skills)
+    skills = dict(libraries.symbols.skills)
     for name in libraries.paths():
         with suppress(ImportProblem):
             skills |= libraries.load(name).skills

@@ -39,7 +39,7 @@ class FolderLibraries:
         folder: The trees folder; nothing outside of it is read.
 
     Attributes:
-        vocabulary: What the files of the folder may speak of, with these libraries.
+        symbols: What the files of the folder may speak of, with these libraries.
         broken: The libraries that could not be read, by path.
         imports: Path of a library → what it imports itself.
     """
@@ -48,7 +48,7 @@ class FolderLibraries:
         self.broken: dict[str, ReadError] = {}
         self.imports: dict[str, set[str]] = {}
         self._folder = folder
-        self.vocabulary = replace(symbols, libraries=self)
+        self.symbols = replace(symbols, libraries=self)
         self._robot = robot
         self._read: dict[str, Library] = {}
         self._chain: list[str] = []
@@ -155,7 +155,7 @@ class FolderLibraries:
                 "add what it offers to the files that import it",
             )
         fields.text("description")
-        symbols, imported = read_imports(reading, fields, self.vocabulary)
+        symbols, imported = read_imports(reading, fields, self.symbols)
         skills = SkillsReader(symbols.interfaces, self._robot)
         if fields.get("skills") is not None or fields.get("bindings") is not None:
             skills.declare(reading, fields)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of skills: the authors' vocabulary, and each robot's bindings to ROS interfaces."""
+"""Reader of skills: the authors' symbols, and each robot's bindings to ROS interfaces."""
 
 from __future__ import annotations
 

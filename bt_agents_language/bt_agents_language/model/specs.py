@@ -142,7 +142,7 @@ class Binding:
 
 @dataclass(frozen=True, kw_only=True)
 class SkillSpec:
-    """A word of the authors' vocabulary and what it does on this robot.
+    """A word of the authors' symbols and what it does on this robot.
 
     Attributes:
         name: The node key.

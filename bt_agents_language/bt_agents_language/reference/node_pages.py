@@ -98,17 +98,17 @@ _CONTENT_WORDS = {
 }
 
 
-def node_page(key: str, vocabulary: SymbolTable) -> NodePage | None:
+def node_page(key: str, symbols: SymbolTable) -> NodePage | None:
     """Return what there is to say about a node, skill, decorator or other key beside a node.
 
     Returns:
         None when there is no such word.
     """
-    node_type = vocabulary.node_types.get(key)
+    node_type = symbols.node_types.get(key)
     if node_type is not None:
         return _type_page(node_type)
-    if key in vocabulary.skills:
-        return _skill_page(vocabulary.skills[key])
+    if key in symbols.skills:
+        return _skill_page(symbols.skills[key])
     if key in DECORATORS:
         return _type_page(DECORATORS[key])
     if key in SIBLINGS:
@@ -124,10 +124,10 @@ def node_page(key: str, vocabulary: SymbolTable) -> NodePage | None:
     return None
 
 
-def node_pages(vocabulary: SymbolTable) -> tuple[NodePage, ...]:
+def node_pages(symbols: SymbolTable) -> tuple[NodePage, ...]:
     """Return the pages of all words, group by group."""
-    keys = [*NODE_TYPES, *vocabulary.skills, *vocabulary.plugins, *DECORATORS, *SIBLINGS]
-    pages = [page for key in keys if (page := node_page(key, vocabulary)) is not None]
+    keys = [*NODE_TYPES, *symbols.skills, *symbols.plugins, *DECORATORS, *SIBLINGS]
+    pages = [page for key in keys if (page := node_page(key, symbols)) is not None]
     order = list(Group)
     return tuple(sorted(pages, key=lambda page: order.index(page.group)))
 

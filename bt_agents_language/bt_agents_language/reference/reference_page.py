@@ -33,9 +33,9 @@ _GROUPS = {
 """Heading of each group of words, and what stands below it."""
 
 
-def reference_page(vocabulary: SymbolTable) -> str:
+def reference_page(symbols: SymbolTable) -> str:
     """Return the page of all nodes, skills and decorators."""
-    pages = node_pages(vocabulary)
+    pages = node_pages(symbols)
     parts = [_contents(pages)]
     for group, (heading, about) in _GROUPS.items():
         of_group = [page for page in pages if page.group is group]

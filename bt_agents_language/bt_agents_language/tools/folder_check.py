@@ -145,9 +145,9 @@ class _FolderCheck:
         for path in filter(self._is_wanted, paths):
             try:
                 if path.parent.name == "libraries":
-                    self._add_unused_inputs(trees.vocabulary, path)
+                    self._add_unused_inputs(trees.symbols, path)
                 elif path.name.endswith(TEST_SUFFIXES):
-                    read_test(path, trees.agents, trees.vocabulary)
+                    read_test(path, trees.agents, trees.symbols)
                 elif path.name == MARKET_FILE:
                     self._add_market(trees, path)
                 elif path.parent.name == "scripts":
@@ -169,11 +169,11 @@ class _FolderCheck:
         if not trees.broken:
             self._add(unknown_agents(rules, [agent.name for agent in trees.agents]))
 
-    def _add_unused_inputs(self, vocabulary: SymbolTable, path: Path) -> None:
-        if vocabulary.libraries is not None:
+    def _add_unused_inputs(self, symbols: SymbolTable, path: Path) -> None:
+        if symbols.libraries is not None:
             # A library that cannot be read is among the broken files.
             with suppress(ImportProblem):
-                library = vocabulary.libraries.load(f"{path.parent.name}/{path.name}")
+                library = symbols.libraries.load(f"{path.parent.name}/{path.name}")
                 self._add(unused_inputs(library.unused_inputs))
 
 

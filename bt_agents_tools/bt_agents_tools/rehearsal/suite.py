@@ -77,7 +77,7 @@ class TreesFolders:
             ReadError: There is a problem; it lists all of them.
         """
         trees = self.trees_of(path)
-        return read_test(path, trees.agents, trees.vocabulary), trees.scene.space
+        return read_test(path, trees.agents, trees.symbols), trees.scene.space
 
 
 def find_tests(paths: Iterable[Path]) -> list[Path]:

@@ -39,7 +39,7 @@ from bt_agents_language.yaml.source import Source
 from bt_agents_tools.client.write_back import ParameterState, write_defaults
 from faulty_disk import Disk
 from file_texts import read_agent_text
-from tree_harness import SPACE, TREES, VOCABULARY
+from tree_harness import SPACE, SYMBOLS, TREES
 
 NAMES = ("a.x", "a.y", "b.x", "c.x", "rate")
 START: Mapping[str, Setting] = dict.fromkeys(NAMES, 0)
@@ -291,7 +291,7 @@ def agent_files(draw: st.DrawFn) -> str:
 
 
 def read_file(text: str) -> AgentSpec:
-    return read_agent_text(text, "a.yaml", VOCABULARY)
+    return read_agent_text(text, "a.yaml", SYMBOLS)
 
 
 def values_of(spec: AgentSpec) -> dict[str, TunableParameter]:

@@ -229,7 +229,7 @@ def test_changed_skills_read_all_agents_again_and_broken_ones_none(folder):
     )
     more = settled(watch)
     assert specs(more) == specs(after)
-    assert "beep" in more.vocabulary.skills
+    assert "beep" in more.symbols.skills
 
 
 def test_of_two_files_with_one_name_the_one_that_had_it_keeps_it_even_when_it_breaks(folder):

@@ -27,7 +27,7 @@ from bt_agents_groot.yaml_nodes import Raw, YamlNode, yaml_lines
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text
-from tree_harness import VOCABULARY
+from tree_harness import SYMBOLS
 
 START = YamlNode(key="set", value={"x": 1, "t": "hello", "b": True})
 CONDITIONS = ["x > 2", "b", "not b", "t == 'a'", "scene.age >= 4 and (b or x < 3)", "live.person"]
@@ -145,12 +145,12 @@ def elements(element: Element) -> object:
 @settings(max_examples=100, deadline=None, derandomize=True)
 def test_a_tree_is_the_same_after_going_there_and_back(tree):
     text = agent_text(tree)
-    there = export_agent(Source("a.yaml", text), VOCABULARY)
-    back = import_agent(Source("t.xml", there.text), "a", VOCABULARY)
-    before = read_agent_text(text, "a.yaml", VOCABULARY)
-    after = read_agent_text(back.text, "b.yaml", VOCABULARY)
+    there = export_agent(Source("a.yaml", text), SYMBOLS)
+    back = import_agent(Source("t.xml", there.text), "a", SYMBOLS)
+    before = read_agent_text(text, "a.yaml", SYMBOLS)
+    after = read_agent_text(back.text, "b.yaml", SYMBOLS)
     assert shape(after.tree) == shape(before.tree)
-    again = export_agent(Source("b.yaml", back.text), VOCABULARY)
+    again = export_agent(Source("b.yaml", back.text), SYMBOLS)
     first, second = (
         read_document(Source("t.xml", text)).trees["A"] for text in (there.text, again.text)
     )

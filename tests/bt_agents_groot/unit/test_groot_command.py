@@ -10,7 +10,7 @@ import pytest
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_groot.commands import export, import_
 from bt_agents_language.files.agent_reader import read_agent
-from tree_harness import TREES, VOCABULARY
+from tree_harness import SYMBOLS, TREES
 
 XML = """<root BTCPP_format="4"><BehaviorTree ID="Patrol"><Sequence>
   <Say text="Hello"/>{more}</Sequence></BehaviorTree></root>"""
@@ -36,7 +36,7 @@ def test_an_import_writes_an_agent_that_can_be_read(run, tmp_path):
     out, err = run("import", "groot", "Night Patrol.xml", "-o", "patrol.yaml")
     assert out == "wrote patrol.yaml\n"
     assert err == ""
-    assert read_agent(tmp_path / "patrol.yaml", VOCABULARY).name == "night_patrol"
+    assert read_agent(tmp_path / "patrol.yaml", SYMBOLS).name == "night_patrol"
 
 
 def test_without_a_file_to_write_the_agent_is_printed(run, tmp_path):

@@ -16,7 +16,7 @@ from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source, read_source
 from file_texts import read_agent_text
-from tree_harness import TREES, VOCABULARY
+from tree_harness import SYMBOLS, TREES
 
 HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
@@ -24,7 +24,7 @@ HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n
 def exported(tree: str, more: str = "") -> ExportedAgent:
     """Return the file for a tree and for more keys of its agent."""
     text = f"{HEAD}{textwrap.dedent(more)}tree:\n{textwrap.indent(textwrap.dedent(tree), '  ')}"
-    return export_agent(Source("a.yaml", text), VOCABULARY)
+    return export_agent(Source("a.yaml", text), SYMBOLS)
 
 
 def element(tree: str) -> str:
@@ -168,10 +168,10 @@ AGENTS = sorted(
 
 @pytest.mark.parametrize("path", AGENTS, ids=lambda path: path.stem)
 def test_the_agents_that_come_along_are_the_same_after_going_there_and_back(path):
-    agent = read_agent(path, VOCABULARY)
-    text = export_agent(read_source(path), VOCABULARY).text
-    made = import_agent(Source("t.xml", text), agent.name, VOCABULARY)
-    again = read_agent_text(made.text, "a.yaml", VOCABULARY)
+    agent = read_agent(path, SYMBOLS)
+    text = export_agent(read_source(path), SYMBOLS).text
+    made = import_agent(Source("t.xml", text), agent.name, SYMBOLS)
+    again = read_agent_text(made.text, "a.yaml", SYMBOLS)
     tree = again.tree
     if agent.tunables:
         # What were tunables is set first; nothing else is new.

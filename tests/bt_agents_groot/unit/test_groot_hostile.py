@@ -12,13 +12,13 @@ from bt_agents_core.errors import ReadError
 from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.reference.codes import code_groups, codes
 from bt_agents_language.yaml.source import Source, read_source
-from tree_harness import VOCABULARY
+from tree_harness import SYMBOLS
 
 
 def problems(text: str) -> list[str]:
     """Return ``code line:column`` of every error of an XML text."""
     try:
-        import_agent(Source("t.xml", text), "a", VOCABULARY)
+        import_agent(Source("t.xml", text), "a", SYMBOLS)
     except ReadError as error:
         return [
             f"{one.code} {one.position.line}:{one.position.column}" for one in error.diagnostics
@@ -128,7 +128,7 @@ def test_a_circle_of_trees_is_refused_with_its_way():
     )
     with pytest.raises(ReadError, match="A → B → C → A"):
         import_agent(
-            Source("t.xml", f'<root main_tree_to_execute="A">{circle}</root>'), "a", VOCABULARY
+            Source("t.xml", f'<root main_tree_to_execute="A">{circle}</root>'), "a", SYMBOLS
         )
 
 
@@ -152,7 +152,7 @@ def test_a_file_that_is_no_text_is_refused(tmp_path, data):
 
 def test_the_encoding_that_the_file_claims_does_not_matter():
     text = '<?xml version="1.0" encoding="ISO-8859-1"?>' + tree("<Say text='Grüß Gott'/>")
-    assert "Grüß Gott" in import_agent(Source("t.xml", text), "a", VOCABULARY).text
+    assert "Grüß Gott" in import_agent(Source("t.xml", text), "a", SYMBOLS).text
 
 
 @pytest.mark.parametrize("code", code_groups()["Import from Groot2"], ids=lambda code: code.code)

@@ -16,7 +16,7 @@ from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text, read_skills_text
-from tree_harness import VOCABULARY
+from tree_harness import SYMBOLS
 
 S, F = "<AlwaysSuccess/>", "<AlwaysFailure/>"
 HOT, COLD = "<ScriptCondition code='hot'/>", "<ScriptCondition code='!hot'/>"
@@ -27,7 +27,7 @@ def imported(inner: str, more: str = "") -> ImportedAgent:
     """Return the agent for a tree, and for more elements beside it."""
     text = f"""<root BTCPP_format="4" main_tree_to_execute="T">
     <BehaviorTree ID="T">{inner}</BehaviorTree>{more}</root>"""
-    return import_agent(Source("folder/t.xml", text), "a", VOCABULARY)
+    return import_agent(Source("folder/t.xml", text), "a", SYMBOLS)
 
 
 def document(made: ImportedAgent) -> dict:
@@ -164,7 +164,7 @@ def test_a_node_becomes_what_does_the_same(inner, expected):
     made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
     assert document(made)["tree"]["sequence"][1:] == [yaml.safe_load(expected)]
     assert not made.remarks
-    read_agent_text(made.text, "a.yaml", VOCABULARY)
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
     assert format_source(Source("a.yaml", made.text)) == made.text
 
 
@@ -232,7 +232,7 @@ def test_a_leaf_that_is_lost_fails_and_says_so():
         "fail": True,
         "log": {"message": 'not translated: <UnsetBlackboard key="x">', "level": "error"},
     }
-    read_agent_text(made.text, "a.yaml", VOCABULARY)
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_every_built_in_node_has_a_translator():
@@ -260,7 +260,7 @@ def test_a_condition_that_is_a_node_is_asked_once():
             },
         ]
     }
-    read_agent_text(made.text, "a.yaml", VOCABULARY)
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_descriptions_become_comments():
@@ -276,7 +276,7 @@ def test_names_that_a_program_gave_are_set_first():
     assert document(made)["tree"]["sequence"][0] == {
         "set": {"greeting": "", "speed": 0.0, "battery": 0.0, "ready": False}
     }
-    read_agent_text(made.text, "a.yaml", VOCABULARY)
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_names_become_names_of_our_language_and_stay_different():
@@ -313,7 +313,7 @@ def test_a_subtree_gets_inputs_and_outputs_from_its_uses():
             ]
         },
     }
-    read_agent_text(made.text, "a.yaml", VOCABULARY)
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_a_subtree_that_shares_all_names_gets_them_all():
@@ -327,7 +327,7 @@ def test_a_subtree_that_shares_all_names_gets_them_all():
         "with": {"place": "${place}", "count_in": "${count}"},
         "outputs": {"count": "count", "done": "done"},
     }
-    read_agent_text(made.text, "a.yaml", VOCABULARY)
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
 def test_models_of_subtrees_give_types_and_defaults():
@@ -372,8 +372,8 @@ def test_skills_that_nobody_declares_come_with_a_file_that_declares_them():
     )
     assert [skill.name for skill in made.missing] == ["play_tune", "wave_hand"]
     skills = read_skills_text(skills_file(made.missing), "new.yaml")
-    vocabulary = replace(VOCABULARY, skills={**VOCABULARY.skills, **skills})
-    read_agent_text(made.text, "a.yaml", vocabulary)
+    symbols = replace(SYMBOLS, skills={**SYMBOLS.skills, **skills})
+    read_agent_text(made.text, "a.yaml", symbols)
     assert [one.name for one in skills["wave_hand"].inputs] == ["side", "times"]
     assert [one.name for one in skills["wave_hand"].outputs] == ["seen"]
     assert "#   wave_hand:" in made.text
@@ -389,7 +389,7 @@ def test_a_port_that_no_model_describes_is_an_output_if_others_use_what_it_names
 
 def test_the_file_is_a_whole_agent_with_the_profile_of_an_ordinary_scene():
     made = imported(S)
-    agent = read_agent_text(made.text, "a.yaml", VOCABULARY)
+    agent = read_agent_text(made.text, "a.yaml", SYMBOLS)
     assert agent.name == "a"
-    assert agent.profile == tuple(one.default for one in VOCABULARY.space.parameters)
+    assert agent.profile == tuple(one.default for one in SYMBOLS.space.parameters)
     assert made.text.startswith("# Made from t.xml by 'bt-agents import groot'.")

@@ -90,7 +90,7 @@ def test_every_example_of_the_docs_keeps_the_laws(name):
 @pytest.mark.parametrize("agent", read_trees(TREES).agents, ids=lambda agent: agent.name)
 def test_a_formatted_agent_is_the_same_agent(agent):
     text = format_source(read_source(Path(agent.file)))
-    again = read_agent_text(text, agent.file, read_trees(TREES).vocabulary)
+    again = read_agent_text(text, agent.file, read_trees(TREES).symbols)
     assert POSITION.sub("", repr(again)) == POSITION.sub("", repr(agent))
 
 

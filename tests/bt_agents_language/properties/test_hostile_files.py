@@ -36,11 +36,11 @@ from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.symbols import ImportProblem
 from bt_agents_language.reference.codes import codes
-from tree_harness import SPACE, TREES, VOCABULARY, scene
+from tree_harness import SPACE, SYMBOLS, TREES, scene
 
 CORPUS = Path(__file__).parents[2] / "corpus"
 AGENTS = read_trees(TREES).agents
-ALONE = replace(VOCABULARY, libraries=None)
+ALONE = replace(SYMBOLS, libraries=None)
 WIDEST = 200
 SLOWEST_S = 1.0
 LARGEST = 64 * 1024 * 1024
@@ -96,13 +96,13 @@ def read_library(path: Path) -> None:
 
 
 READERS: Mapping[str, Callable[[Path], object]] = {
-    "agent": lambda path: read_agent(path, VOCABULARY),
+    "agent": lambda path: read_agent(path, SYMBOLS),
     "skills": lambda path: read_skills([path]),
     "library": read_library,
     "scene": read_scene,
     "market": lambda path: read_market(path, SPACE),
     "script": lambda path: read_script(path, SPACE),
-    "test": lambda path: read_test(path, AGENTS, VOCABULARY),
+    "test": lambda path: read_test(path, AGENTS, SYMBOLS),
 }
 
 
@@ -382,7 +382,7 @@ CONTENTS: Mapping[Content, list[str]] = {
     Content.COUNT: ["all", "one", "1"],
 }
 ROS_TYPES = {"action": "a/action/B", "service": "a/srv/C"}
-SKILLS = [VOCABULARY.skills[name] for name in ("say", "ask", "show", "light", "drive", "sound")]
+SKILLS = [SYMBOLS.skills[name] for name in ("say", "ask", "show", "light", "drive", "sound")]
 USED = [
     *(kind for kind in NODE_TYPES.values() if kind.children is Children.LIST),
     *NODE_TYPES.values(),

@@ -27,7 +27,7 @@ from bt_agents_language.reference.codes import codes
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 from file_texts import read_agent_text, read_scene_text, read_skills_text
-from tree_harness import SPACE, TREES, VOCABULARY
+from tree_harness import SPACE, SYMBOLS, TREES
 
 EVERYTHING = """\
 format: 1
@@ -65,7 +65,7 @@ feedback: {each: {a: {age: 1}}, sequence: [{mood: 2}], repeat: true}
 
 
 def agent(text: str) -> object:
-    return read_agent_text(text, "a.yaml", VOCABULARY)
+    return read_agent_text(text, "a.yaml", SYMBOLS)
 
 
 def text_of(path: Path) -> str:

@@ -12,10 +12,10 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.tools.schema.folder import schema_of
 from core_schema import loaded
 from file_texts import read_agent_text
-from tree_harness import VOCABULARY
+from tree_harness import SYMBOLS
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
-SCHEMA = Draft7Validator(schema_of("agent", VOCABULARY))
+SCHEMA = Draft7Validator(schema_of("agent", SYMBOLS))
 WORDS = st.sampled_from(
     ["true", "False", "null", "forever", "all", "one", "live.person", "${live.age}", "$${", "3 s"]
 )
@@ -58,7 +58,7 @@ PLACES = [
 def test_the_schema_takes_what_the_reader_takes(place, written):
     text = f"{HEAD}tree:\n  {place.format(written)}\n"
     try:
-        read_agent_text(text, "a.yaml", VOCABULARY)
+        read_agent_text(text, "a.yaml", SYMBOLS)
     except ReadError:
         return
     assert [error.message for error in SCHEMA.iter_errors(loaded(text))] == []
@@ -72,7 +72,7 @@ def test_the_schema_takes_a_tunable_that_the_reader_takes(written, key):
     tunable = key.format(written)
     text = f"{HEAD}tunables: {{t: {{{tunable}}}}}\ntree: {{say: '${{t}}'}}\n"
     try:
-        read_agent_text(text, "a.yaml", VOCABULARY)
+        read_agent_text(text, "a.yaml", SYMBOLS)
     except ReadError:
         return
     assert [error.message for error in SCHEMA.iter_errors(loaded(text))] == []

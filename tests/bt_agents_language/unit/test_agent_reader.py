@@ -20,7 +20,7 @@ from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.subtrees import MAX_NODES
 from fake_interfaces import FakeInterfaces
 from file_texts import read_agent_text
-from tree_harness import SPACE, TREES, VOCABULARY, agent
+from tree_harness import SPACE, SYMBOLS, TREES, agent
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
@@ -35,9 +35,9 @@ def paths(spec: NodeSpec) -> list[str]:
     return [node.path for node in all_nodes(spec)]
 
 
-def errors(text: str, vocabulary: SymbolTable = VOCABULARY) -> list[str]:
+def errors(text: str, symbols: SymbolTable = SYMBOLS) -> list[str]:
     with pytest.raises(ReadError) as error:
-        read_agent_text(HEAD + text, "a.yaml", vocabulary)
+        read_agent_text(HEAD + text, "a.yaml", symbols)
     return [line.removeprefix("a.yaml:") for line in error.value.lines]
 
 
@@ -46,7 +46,7 @@ SHIPPED = [p for p in sorted((TREES / "agents").glob("*.yaml")) if ".test" not i
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
 def test_shipped_agents_are_read(path):
-    spec = read_agent(path, VOCABULARY)
+    spec = read_agent(path, SYMBOLS)
     assert spec.name == path.stem
     assert spec.file == str(path)
     listed = paths(spec.tree)
@@ -73,7 +73,7 @@ tree: {wait: 0}
 on_cancel: {light: red}
 """,
         "guide.yaml",
-        VOCABULARY,
+        SYMBOLS,
     )
     assert (spec.name, spec.title, spec.description) == ("guide", "A guide", "Two lines.")
     assert spec.tags == ("airport", "24")
@@ -98,7 +98,7 @@ on_cancel: {light: red}
 
 
 def test_what_is_not_written_has_a_default():
-    spec = read_agent_text(HEAD + "tree: {wait: 0}\n", "a.yaml", VOCABULARY)
+    spec = read_agent_text(HEAD + "tree: {wait: 0}\n", "a.yaml", SYMBOLS)
     assert (spec.title, spec.description, spec.tags) == ("a", "", ())
     assert (spec.learning_rate, spec.requires, spec.rules) == (0.2, None, ())
     assert spec.on_cancel is None
@@ -259,7 +259,7 @@ def test_the_fields_of_composites_have_defaults():
 def test_a_skill_has_a_value_for_every_input():
     spec = agent("say: {text: Hi}").tree
     assert spec.kind == "say"
-    assert spec.skill is VOCABULARY.skills["say"]
+    assert spec.skill is SYMBOLS.skills["say"]
     assert spec.fields == {"text": Literal(value="Hi"), "rate": Literal(value=1.0)}
 
 
@@ -469,7 +469,7 @@ def test_trees_share_one_limit_of_nodes():
     assert errors(text.replace("- ", "    - "))[0].startswith(f"{second}:3: error[tree-too-large]")
 
 
-KNOWING = SymbolTable(SPACE, VOCABULARY.skills, FakeInterfaces())
+KNOWING = SymbolTable(SPACE, SYMBOLS.skills, FakeInterfaces())
 
 
 @pytest.mark.parametrize(

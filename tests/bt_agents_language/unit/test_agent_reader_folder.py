@@ -34,7 +34,7 @@ def test_the_shipped_folder_is_sound():
     trees = read_trees(TREES)
     assert trees.broken == ()
     assert len(trees.agents) >= 4
-    assert "say" in trees.vocabulary.skills
+    assert "say" in trees.symbols.skills
     assert trees.scene.space.mood == "mood"
 
 
@@ -79,7 +79,7 @@ def test_a_folder_that_is_called_like_a_file_is_broken(folder):
 def test_a_folder_without_skills_and_agents_is_empty(tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
     trees = read_trees(tmp_path)
-    assert (trees.agents, trees.broken, dict(trees.vocabulary.skills)) == ((), (), {})
+    assert (trees.agents, trees.broken, dict(trees.symbols.skills)) == ((), (), {})
 
 
 def test_a_broken_scene_stops_all(folder):

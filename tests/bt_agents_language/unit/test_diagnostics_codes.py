@@ -33,7 +33,7 @@ from bt_agents_language.yaml.yaml_reader import Mapping
 from bt_agents_language.yaml.yaml_reader import read_document as read_file
 from fake_interfaces import FakeInterfaces
 from file_texts import read_agent_text
-from tree_harness import SPACE, TREES, VOCABULARY
+from tree_harness import SPACE, SYMBOLS, TREES
 
 HEAD = {
     "format": "format: 1",
@@ -74,13 +74,13 @@ def put(path: Path, data: bytes) -> Path:
 
 def of_agent(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
     source = read_source(put(folder / "guide.yaml", agent_file(example)))
-    vocabulary = SymbolTable(space=SPACE, skills=VOCABULARY.skills, interfaces=StandardTypes())
-    return (*lint(read_agent_text(source.text, source.file, vocabulary)), *cut_texts(source))
+    symbols = SymbolTable(space=SPACE, skills=SYMBOLS.skills, interfaces=StandardTypes())
+    return (*lint(read_agent_text(source.text, source.file, symbols)), *cut_texts(source))
 
 
 def of_test(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
-    agent = read_agent_text(agent_file(b"tree: {say: Hello.}").decode(), "g.yaml", VOCABULARY)
-    read_test(put(folder / "guide.test.yaml", b"format: 1\n" + example), [agent], VOCABULARY)
+    agent = read_agent_text(agent_file(b"tree: {say: Hello.}").decode(), "g.yaml", SYMBOLS)
+    read_test(put(folder / "guide.test.yaml", b"format: 1\n" + example), [agent], SYMBOLS)
     return ()
 
 

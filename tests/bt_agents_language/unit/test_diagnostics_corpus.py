@@ -26,10 +26,10 @@ from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.nodes.symbols import ImportProblem
 from bt_agents_language.reference.codes import ExampleKind, codes
-from tree_harness import SPACE, VOCABULARY
+from tree_harness import SPACE, SYMBOLS
 
 KEPT = Path(__file__).parents[2] / "corpus"
-ALONE = replace(VOCABULARY, libraries=None)
+ALONE = replace(SYMBOLS, libraries=None)
 SLOWEST_S = 1.0
 LARGEST = 64 * 1024 * 1024
 WIDEST = 200
@@ -50,7 +50,7 @@ def read_import(path: Path) -> None:
     folder = next(parent for parent in path.parents if parent.name == "imports")
     libraries = FolderLibraries(folder, ALONE)
     if path.parent.name == "agents":
-        read_agent(path, replace(VOCABULARY, libraries=libraries))
+        read_agent(path, replace(SYMBOLS, libraries=libraries))
         return
     library = f"libraries/{path.name}"
     try:

@@ -12,7 +12,7 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent
-from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
+from bt_agents_language.files.folder_reader import read_symbols, read_trees
 from bt_agents_language.model.specs import AgentSpec
 from tree_harness import TREES
 
@@ -51,7 +51,7 @@ def folder(tmp_path: Path) -> Path:
 def agent(folder: Path, tree: str, *imports: str) -> AgentSpec:
     path = folder / "agents" / "a.yaml"
     path.write_text(AGENT.format(tree=tree, imports=", ".join(f'"{one}"' for one in imports)))
-    return read_agent(path, read_vocabulary(folder))
+    return read_agent(path, read_symbols(folder))
 
 
 def problems(folder: Path, tree: str, *imports: str) -> list[str]:

@@ -13,13 +13,13 @@ from bt_agents_language.model.mood_rule import ACTIONS, MoodAction
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.tools.schema.folder import schema_of
 from file_texts import read_agent_text
-from tree_harness import VOCABULARY
+from tree_harness import SYMBOLS
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {wait: 1 s}\n"
 
 
 def read(text: str) -> AgentSpec:
-    return read_agent_text(HEAD + text, "a.yaml", VOCABULARY)
+    return read_agent_text(HEAD + text, "a.yaml", SYMBOLS)
 
 
 def errors(text: str) -> list[str]:
@@ -233,5 +233,5 @@ def test_a_mistake_in_a_mood_rule_is_one_error_at_its_place(keys, line):
 
 def test_every_action_of_a_mood_rule_but_none_has_a_word_in_files():
     assert {action for action, _ in ACTIONS.values()} == {*MoodAction} - {MoodAction.NONE}
-    rule: Any = schema_of("agent", VOCABULARY)["properties"]["feedback"]["items"]
+    rule: Any = schema_of("agent", SYMBOLS)["properties"]["feedback"]["items"]
     assert rule["properties"]["then"]["enum"] == list(ACTIONS)

@@ -11,7 +11,7 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.endings import Outcome
 from bt_agents_language.tools.lint import lint, outcomes
 from file_texts import read_agent_text
-from tree_harness import VOCABULARY, agent
+from tree_harness import SYMBOLS, agent
 
 
 def found(tree: str, head: str = "") -> list[str]:
@@ -264,10 +264,10 @@ def test_a_subtree_that_is_used_twice_is_warned_about_once():
 
 def test_a_skill_that_no_robot_offers_is_warned_about():
     bow = replace(
-        VOCABULARY.skills["light"], name="bow", inputs=(), binding=None, unoffered="no robot"
+        SYMBOLS.skills["light"], name="bow", inputs=(), binding=None, unoffered="no robot"
     )
     text = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {bow: }\n"
-    spec = read_agent_text(text, "a.yaml", VOCABULARY.with_skills({"bow": bow}))
+    spec = read_agent_text(text, "a.yaml", SYMBOLS.with_skills({"bow": bow}))
     assert codes(spec) == ["skill-not-offered"]
 
 

@@ -34,7 +34,7 @@ from bt_agents_language.tools.lint import lint
 from bt_agents_language.tools.schema.node_schemas import node_definitions
 from checkout import ROOT
 from file_texts import read_agent_text
-from tree_harness import SPACE, VOCABULARY, agent
+from tree_harness import SPACE, SYMBOLS, agent
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
@@ -153,7 +153,7 @@ def test_the_type_of_a_node_is_that_of_its_key() -> None:
 
 
 def test_a_skill_is_a_skill_even_if_its_name_is_that_of_a_branch() -> None:
-    skill = replace(VOCABULARY.skills["say"], name="case")
+    skill = replace(SYMBOLS.skills["say"], name="case")
     spec = NodeSpec(path="tree", position=HERE, kind="case", name="case", skill=skill)
     assert type_of(spec) is SKILL
     assert type_of(replace(spec, skill=None, plugin=object)) is PLUGIN
@@ -192,10 +192,10 @@ GENTLY = NodeType(
 
 def use(key: str) -> None:
     """Print what the readers and tools of the language make of the example of a node type."""
-    page = node_page(key, VOCABULARY)
+    page = node_page(key, SYMBOLS)
     assert page is not None
-    spec = read_agent_text(HEAD + page.example, "a.yaml", VOCABULARY)
-    definitions: Any = node_definitions(VOCABULARY)
+    spec = read_agent_text(HEAD + page.example, "a.yaml", SYMBOLS)
+    definitions: Any = node_definitions(SYMBOLS)
     print(spec.tree.kind, page.group.value, len(lint(spec)))
     print(key in outline(spec, SPACE), key in definitions["node"]["properties"])
 
@@ -237,7 +237,7 @@ def test_a_type_says_what_its_nodes_use_outside_of_the_tree() -> None:
     assert resources_of("wait_for: live.person") == Resources()
     assert resources_of("give_feedback: positive") == Resources(feedback=True)
     assert resources_of("wait: 1 s") == Resources()
-    say = VOCABULARY.skills["say"].binding
+    say = SYMBOLS.skills["say"].binding
     assert say is not None
     assert resources_of("say: Hello.") == Resources(binding=say)
     raw = resources_of(f"publish: {topic}, message: {{data: true}}}}").binding

@@ -87,7 +87,7 @@ import tree_harness
 from bt_agents_core.errors import ReadError
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 
-tree_harness.VOCABULARY = replace(tree_harness.VOCABULARY, plugins=installed_plugins().kinds)
+tree_harness.SYMBOLS = replace(tree_harness.SYMBOLS, plugins=installed_plugins().kinds)
 """
 
 

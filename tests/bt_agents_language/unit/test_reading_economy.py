@@ -13,7 +13,7 @@ import pytest
 from bt_agents_core.errors import ReadError
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from file_texts import read_agent_text
-from tree_harness import VOCABULARY
+from tree_harness import SYMBOLS
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 TREE = """\
@@ -34,7 +34,7 @@ subtrees:
 
 
 def read(text: str) -> AgentSpec:
-    return read_agent_text(HEAD + text, "a.yaml", VOCABULARY)
+    return read_agent_text(HEAD + text, "a.yaml", SYMBOLS)
 
 
 def of_kind(agent: AgentSpec, kind: str) -> list[NodeSpec]:

@@ -24,16 +24,16 @@ from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
 from checkout import ROOT
 from file_texts import read_agent_text
-from tree_harness import SPACE, VOCABULARY, scene
+from tree_harness import SPACE, SYMBOLS, scene
 
 GENERATED = runpy.run_path(str(ROOT / "scripts" / "generated.py"))["GENERATED"]
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
-WORDS = [*NODE_TYPES, *VOCABULARY.skills, *DECORATORS, *SIBLINGS]
+WORDS = [*NODE_TYPES, *SYMBOLS.skills, *DECORATORS, *SIBLINGS]
 
 
 def test_every_word_has_a_page_and_no_other_has():
-    assert [page.key for page in node_pages(VOCABULARY)] == WORDS
-    assert node_page("sya", VOCABULARY) is None
+    assert [page.key for page in node_pages(SYMBOLS)] == WORDS
+    assert node_page("sya", SYMBOLS) is None
 
 
 def test_every_word_of_the_language_has_an_example():
@@ -43,10 +43,10 @@ def test_every_word_of_the_language_has_an_example():
 
 @pytest.mark.parametrize("key", WORDS)
 def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
-    page = node_page(key, VOCABULARY)
+    page = node_page(key, SYMBOLS)
     assert page is not None
     assert f"{key}:" in page.example
-    agent = read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+    agent = read_agent_text(HEAD + page.example, "example.yaml", SYMBOLS)
     run = Run(
         agent,
         space=SPACE,
@@ -61,7 +61,7 @@ def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
 
 
 def test_a_page_says_what_is_needed_and_what_is_taken_otherwise():
-    page = node_page("ask", VOCABULARY)
+    page = node_page("ask", SYMBOLS)
     assert page is not None
     assert page.group is Group.SKILL
     assert page.forms == ("ask: <text>", "ask: {text: …, choices: …, wait: …}")
@@ -74,7 +74,7 @@ def test_a_page_says_what_is_needed_and_what_is_taken_otherwise():
 
 
 def test_a_page_of_a_modifier_says_where_it_acts():
-    page = node_page("retry", VOCABULARY)
+    page = node_page("retry", SYMBOLS)
     assert page is not None
     assert "inside of when, once" in page.note
     assert "around repeat, timeout" in page.note
@@ -91,7 +91,7 @@ def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
         description="Blinks.",
         plugin=Success,
     )
-    words = replace(VOCABULARY, plugins={"blink": blink})
+    words = replace(SYMBOLS, plugins={"blink": blink})
     page = node_page("blink", words)
     assert page is not None
     assert page.group is Group.PLUGIN
@@ -101,7 +101,7 @@ def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
     assert "### blink\n\nBlinks." in reference_page(words)
 
 
-BLINK = replace(VOCABULARY, plugins={"blink": NodeType(key="blink", plugin=Success)})
+BLINK = replace(SYMBOLS, plugins={"blink": NodeType(key="blink", plugin=Success)})
 
 
 def test_a_node_without_fields_is_its_bare_key():
@@ -121,7 +121,7 @@ def test_a_node_without_fields_takes_no_value():
 
 
 def test_an_example_of_a_skill_is_as_one_would_write_it():
-    page = node_page("ask", VOCABULARY)
+    page = node_page("ask", SYMBOLS)
     assert page is not None
     assert page.example == (
         'tree:\n  sequence:\n    - ask: Shall we go?\n    - log: "answer: ${answer}"\n'
@@ -130,14 +130,14 @@ def test_an_example_of_a_skill_is_as_one_would_write_it():
 
 @pytest.mark.parametrize("name", ["greet", "tell", "ask_twice", "clear_the_way"])
 def test_the_example_of_a_subtree_of_a_library_imports_it(name):
-    libraries = VOCABULARY.libraries
+    libraries = SYMBOLS.libraries
     assert libraries is not None
     subtree = libraries.load("libraries/manners.yaml").subtrees[name]
     page = subtree_page("libraries/manners.yaml", subtree)
     assert page.group is Group.SUBTREE
     assert page.description.endswith(".")
     assert all(field.description for field in (*page.fields, *page.outputs))
-    read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+    read_agent_text(HEAD + page.example, "example.yaml", SYMBOLS)
 
 
 @pytest.mark.parametrize("key", TOPICS)
@@ -145,7 +145,7 @@ def test_the_example_of_a_topic_works(key):
     page = topic(key, SPACE)
     assert page is not None
     assert page.key == key
-    read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+    read_agent_text(HEAD + page.example, "example.yaml", SYMBOLS)
 
 
 def test_topics_name_every_unit_operator_function_and_scene_value():

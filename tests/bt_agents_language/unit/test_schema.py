@@ -18,7 +18,7 @@ from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
 from bt_agents_language.tools.schema.folder import (
-    folder_vocabulary,
+    folder_symbols,
     schema_file,
     schema_of,
     schema_text,
@@ -27,12 +27,12 @@ from bt_agents_language.yaml.source import read_source
 from bt_agents_tools.cli.commands.schema import schema
 from checkout import ROOT
 from core_schema import loaded
-from tree_harness import SPACE, VOCABULARY
+from tree_harness import SPACE, SYMBOLS
 
 CORPUS = ROOT / "tests" / "corpus"
 TREES = ROOT / "trees"
 FOLDERS = {
-    folder: folder_vocabulary(folder)
+    folder: folder_symbols(folder)
     for folder in (TREES, *sorted(p.parent for p in ROOT.glob("experiments/*/experiment.yaml")))
 }
 KIND_OF_FOLDER = {
@@ -45,7 +45,7 @@ KIND_OF_FOLDER = {
     "experiments": "experiment",
     "tests": "test",
 }
-VALIDATORS = {kind: Draft7Validator(schema_of(kind, VOCABULARY)) for kind in FILE_KINDS}
+VALIDATORS = {kind: Draft7Validator(schema_of(kind, SYMBOLS)) for kind in FILE_KINDS}
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
 
@@ -87,7 +87,7 @@ def in_tree(node: str) -> list[str]:
 
 @pytest.mark.parametrize("kind", FILE_KINDS)
 def test_a_schema_is_a_json_schema(kind):
-    Draft7Validator.check_schema(json.loads(schema_text(kind, VOCABULARY)))
+    Draft7Validator.check_schema(json.loads(schema_text(kind, SYMBOLS)))
 
 
 @pytest.mark.parametrize("path", list(shipped()), ids=lambda path: str(path.relative_to(ROOT)))
@@ -103,9 +103,9 @@ def test_every_file_is_taken_that_the_readers_take(path):
     assert problems(kind_of(path), read_source(path).text) == []
 
 
-@pytest.mark.parametrize("key", [*NODE_TYPES, *VOCABULARY.skills, *DECORATORS, *SIBLINGS])
+@pytest.mark.parametrize("key", [*NODE_TYPES, *SYMBOLS.skills, *DECORATORS, *SIBLINGS])
 def test_every_word_of_the_language_is_described_in_a_node(key):
-    properties = schema_of("agent", VOCABULARY)["definitions"]["node"]["properties"]
+    properties = schema_of("agent", SYMBOLS)["definitions"]["node"]["properties"]
     assert properties[key]["description"]
     assert properties[key]["markdownDescription"].startswith(properties[key]["description"])
 
@@ -123,10 +123,10 @@ def test_every_key_is_described(kind):
             for key, one in part.items():
                 yield from undescribed(one, f"{at}/{key}")
 
-    described_by_nature = ("condition", "duration", *SPACE.names, *VOCABULARY.skills)
+    described_by_nature = ("condition", "duration", *SPACE.names, *SYMBOLS.skills)
     found = [
         path
-        for path in undescribed(schema_of(kind, VOCABULARY), "")
+        for path in undescribed(schema_of(kind, SYMBOLS), "")
         if path.rpartition("/")[2] not in described_by_nature
     ]
     assert found == []
@@ -217,7 +217,7 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
         plugin=Behaviour,
     )
     kinds = {one.key: one for one in (blink, talk, nod, turn)}
-    words = replace(VOCABULARY, plugins=kinds)
+    words = replace(SYMBOLS, plugins=kinds)
     validator = Draft7Validator(schema_of("agent", words))
 
     def fits(node: str) -> bool:

@@ -20,7 +20,7 @@ from bt_agents_tools.rehearsal.events import EventKind
 from fake_interfaces import FakeInterfaces
 from file_texts import read_agent_text, read_skills_text
 from rehearsal_harness import events_of, rehearsed
-from tree_harness import TREES, VOCABULARY, Stage, agent
+from tree_harness import SYMBOLS, TREES, Stage, agent
 
 CORPUS = Path(__file__).parents[2] / "corpus"
 
@@ -50,10 +50,10 @@ def test_what_a_skills_file_says_of_its_servers_stands_in_the_binding() -> None:
 
 
 def test_what_is_not_written_is_as_usual() -> None:
-    binding = VOCABULARY.skills["ask"].binding
+    binding = SYMBOLS.skills["ask"].binding
     assert binding is not None
     assert binding.timeouts == Timeouts(server_s=3.0, accept_s=3.0, result_s=None)
-    sound = VOCABULARY.skills["sound"].binding
+    sound = SYMBOLS.skills["sound"].binding
     assert sound is not None
     assert sound.heartbeat is None
 
@@ -147,11 +147,11 @@ def test_a_skill_that_never_ends_times_out_in_a_rehearsal_as_on_the_robot() -> N
 def test_the_keys_survive_groot_and_the_formatter() -> None:
     path = CORPUS / "agents/valid_servers.yaml"
     source = Source("a.yaml", path.read_text(encoding="utf-8"))
-    before = read_agent_text(source.text, "a.yaml", VOCABULARY)
-    exported = export_agent(source, VOCABULARY)
-    back = import_agent(Source("t.xml", exported.text), "a", VOCABULARY)
+    before = read_agent_text(source.text, "a.yaml", SYMBOLS)
+    exported = export_agent(source, SYMBOLS)
+    back = import_agent(Source("t.xml", exported.text), "a", SYMBOLS)
     for text in (back.text, format_source(source)):
-        after = read_agent_text(text, "a.yaml", VOCABULARY)
+        after = read_agent_text(text, "a.yaml", SYMBOLS)
         for one, other in zip(before.tree.children, after.tree.children, strict=True):
             assert one.fields.keys() == other.fields.keys()
             if one.skill is not None and one.skill.binding is not None:
@@ -162,7 +162,7 @@ def test_the_keys_survive_groot_and_the_formatter() -> None:
 def test_every_shipped_action_notices_the_death_of_its_server() -> None:
     read = read_trees(TREES)
     assert not read.broken
-    robots = [VOCABULARY.skills[name].binding for name in ("say", "ask", "show", "drive")]
+    robots = [SYMBOLS.skills[name].binding for name in ("say", "ask", "show", "drive")]
     assert all(binding is not None and binding.heartbeat is not None for binding in robots)
 
 

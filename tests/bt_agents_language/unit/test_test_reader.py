@@ -28,7 +28,7 @@ from bt_agents_language.files.testing.scenarios import (
 from bt_agents_language.tree.subtrees import MAX_NODES
 from file_texts import read_test_text
 from rehearsal_harness import cases_for
-from tree_harness import TREES, VOCABULARY, agent
+from tree_harness import SYMBOLS, TREES, agent
 
 AGENT = agent(
     """
@@ -211,14 +211,14 @@ def test_a_file_without_cases_is_refused() -> None:
 @pytest.mark.parametrize("name", ["a", "a.yaml"])
 def test_the_agent_is_named_by_its_name_or_file(name: str) -> None:
     text = f"format: 1\ntest: {name}\ncases: [{{name: x, expect: {{ends: failed}}}}]"
-    assert read_test_text(text, "a.test.yaml", [AGENT], VOCABULARY).agent is AGENT
+    assert read_test_text(text, "a.test.yaml", [AGENT], SYMBOLS).agent is AGENT
 
 
 def test_an_unknown_agent_is_an_error_with_the_nearest_name() -> None:
     text = "format: 1\ntest: attentive_gide\ncases: [{name: x, expect: {ends: failed}}]"
     agents = read_trees(TREES).agents
     with pytest.raises(ReadError) as caught:
-        read_test_text(text, "a.test.yaml", agents, VOCABULARY)
+        read_test_text(text, "a.test.yaml", agents, SYMBOLS)
     assert "did you mean 'attentive_guide'?" in caught.value.report
 
 
@@ -256,7 +256,7 @@ def test_a_test_of_an_agent_whose_file_is_broken_says_that_and_lists_no_others(
     for name in ("porter", "porter.yaml"):
         text = f"format: 1\ntest: {name}\ncases: [{{name: x, expect: {{ends: failed}}}}]\n"
         with pytest.raises(ReadError) as caught:
-            read_test_text(text, str(tmp_path / "a.test.yaml"), [AGENT], VOCABULARY)
+            read_test_text(text, str(tmp_path / "a.test.yaml"), [AGENT], SYMBOLS)
         [problem] = caught.value.diagnostics
         assert problem.code == "unknown-agent"
         assert "cannot be tested, as its file has errors" in problem.message

@@ -12,14 +12,14 @@ from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.source import Edit, PatchedSource, Source, without_section
 from bt_agents_language.yaml.yaml_reader import MAX_SYNTAX_ERRORS, Mapping, read_document
 from file_texts import read_agent_text
-from tree_harness import VOCABULARY
+from tree_harness import SYMBOLS
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
 
 def report(text: str) -> ReadError:
     with pytest.raises(ReadError) as error:
-        read_agent_text(text, "a.yaml", VOCABULARY)
+        read_agent_text(text, "a.yaml", SYMBOLS)
     return error.value
 
 
@@ -236,5 +236,5 @@ def test_a_document_after_a_slip_keeps_what_stands_before_and_behind_it():
 def test_a_very_long_word_is_shortened_in_every_message(behind):
     text = "format: 1\n" + "a" * 400 + behind + "\ntree: {say: x}\n"
     with pytest.raises(ReadError) as caught:
-        read_agent_text(text, "a.yaml", VOCABULARY)
+        read_agent_text(text, "a.yaml", SYMBOLS)
     assert max(map(len, caught.value.report.splitlines())) <= 200

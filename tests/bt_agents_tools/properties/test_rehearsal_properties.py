@@ -16,7 +16,7 @@ from bt_agents_language.reference.codes import codes
 from bt_agents_tools.rehearsal.rehearsal import rehearse
 from bt_agents_tools.rehearsal.suite import failure, run_case
 from file_texts import read_test_text
-from tree_harness import SPACE, TREES, VOCABULARY
+from tree_harness import SPACE, SYMBOLS, TREES
 
 AGENTS = read_trees(TREES).agents
 GUIDE = next(agent for agent in AGENTS if agent.name == "attentive_guide")
@@ -41,7 +41,7 @@ def test_whatever_a_test_file_says_has_a_named_code_or_is_run(
         text = text[:start] + piece + text[start + length :]
     found: list[str] = []
     try:
-        test = read_test_text(text, "a.test.yaml", AGENTS, VOCABULARY)
+        test = read_test_text(text, "a.test.yaml", AGENTS, SYMBOLS)
     except ReadError as error:
         found = [code for code in codes() if f"[{code}]" in error.lines[0]]
         test = None

@@ -30,7 +30,7 @@ from file_texts import read_agent_text, read_scene_text, read_test_text
 from journal_fixture import morning
 from marketplace_node.strategies import StrategySpec
 from rehearsal_harness import scenario
-from tree_harness import SPACE, TREES, VOCABULARY
+from tree_harness import SPACE, SYMBOLS, TREES
 
 ROOT = Path(__file__).parents[3]
 OFFLINE = {
@@ -104,10 +104,10 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
     if "format" in keys and "tree" not in keys:
         (tmp_path / "libraries").mkdir()
         (tmp_path / "libraries" / "their.yaml").write_text(text)
-        assert FolderLibraries(tmp_path, VOCABULARY).load("libraries/their.yaml").subtrees
+        assert FolderLibraries(tmp_path, SYMBOLS).load("libraries/their.yaml").subtrees
         return
     missing = [line for line in AGENT.splitlines() if line and line.split(":")[0] not in keys]
-    agent = read_agent_text("\n".join(missing) + "\n" + text, document, VOCABULARY)
+    agent = read_agent_text("\n".join(missing) + "\n" + text, document, SYMBOLS)
     # It ends, or goes on to the limit, or waits for what nobody announces: it never raises.
     limits = Limits(duration_s=600.0, ticks=2000)
     told = rehearse(agent, SPACE, scenario(agent), limits=limits, force=True)
@@ -117,7 +117,7 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
 
 def _check_test(text: str, document: str) -> None:
     """Run the cases of a test file for one of the shipped agents."""
-    test = read_test_text(text, document, read_trees(TREES).agents, VOCABULARY)
+    test = read_test_text(text, document, read_trees(TREES).agents, SYMBOLS)
     results = [run_case(test.agent, SPACE, case) for case in test.cases]
     assert not [failure(result) for result in results if not result.passed]
 

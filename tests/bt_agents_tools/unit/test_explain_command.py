@@ -16,7 +16,7 @@ from bt_agents_language.reference.codes import codes
 from bt_agents_language.reference.file_pages import file_words
 from bt_agents_language.reference.node_pages import node_pages
 from bt_agents_tools.cli.commands.explain import explain, explanation, print_page
-from tree_harness import TREES, VOCABULARY
+from tree_harness import SYMBOLS, TREES
 
 
 def explained(word: str = "") -> str:
@@ -30,7 +30,7 @@ def explained(word: str = "") -> str:
 
 def page(word: str) -> str:
     console = Console(file=io.StringIO(), width=100)
-    print_page(console, explanation(word, VOCABULARY))
+    print_page(console, explanation(word, SYMBOLS))
     return console.file.getvalue()
 
 
@@ -72,14 +72,14 @@ def test_every_code_has_a_page(code):
     assert codes()[code].meaning.split()[0] in page(code)
 
 
-@pytest.mark.parametrize("word", [page.key for page in node_pages(VOCABULARY)])
+@pytest.mark.parametrize("word", [page.key for page in node_pages(SYMBOLS)])
 def test_every_word_of_the_language_has_a_page(word):
     assert page(word).startswith(f"{word}  ")
 
 
 def test_an_example_is_whole_however_narrow_the_terminal():
     console = Console(file=io.StringIO(), width=40)
-    print_page(console, explanation("wait_for", VOCABULARY))
+    print_page(console, explanation("wait_for", SYMBOLS))
     line = "      - wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}\n"
     assert line in console.file.getvalue()
 

@@ -15,7 +15,7 @@ from bt_agents_tools.rehearsal.events import EventKind
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from file_texts import read_agent_text, read_skills_text
 from rehearsal_harness import events_of, rehearsed, scenario, spoken_texts
-from tree_harness import SPACE, VOCABULARY, agent
+from tree_harness import SPACE, SYMBOLS, agent
 
 RULES = """
 feedback:
@@ -355,7 +355,7 @@ skills:
 """,
         "s.yaml",
     )
-    vocabulary = VOCABULARY.with_skills(dance)
+    symbols = SYMBOLS.with_skills(dance)
     spec = read_agent_text(
         """
 format: 1
@@ -368,7 +368,7 @@ tree:
     - say: Thank you for ${loud}.
 """,
         "a.yaml",
-        vocabulary,
+        symbols,
     )
     result = rehearse(spec, SPACE, scenario(spec, "answers: {dance: 0.7}"))
     assert spoken_texts(result) == ["Thank you for 0.7."]

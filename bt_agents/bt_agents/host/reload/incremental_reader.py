@@ -40,14 +40,14 @@ class KnownFiles:
 
 def known_files(trees: Trees) -> KnownFiles:
     """Return the known files of a folder that was just read."""
-    return KnownFiles(trees=trees, libraries=_libraries(trees, trees.vocabulary))
+    return KnownFiles(trees=trees, libraries=_libraries(trees, trees.symbols))
 
 
 def adopted(before: KnownFiles, file: AgentFile) -> KnownFiles:
     """Return a folder with an agent file in the place of another, without reading it."""
     trees = before.trees
     files = [file if one.file == file.file else one for one in trees.files]
-    return replace(before, trees=_with_files(before, files, trees.vocabulary))
+    return replace(before, trees=_with_files(before, files, trees.symbols))
 
 
 class Rereading:
@@ -91,13 +91,13 @@ class Rereading:
         if any(path.parent == self._folder / "skills" for path in self._differing):
             before = self._with_skills(before)
         if self._differing:
-            vocabulary = before.trees.vocabulary
-            before = replace(before, libraries=_libraries(before.trees, vocabulary))
+            symbols = before.trees.symbols
+            before = replace(before, libraries=_libraries(before.trees, symbols))
         files = self._files(before)
         same = len(files) == len(trees.files) and all(map(operator.is_, files, trees.files))
         if same and not self._differing and problems == trees.problems:
             return self._before
-        renewed = _with_files(before, files, before.libraries.vocabulary)
+        renewed = _with_files(before, files, before.libraries.symbols)
         return replace(before, trees=replace(renewed, texts=texts, problems=problems))
 
     def _texts(self) -> Mapping[Path, str | None]:
@@ -116,15 +116,15 @@ class Rereading:
     def _with_skills(self, before: KnownFiles) -> KnownFiles:
         trees, paths = before.trees, self._own_files("skills")
         try:
-            skills = read_skills(paths, trees.vocabulary.interfaces, trees.robot)
+            skills = read_skills(paths, trees.symbols.interfaces, trees.robot)
         except ReadError as error:
             broken = BrokenFile(file=self._folder / "skills", error=error)
             return replace(before, broken_skills=(broken,))
         self._skills_changed = True
-        vocabulary = replace(
-            trees.vocabulary, skills=skills, plugins=installed_plugins().without(skills).kinds
+        symbols = replace(
+            trees.symbols, skills=skills, plugins=installed_plugins().without(skills).kinds
         )
-        return replace(before, trees=replace(trees, vocabulary=vocabulary), broken_skills=())
+        return replace(before, trees=replace(trees, symbols=symbols), broken_skills=())
 
     def _own_files(self, name: str) -> list[Path]:
         """Return the files of a folder that are no tests."""
@@ -168,16 +168,16 @@ class Rereading:
         return after
 
 
-def _libraries(trees: Trees, vocabulary: SymbolTable) -> FolderLibraries:
-    return FolderLibraries(trees.folder, replace(vocabulary, libraries=None), trees.robot)
+def _libraries(trees: Trees, symbols: SymbolTable) -> FolderLibraries:
+    return FolderLibraries(trees.folder, replace(symbols, libraries=None), trees.robot)
 
 
-def _with_files(before: KnownFiles, files: list[AgentFile], vocabulary: SymbolTable) -> Trees:
+def _with_files(before: KnownFiles, files: list[AgentFile], symbols: SymbolTable) -> Trees:
     trees, libraries = before.trees, before.libraries
     agents, given, holders = named(files, trees.holders)
     return replace(
         trees,
-        vocabulary=vocabulary,
+        symbols=symbols,
         agents=tuple(agent for agent in agents if is_wanted(agent, trees.tags)),
         broken=(*before.broken_skills, *broken_files(given, trees.folder, libraries)),
         plugin_problems=plugin_problems(libraries),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.files.file_kinds import FILE_KINDS
-from bt_agents_language.files.folder_reader import read_vocabulary
+from bt_agents_language.files.folder_reader import read_symbols
 from bt_agents_language.files.libraries import LIBRARY, FolderLibraries
 from bt_agents_language.nodes.node_type import NodeType
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
@@ -21,7 +21,7 @@ from bt_agents_language.tools.schema.value_schemas import Schema
 _WITH_TREES = (AGENT, LIBRARY)
 
 
-def folder_vocabulary(folder: Path, plugins: Mapping[str, NodeType] | None = None) -> SymbolTable:
+def folder_symbols(folder: Path, plugins: Mapping[str, NodeType] | None = None) -> SymbolTable:
     """Return all words that some file of a trees folder may use, those of libraries included.
 
     Nodes of plug-ins are those of the installed packages unless others are given.
@@ -29,17 +29,17 @@ def folder_vocabulary(folder: Path, plugins: Mapping[str, NodeType] | None = Non
     Raises:
         ReadError: ``scene.yaml`` or a skills file is broken.
     """
-    vocabulary = read_vocabulary(folder)
+    symbols = read_symbols(folder)
     if plugins is not None:
-        vocabulary = replace(vocabulary, plugins=plugins)
-    libraries = FolderLibraries(folder, vocabulary)
+        symbols = replace(symbols, plugins=plugins)
+    libraries = FolderLibraries(folder, symbols)
     for path in libraries.paths():
         try:
-            vocabulary = vocabulary.with_skills(libraries.load(path).skills)
+            symbols = symbols.with_skills(libraries.load(path).skills)
         except ImportProblem:
             # A library with errors offers nothing; checking it is somebody else's part.
             continue
-    return vocabulary
+    return symbols
 
 
 def schema_file(kind: str) -> str:
@@ -47,13 +47,13 @@ def schema_file(kind: str) -> str:
     return f"{kind}.schema.json"
 
 
-def schema_of(kind: str, vocabulary: SymbolTable) -> Schema:
+def schema_of(kind: str, symbols: SymbolTable) -> Schema:
     """Return the schema of a kind of file."""
     table = FILE_KINDS[kind]
-    nodes = node_definitions(vocabulary) if table in _WITH_TREES else {}
-    return file_schema(table, vocabulary.space, nodes)
+    nodes = node_definitions(symbols) if table in _WITH_TREES else {}
+    return file_schema(table, symbols.space, nodes)
 
 
-def schema_text(kind: str, vocabulary: SymbolTable) -> str:
+def schema_text(kind: str, symbols: SymbolTable) -> str:
     """Return what stands in the file of a schema."""
-    return json.dumps(schema_of(kind, vocabulary), indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(schema_of(kind, symbols), indent=2, ensure_ascii=False) + "\n"

@@ -29,7 +29,7 @@ _CONTENT: Mapping[Content, Schema] = {
 }
 
 
-def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
+def node_definitions(symbols: SymbolTable) -> Mapping[str, Schema]:
     """Return the definitions that a schema with trees needs.
 
     A node is one mapping with every key that may stand in it, not one alternative for each kind:
@@ -37,16 +37,16 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
     node that fits no alternative.
     """
     nodes = {
-        **{key: _type(one, vocabulary.space) for key, one in vocabulary.node_types.items()},
-        **{key: _skill(skill) for key, skill in vocabulary.skills.items()},
+        **{key: _type(one, symbols.space) for key, one in symbols.node_types.items()},
+        **{key: _skill(skill) for key, skill in symbols.skills.items()},
     }
     others = {
-        **{key: _type(one, vocabulary.space) for key, one in DECORATORS.items()},
+        **{key: _type(one, symbols.space) for key, one in DECORATORS.items()},
         **{key: _content(one.field) for key, one in SIBLINGS.items()},
     }
     properties: dict[str, object] = {}
     for key, schema in {**nodes, **others}.items():
-        page = node_page(key, vocabulary)
+        page = node_page(key, symbols)
         assert page is not None
         properties[key] = _documented(page, schema)
     required = [{"required": [key]} for key in nodes]
@@ -59,9 +59,9 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
             "additionalProperties": False,
             "minProperties": 1,
             "dependencies": {
-                "with": _having("with", vocabulary),
+                "with": _having("with", symbols),
                 "outputs": _one_of(
-                    _having("outputs", vocabulary), "'outputs' stands beside a subtree or a skill"
+                    _having("outputs", symbols), "'outputs' stands beside a subtree or a skill"
                 ),
             },
             "allOf": [
@@ -80,10 +80,10 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
     }
 
 
-def _having(sibling: str, vocabulary: SymbolTable) -> list[str]:
+def _having(sibling: str, symbols: SymbolTable) -> list[str]:
     """Return the keys beside which a sibling key may stand."""
-    types = [one.key for one in vocabulary.node_types.values() if sibling in one.siblings]
-    return [*types, *(vocabulary.skills if sibling in SKILL.siblings else ())]
+    types = [one.key for one in symbols.node_types.values() if sibling in one.siblings]
+    return [*types, *(symbols.skills if sibling in SKILL.siblings else ())]
 
 
 def _refused(message: str) -> Schema:

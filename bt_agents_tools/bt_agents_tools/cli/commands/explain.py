@@ -35,7 +35,7 @@ from bt_agents_language.reference.node_pages import (
     subtree_page,
 )
 from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
-from bt_agents_language.tools.schema.folder import folder_vocabulary
+from bt_agents_language.tools.schema.folder import folder_symbols
 
 Part = Text | Table | Padding
 """A part of a page; a text that must not be wrapped has ``no_wrap``."""
@@ -118,7 +118,7 @@ def _subtrees(symbols: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
 def _symbols(directory: str) -> SymbolTable:
     """Return the symbols of a trees folder, without one those of the language itself."""
     try:
-        return folder_vocabulary(find_trees(directory))
+        return folder_symbols(find_trees(directory))
     except BtAgentsError as error:
         if directory:
             raise

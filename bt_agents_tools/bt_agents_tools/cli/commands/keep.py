@@ -101,9 +101,9 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[ParameterState]) -> _Edit:
     source = read_source(Path(spec.file))
 
     def read(text: str) -> AgentSpec:
-        return read_agent(Source(source.file, text), trees.vocabulary)
+        return read_agent(Source(source.file, text), trees.symbols)
 
-    after = write_defaults(source, tuned, trees.vocabulary.space, read)
+    after = write_defaults(source, tuned, trees.symbols.space, read)
     written = Source(source.file, after)
     return _Edit(
         path=Path(spec.file),

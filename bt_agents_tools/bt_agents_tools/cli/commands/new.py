@@ -48,7 +48,7 @@ def new(name: str, directory: Path, kind: str) -> None:
             raise BtAgentsError(f"'{file}' is there already; choose another name, or move it away")
     _make_folder(directory)
     trees = read_trees(directory)
-    skills = trees.vocabulary.skills
+    skills = trees.symbols.skills
     if kind == "library":
         _write(files[0], _schema(directory, kind) + new_library(name, skills))
     else:
@@ -57,7 +57,7 @@ def new(name: str, directory: Path, kind: str) -> None:
             raise BtAgentsError(f"there is an agent '{name}' already: {taken.file}")
         text = new_agent(name, str(directory), str(files[0]), trees.scene, skills)
         # Fails for a scene so odd that the new file would have errors.
-        read_agent(Source(str(files[0]), text), trees.vocabulary)
+        read_agent(Source(str(files[0]), text), trees.symbols)
         _write(files[0], _schema(directory, kind) + text)
         test = new_test(name, str(files[1]), trees.scene, skills)
         _write(files[1], _schema(directory, "test") + test)

@@ -89,14 +89,14 @@ def rehearse(
         seed=seed,
     )
     try:
-        from_options = read_scenario_text(options.text, "the options", spec, trees.vocabulary)
+        from_options = read_scenario_text(options.text, "the options", spec, trees.symbols)
     except ReadError as error:
         explained = options.explained(error)
         raise BtAgentsError(f"an option cannot be understood\n{explained}") from None
     scenario = _joined(case.scenario if case is not None else None, from_options, seed)
     console = Console(highlight=False, soft_wrap=True)
     width = min(max(console.width, WIDTH), 120)
-    person = InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
+    person = InteractiveAnswers(console, spec, trees.symbols) if interactive else None
     console.print(_heading(spec, scenario, space, case))
     rehearsed = rehearsal.rehearse(
         spec,
@@ -118,7 +118,7 @@ def _material(
     file, _, name = script.partition(":")
     path = Path(file)
     trees = read_trees(find_trees(directory)) if directory else TreesFolders().trees_of(path)
-    test = read_test(path, trees.agents, trees.vocabulary)
+    test = read_test(path, trees.agents, trees.symbols)
     case = _chosen(test.cases, name, file)
     if not agent:
         return trees, test.agent, case
