@@ -290,12 +290,13 @@ class Run:
             self.overrun = Overrun(took_s=took, slowest=slowest, slowest_s=self._slowest_s)
 
     def _ticker(self, root: Behaviour) -> Ticker:
-        if root not in self._tickers:
+        ticker = self._tickers.get(root)
+        if ticker is None:
             wrap_leaf = None if self.period_s == math.inf else self._timed
-            self._tickers[root] = Ticker(
+            ticker = self._tickers[root] = Ticker(
                 root, on_change=self._report, on_visit=self._on_visit, wrap_leaf=wrap_leaf
             )
-        return self._tickers[root]
+        return ticker
 
     def _timed(self, tick: Tick, leaf: Behaviour) -> Tick:
         clock = self._stopwatch
