@@ -73,6 +73,12 @@ def _record(
 
     observer = Observer()
     auctions, feedbacks = observer.received("auctions"), observer.received("feedback")
+
+    def is_complete() -> bool:
+        """Return whether the last round is there, with its decision, which may come after it."""
+        enough = len(feedbacks) >= spec.rounds
+        return enough and any(one.round == feedbacks[-1].round for one in reversed(auctions))
+
     try:
         observer.spin_until(
             lambda: bool(interrupt or supervisor.failure()) or observer.ready(agents), _STALL_S
@@ -87,9 +93,9 @@ def _record(
         with Progress(transient=True) as progress:
             task = progress.add_task(spec.title, total=spec.rounds)
             last_change = time.monotonic()
-            while len(feedbacks) < spec.rounds and not interrupt:
+            while not is_complete() and not interrupt:
                 before = len(feedbacks)
-                observer.spin_until(lambda: len(feedbacks) >= spec.rounds, _POLL_S)
+                observer.spin_until(is_complete, _POLL_S)
                 progress.update(task, completed=len(feedbacks))
                 if len(feedbacks) > before:
                     last_change = time.monotonic()
