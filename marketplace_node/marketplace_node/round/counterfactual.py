@@ -63,7 +63,7 @@ def _obstacle(model: RoundModel) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Intervals:
-    """Intervals of one parameter; ``low[k] <= high[k]``."""
+    """Open intervals of one parameter; ``low[k] <= high[k]``."""
 
     low: Floats
     high: Floats
@@ -79,7 +79,7 @@ class Intervals:
         begun = int(np.searchsorted(low, at, side="right"))
         if begun == 0 or reach[begun - 1] <= at:
             return start
-        ends = np.append(low[1:] > reach[:-1], True)
+        ends = np.append(low[1:] >= reach[:-1], True)
         last = begun - 1 + int(np.argmax(ends[begun - 1 :]))
         return direction * float(reach[last])
 
@@ -168,8 +168,9 @@ class _Search:
         rise = np.where(at_right == at_left, 1.0, at_right - at_left)
         root = np.clip(left - at_left * (right - left) / rise, left, right)
         lost_left, lost_right = at_left > 0.0, at_right > 0.0
-        low = np.where(lost_left, left, root)
-        high = np.where(lost_right, right, root)
+        # What is lost at an end of a piece goes on beyond it; a root itself is a tie, and won.
+        low = np.where(lost_left, np.nextafter(left, -math.inf), root)
+        high = np.where(lost_right, np.nextafter(right, math.inf), root)
         lost = lost_left | lost_right
         low[:, 0] = np.where(lost_left[:, 0], -math.inf, low[:, 0])
         high[:, -1] = np.where(lost_right[:, -1], math.inf, high[:, -1])

@@ -92,3 +92,14 @@ def test_no_smaller_change_of_one_parameter_does(
                 smaller = abs(value - now) < size - 1e-6
                 there = {parameter.name: float(value)}
                 assert not (smaller and wins_with(decision, accepted, there))
+
+
+def test_a_single_value_with_which_the_runner_up_ties_and_wins_is_found() -> None:
+    of = terms(
+        scene("s", 1.0, math.nan, 1.0), strategy="weighted_manhattan", runs={}, tie_break="name"
+    )
+    weights = {"a": (0.5, 0.0, 0.0), "b": (0.0, 0.0, 0.5), "c": (0.0, 0.0, 0.0)}
+    vectors = {"a": (1.25, 1.0, 1.0), "b": (1.0, 1.0, 1.25), "c": (1.0, 1.0, 1.0)}
+    change = found_change(of, bids(vectors, **weights)).ranked.change
+    assert change is not None
+    assert (change.names, change.values) == (("age",), (1.25,))
