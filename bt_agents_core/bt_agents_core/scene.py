@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -19,8 +20,16 @@ MISSING = math.nan
 MAX_WEIGHT = 100.0
 """Most that a parameter or a source of feedback can weigh; most things weigh 1."""
 
+MAX_VALUE = 1e15
+"""Largest limit of a range: from there on, numbers get coarse, and squares of them overflow."""
+
+MIN_WIDTH = 1e-9
+"""Smallest width of the range of a scene parameter, by which distances are divided."""
+
 AGAIN = "+again"
 """Ends the id of a scene that a restarted market asks for again by itself."""
+
+_FOLLOW_UP = re.compile(r"\+[0-9]+\Z")
 
 
 class Origin(IntEnum):
@@ -42,6 +51,8 @@ class SceneParameter:
         default: Value in the range that stands for "nothing special"; never used as a measurement.
         labels: Words for some values, for example ``{1.0: "child"}``.
         weight: How much it counts where distances are weighted, 0 or more.
+        assumed: Value in a scene with somebody of whom it is not known; None for missing.
+        unattended: Value in a scene without anybody where it is not measured; None for missing.
     """
 
     name: str
@@ -51,6 +62,36 @@ class SceneParameter:
     description: str = ""
     labels: Mapping[float, str] = field(default_factory=dict)
     weight: float = 1.0
+    assumed: float | None = None
+    unattended: float | None = None
+
+    @property
+    def ignorance(self) -> float:
+        """Standard deviation of a value of which only the range is known.
+
+        That of the uniform distribution, (max − min) / √12.
+        """
+        return (self.maximum - self.minimum) / math.sqrt(12.0)
+
+    def unknown(self, *, met: bool) -> SceneValue:
+        """Return what a scene holds that nobody knows, once somebody was ``met`` or before."""
+        if met and self.assumed is not None:
+            return SceneValue(
+                name=self.name,
+                value=self.assumed,
+                origin=Origin.DEFAULT,
+                std=self.ignorance,
+                confidence=0.0,
+                source="default",
+            )
+        if not met and self.unattended is not None:
+            return SceneValue(
+                name=self.name,
+                value=self.unattended,
+                origin=Origin.DEFAULT,
+                source="nobody is there",
+            )
+        return SceneValue.missing(self.name)
 
     def clamp(self, value: float) -> float:
         """Return ``value`` moved into the range; NaN stays NaN."""
@@ -216,6 +257,16 @@ class SceneSpace:
         """Return named values in the order of the space, NaN for what is not there; unchecked."""
         return tuple(values.get(name, MISSING) for name in self.names)
 
+    def completed(self, scene: Scene, *, met: bool) -> Scene:
+        """Return a scene with what is not known of it as of somebody ``met``, or of nobody."""
+        values = (
+            parameter.unknown(met=met)
+            if value.origin in (Origin.MISSING, Origin.DEFAULT)
+            else value
+            for parameter, value in zip(self.parameters, scene.values, strict=True)
+        )
+        return replace(scene, values=tuple(values))
+
     def named(self, vector: Iterable[float]) -> dict[str, float]:
         """Return the values of a vector by name, in order, without what is missing."""
         pairs = zip(self.names, vector, strict=True)
@@ -281,6 +332,21 @@ def mood_of(scene: Scene, space: SceneSpace, *, confidence: float = 0.0) -> floa
         return MISSING
     value = scene.values[space.names.index(space.mood)]
     return value.value if value.observed and value.confidence >= confidence else MISSING
+
+
+def follow_up_id(origin: str, number: int) -> str:
+    """Return the id of the scene of an interaction's follow-up round, counted from 1."""
+    return f"{origin}+{number}"
+
+
+def origin_id(scene_id: str) -> str:
+    """Return the id of the scene that the market began with, also for a follow-up round."""
+    return _FOLLOW_UP.sub("", scene_id)
+
+
+def first_id(scene_id: str) -> str:
+    """Return the id under which a scene was announced, also after a restart of the market."""
+    return origin_id(scene_id).removesuffix(AGAIN)
 
 
 def finite_or_none(value: float) -> float | None:

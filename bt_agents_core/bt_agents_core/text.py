@@ -10,6 +10,9 @@ from functools import lru_cache
 EXCERPT = 40
 """Characters of a found text that a message shows."""
 
+DIGITS = 4
+"""Digits of values of scenes and profiles; more would tell people nothing."""
+
 _MOST_QUOTED = 5
 
 
@@ -68,5 +71,5 @@ def format_number(value: float, digits: int = 6) -> str:
 
 
 def format_known(value: float) -> str:
-    """Return a number in three digits, a dash for NaN."""
-    return "–" if math.isnan(value) else f"{value:.3g}"
+    """Return a value of a scene or profile in :data:`DIGITS`, a dash for NaN."""
+    return "–" if math.isnan(value) else f"{value:.{DIGITS}g}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
@@ -84,10 +85,21 @@ def experiments_folder() -> Path:
     return _find("experiments", "", "bt_agents_experiments", "")
 
 
-def state_folder() -> Path:
-    """Return the folder of logs, journals and learned profiles, by the XDG rules."""
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(base) / "bt-agents"
+def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of logs, journals and learned profiles, by the XDG rules.
+
+    Raises:
+        BtAgentsError: Neither the environment nor the system knows a home of the user.
+    """
+    if base := environment.get("XDG_STATE_HOME"):
+        return Path(base) / "bt-agents"
+    try:
+        return Path.home() / ".local" / "state" / "bt-agents"
+    except RuntimeError:
+        raise BtAgentsError(
+            "no place for logs and learned profiles: neither HOME nor XDG_STATE_HOME is set; set "
+            "XDG_STATE_HOME to a folder that can be written"
+        ) from None
 
 
 def journal_folder() -> Path:

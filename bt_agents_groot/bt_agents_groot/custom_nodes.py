@@ -63,7 +63,8 @@ def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
         wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
         children = tuple(map(tree.node, element.children))
         return YamlNode(key=PARALLEL.key, value={"succeed_on": wanted}, children=children)
-    if node_id(element) != RANDOM.key or not ports <= {"seed", "weights"}:
+    own_ports = [one.name for one in RANDOM.fields]
+    if node_id(element) != RANDOM.key or not ports <= {*own_ports, "weights"}:
         return None
     weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
     if not isinstance(weights, list) or len(weights) not in (0, len(element.children)):
@@ -75,8 +76,8 @@ def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
             value = Raw(weight) if isinstance(weight, str) else weight
             siblings = {**chosen[number].siblings, "weight": value}
             chosen[number] = replace(chosen[number], siblings=siblings)
-    seed = element.get("seed")
-    options: dict[str, Data] = {"seed": Raw(seed)} if seed else {}
+    texts = {name: element.get(name) for name in own_ports}
+    options: dict[str, Data] = {name: Raw(text) for name, text in texts.items() if text}
     return YamlNode(key=RANDOM.key, value=options, children=tuple(chosen))
 
 

@@ -28,6 +28,7 @@ from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 _STRENGTH = {
     "or": 1, "and": 2, **dict.fromkeys(COMPARISONS, 4), "in": 4, "not in": 4, "between": 4,
     "not": 4, **dict.fromkeys(ARITHMETIC, 6), "+": 5, "-": 5,
+    "else": 8,
 }  # fmt: skip
 _NOT, _MINUS = 3, 7
 

@@ -172,9 +172,9 @@ class TreeExport:
             return Xml(tag, {CHECK.fields[0].name: node.text})
 
     def _random(self, raw: RawNode) -> Xml:
-        seed = _option(raw, "seed")
         weights = [child.siblings.get("weight") for child in raw.children]
-        attributes = {"seed": seed} if seed is not None else {}
+        options = ((one.name, _option(raw, one.name)) for one in RANDOM.fields)
+        attributes = {name: text for name, text in options if text is not None}
         if any(weights):
             values = [1 if one is None else plain_data(one.value) for one in weights]
             attributes["weights"] = JSON + json.dumps(values)

@@ -6,7 +6,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import Refused
+from bt_agents_robot.open_questions import OpenQuestion
 from bt_agents_robot.speech import Process, Voice, check_rate, check_text, speaking_time
 
 CLIP_S = 5.0
@@ -146,8 +148,10 @@ class Ask(Say):
         super().__init__(text, 1.0, pace=pace, voice=voice, verb="asks")
         self.question = check_text(text, "question")
         self.answer = ""
-        self._choices = {choice.strip().casefold(): choice for choice in choices if choice.strip()}
-        if choices and not self._choices:
+        self.asked = OpenQuestion(
+            text=self.question, choices=tuple(choice for choice in choices if choice.strip())
+        )
+        if choices and not self.asked.choices:
             raise Refused("EMPTY", "all choices are empty; leave them out to take any answer")
         self._wait_s = check_duration(wait_s, "wait_s", ANSWER_WAIT_S) / pace
         self._waiting_since: float | None = None
@@ -161,14 +165,12 @@ class Ask(Say):
 
     def receive(self, answer: str) -> bool:
         """Receive the text of a person; return whether it counts as an answer."""
-        text = answer.strip()
-        if self.begun_at is None or self.answer or not text:
+        if self.begun_at is None or self.answer:
             return False
-        if self._choices and text.casefold() not in self._choices:
-            return False
-        self.answer = self._choices.get(text.casefold(), text)
-        self.stop()
-        return True
+        self.answer = counted_answer(answer, self.asked.choices)
+        if self.answer:
+            self.stop()
+        return bool(self.answer)
 
     def progress(self, now: float) -> float:
         """Return the share of speaking and waiting that is over, 0..1."""

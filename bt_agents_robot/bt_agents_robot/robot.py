@@ -20,6 +20,7 @@ from bt_agents_interfaces.action import Say as SayAction
 from bt_agents_interfaces.action import Show as ShowAction
 from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.acts import Act, Ask, Drive, Say, Show
+from bt_agents_robot.open_questions import to_json
 from bt_agents_robot.speech import Voice, check_text
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
@@ -74,6 +75,9 @@ class RobotNode(BaseNode):
         self._stopping = False
         self._transcript = self.create_publisher(String, "robot/transcript", qos.EVENTS)
         self._questions = self.create_publisher(String, "robot/questions", qos.EVENTS)
+        self._open_questions = self.create_publisher(String, "robot/open_questions", qos.FACT)
+        self._told = ""
+        self._tell_open_questions()
         self._heartbeat = self.create_publisher(Empty, "robot/heartbeat", qos.SENSOR)
         steady_timer(self, _HEARTBEAT_S, lambda: self._heartbeat.publish(Empty()))
         tick_s = min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S)
@@ -136,6 +140,7 @@ class RobotNode(BaseNode):
         self._open_goals += 1
         try:
             self._begin_waiting()
+            self._tell_open_questions()
             self._timer.reset()
             message: str | None = await performed.done
         finally:
@@ -184,6 +189,7 @@ class RobotNode(BaseNode):
         for performed in list(self._performed):
             self._step(performed, now)
         self._begin_waiting()
+        self._tell_open_questions()
         if not self._performed:
             self._timer.cancel()
 
@@ -213,6 +219,14 @@ class RobotNode(BaseNode):
                 continue
             act.begin(now)
             self._report(act.line)
+
+    def _tell_open_questions(self) -> None:
+        """Publish the questions that may be answered now, when they have changed."""
+        acts = (p.act for p in self._performed if p.act.begun_at is not None)
+        told = to_json(act.asked for act in acts if isinstance(act, Ask) and not act.answer)
+        if told != self._told:
+            self._told = told
+            self._open_questions.publish(String(data=told))
 
     def _end(self, performed: _Performed, message: str | None) -> None:
         """End an act; a message is the reason why it was cut short."""

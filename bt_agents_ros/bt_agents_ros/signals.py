@@ -21,8 +21,7 @@ class Interrupt:
     def __init__(self) -> None:
         self._requested = False
         self._raises = False
-        for number in STOPPING:
-            signal.signal(number, self._handle)
+        self._before = {number: signal.signal(number, self._handle) for number in STOPPING}
 
     def _handle(self, _signal: int, _frame: FrameType | None) -> None:
         self._requested = True
@@ -32,6 +31,11 @@ class Interrupt:
 
     def __bool__(self) -> bool:
         return self._requested
+
+    def release(self) -> None:
+        """Give the signals back to those who had them before."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     @contextmanager
     def raising(self) -> Iterator[None]:

@@ -11,6 +11,7 @@ from functools import partial
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.mood import Addressee, Mood
 from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.model.mood_rule import MoodRule
@@ -39,7 +40,10 @@ class Fired:
 
 
 class _Watched:
-    """State of one mood rule during a run; ``since`` when its condition has held [s]."""
+    """State of one mood rule during a run; ``since`` when its condition has held [s].
+
+    It is ``undecided`` once its condition was neither true nor false.
+    """
 
     def __init__(self, rule: MoodRule, mood: Mood) -> None:
         self.rule = rule
@@ -47,6 +51,7 @@ class _Watched:
         self.since: float | None = None
         self.count = 0
         self.done = False
+        self.undecided = False
         self._released = True
         self._ready_at = -math.inf
 
@@ -120,6 +125,7 @@ class Watch:
         self._live: Scene | None = None
         self._live_at = clock()
         self._addressee = Addressee(awarded)
+        self._undecided: list[str] = []
 
     @property
     def over(self) -> bool:
@@ -141,6 +147,12 @@ class Watch:
         for one in self._rules:
             one.mood.receive(self._live)
         return fired + self.tick()
+
+    def take_undecided(self) -> tuple[str, ...]:
+        """Return the rules that could not be decided, each once in a run, with the reason."""
+        taken = tuple(self._undecided)
+        self._undecided.clear()
+        return taken
 
     def tick(self) -> tuple[Fired, ...]:
         """Return the rules that fire because time has passed, in their order."""
@@ -167,7 +179,16 @@ class Watch:
         return tuple(fired)
 
     def _fired(self, index: int, one: _Watched, live: Scene, now: float) -> Fired | None:
-        since = one.fires(now, lambda condition: surely_true(condition, self._names(one, live)))
+        try:
+            since = one.fires(
+                now, lambda condition: surely_true(condition, self._names(one, live))
+            )
+        except Undecided as undecided:
+            one.since = None
+            if not one.undecided:
+                one.undecided = True
+                self._undecided.append(f"the mood rule {undecided}")
+            return None
         if since is None:
             return None
         return Fired(

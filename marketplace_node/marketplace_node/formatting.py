@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from bt_agents_core.text import ellipsize, format_number, printable_line
+from bt_agents_core.text import DIGITS, ellipsize, format_number, printable_line
 
 ALL_DIGITS = 6
 """Digits of all other numbers."""
 
-FEW = 4
+FEW = DIGITS
 """Digits of numbers of which more would tell people nothing, as where chance is part of them."""
 
 _LONGEST_LINE = 300  # characters

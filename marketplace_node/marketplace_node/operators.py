@@ -95,9 +95,12 @@ class OperatorCommands:
         self._market_state.overrides.award(command, scene.scene_id)
         named = _AWARDED.sub("", scene.scene_id)
         answer = f"{command.agent} gets the run for scene '{named}' if it bids"
-        if interaction is not None:
-            answer += f"; scene '{interaction.origin.scene_id}' is under way"
-        return answer
+        if interaction is None:
+            return answer
+        busy = f"scene '{interaction.origin.scene_id}' is under way"
+        if self._market_state.settings.on_new_scene == "preempt":
+            return f"{answer}; {busy} and may be stopped for it, otherwise it waits"
+        return f"{answer}; it waits, number {len(self._admission)} in line: {busy}"
 
 
 def _runs_on(agent: str, interaction: Interaction | None) -> str:

@@ -49,7 +49,7 @@ class Settings:
             ``OUT_OF_RANGE``.
     """
 
-    strategy: str = "manhattan"
+    strategy: str = "bounded_ucb"
     shadow_strategy: str = ""
     options: Mapping[str, float] = field(default_factory=dict)
     bid_deadline_s: float = 0.5

@@ -95,7 +95,7 @@ class Starvation:
         self._warned = set(starved)
         return [
             f"{agent} is starved: it has bid in {self.in_vain[agent]} awarded rounds and got no "
-            "run; a strategy that explores (softmax, ucb) gives it a chance"
+            "run; a strategy that explores (bounded_ucb, softmax) gives it a chance"
             for agent in fresh
         ]
 

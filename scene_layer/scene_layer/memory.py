@@ -36,14 +36,6 @@ LONGEST_NAME = 200
 """Characters of the name of a person or a place."""
 
 
-def ignorance(parameter: SceneParameter) -> float:
-    """Return the standard deviation of a value of which only the range is known.
-
-    That of the uniform distribution, (max − min) / √12.
-    """
-    return (parameter.maximum - parameter.minimum) / math.sqrt(12.0)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Running:
     """An exponentially weighted mean and the scatter around it.
@@ -122,7 +114,7 @@ class KnownPerson:
         running = self.values.get(parameter.name)
         if running is None or running.weight <= 0.0:
             return None
-        unknown = ignorance(parameter)
+        unknown = parameter.ignorance
         age_s = max(0.0, now - running.at)
         std = running.std(unknown, age_s)
         return SceneValue(

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, check_value
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, check_value, first_id
 from bt_agents_language.model.scene_specs import MissingRule, SceneSpec
 from scene_layer.fusion import Reading
-from scene_layer.memory import Memory, ignorance
+from scene_layer.memory import Memory
 from scene_layer.persons import NOBODY, THRESHOLD, Encounters, somebody_is_measured
 from scene_layer.sources import Sources
 
@@ -46,6 +47,7 @@ class SceneInteraction:
     """Values given for one interaction, from its scene to the end of its runs.
 
     Attributes:
+        scene_id: Id of the scene that it began with; follow-up rounds are of the same interaction.
         person: 1 where somebody was said to be there, 0 for nobody; None as measured.
         urgent: Whether it may stop a running tree.
         person_id: Whom it is about; empty as long as nobody is.
@@ -115,13 +117,16 @@ class SceneEstimator:
         return self._store(self._known(scene_id).with_given(values, person, now))
 
     def adopt(self, scene: Scene, now: float) -> SceneInteraction:
-        """Return the interaction of an awarded scene; for a foreign scene, its given values."""
-        known = self._interactions.get(scene.scene_id)
-        if known is not None:
+        """Return the interaction of an awarded scene; for a foreign scene, its given values.
+
+        A person in a foreign scene is there until this scene layer measures anything itself.
+        """
+        known = self._known(scene.scene_id)
+        if known.scene_id in self._interactions:
             return known
         given = {v.name: v.value for v in scene.values if v.origin is Origin.GIVEN}
         measured = self._spec.person is not None or self.encounters.identified
-        return self.begin(
+        begun = self.begin(
             scene.scene_id,
             scene.label,
             given,
@@ -130,6 +135,9 @@ class SceneEstimator:
             urgent=scene.urgent,
             person_id=scene.person_id if self.encounters.identified else None,
         )
+        if measured and scene.person:
+            begun = replace(begun, person=Reading(value=1.0, at=-math.inf))
+        return self._store(begun)
 
     def update(self, now: float, wall: float, running: str | None) -> bool:
         """Update who is here, while the scene ``running`` has a run; return True for a change."""
@@ -138,7 +146,7 @@ class SceneEstimator:
 
     def scene(self, scene_id: str, *, now: float, wall: float, stamp: float) -> Scene:
         """Put the scene of an interaction together; an unknown one has no given values."""
-        return self._put_together(self._bound(scene_id), now, wall, stamp)
+        return self._put_together(self._bound(scene_id), now, wall, stamp).with_id(scene_id)
 
     def scene_of(self, person_id: str, *, now: float, wall: float, stamp: float) -> Scene:
         """Return the scene of a person with nothing given."""
@@ -171,7 +179,11 @@ class SceneEstimator:
         )
 
     def _known(self, scene_id: str) -> SceneInteraction:
-        return self._interactions.get(scene_id, SceneInteraction(scene_id=scene_id))
+        """Return an interaction by the id of its scene, or of one of its follow-up rounds."""
+        for known_id in (scene_id, first_id(scene_id)):
+            if known_id in self._interactions:
+                return self._interactions[known_id]
+        return SceneInteraction(scene_id=scene_id)
 
     def _store(self, interaction: SceneInteraction) -> SceneInteraction:
         self._interactions.pop(interaction.scene_id, None)
@@ -222,32 +234,10 @@ class SceneEstimator:
         self, name: str, interaction: SceneInteraction, place: str, wall: float
     ) -> SceneValue:
         """Return the estimate or default of a value that is not measured."""
-        rule = self._spec.missing_rule(name)
-        if not interaction.met:
-            if name in self._spec.no_person:
-                return SceneValue(
-                    name=name,
-                    value=self._spec.no_person[name],
-                    origin=Origin.DEFAULT,
-                    source="nobody is there",
-                )
-            return SceneValue.missing(name)
-        if rule is MissingRule.LEAVE_OUT:
-            return SceneValue.missing(name)
-        found = self._memory.estimate(interaction.person_id, place, name, wall)
-        if found is not None:
-            return found
-        if rule is MissingRule.ESTIMATE:
-            return SceneValue.missing(name)
-        parameter = self._spec.space.parameter(name)
-        return SceneValue(
-            name=name,
-            value=parameter.default,
-            origin=Origin.DEFAULT,
-            std=ignorance(parameter),
-            confidence=0.0,
-            source="default",
-        )
+        estimate = None
+        if interaction.met and self._spec.missing_rule(name) is not MissingRule.LEAVE_OUT:
+            estimate = self._memory.estimate(interaction.person_id, place, name, wall)
+        return estimate or self._spec.space.parameter(name).unknown(met=interaction.met)
 
     def _present(
         self, interaction: SceneInteraction, values: Sequence[SceneValue], now: float

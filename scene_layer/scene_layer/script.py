@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bt_agents_core.scene import AGAIN
+from bt_agents_core.scene import first_id
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 
 TAKEN_WITHIN_S = 5.0
@@ -139,8 +139,7 @@ class ScriptPerformance:
         return changes
 
     def _is_of_visit(self, scene_id: str) -> bool:
-        ids = (self._scene_id, self._scene_id + AGAIN)
-        return bool(self._scene_id) and scene_id in ids
+        return bool(self._scene_id) and first_id(scene_id) == self._scene_id
 
 
 def answer(visit: Visit, question: str) -> str:

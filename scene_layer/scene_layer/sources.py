@@ -22,7 +22,6 @@ from bt_agents_language.model.scene_specs import (
     word_of,
 )
 from scene_layer.fusion import Reading, fused, smoothed
-from scene_layer.memory import ignorance
 
 Message = Callable[[str], object]
 """Returns the field of a message by its dotted path, as plain data.
@@ -69,7 +68,7 @@ class Sources:
             name: [source for source in sources if source.per_person]
             for name, sources in self._of.items()
         }
-        self._largest_std = {p.name: ignorance(p) for p in spec.space.parameters}
+        self._largest_std = {p.name: p.ignorance for p in spec.space.parameters}
         self._latest: dict[tuple[SourceSpec, str], Reading] = {}
         self._texts: dict[tuple[SourceSpec, str], tuple[str, float]] = {}
         self.refusals: Counter[tuple[str, str]] = Counter()

@@ -48,7 +48,6 @@ MATCHES = {"findall", "finditer", "fullmatch", "match", "search"}
 DRESSED = {"casefold", "lower", "lstrip", "rstrip", "strip", "upper"}
 
 FORMATTED = {
-    ("cli/event_printer.py", "calculation.partition('= ')"),
     ("rehearsal/assertions.py", "expected != _NOTHING"),
     ("rehearsal/assertions.py", "expected == _NOTHING"),
 }

@@ -64,6 +64,6 @@ def test_the_recommended_strategy_and_learning_rule_go_the_same_way_with_ros_and
 ) -> None:
     said = ask(
         *("experiment", "run", "recommended", "--ros", "--rounds", "40"),
-        *("--strategy", "ucb", "--option", "c=6"),
+        *("--strategy", "bounded_ucb"),
     )
     assert "40 rounds through ROS against 40 without it: equal" in " ".join(said.split())

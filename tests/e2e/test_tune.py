@@ -54,6 +54,9 @@ def test_an_author_tunes_a_running_system_and_keeps_the_result(
     assert "name=value" in ask("tune", "attentive_guide", "patience", code=2)
 
     assert "keeps 4 values" in ask("preset", "save", "care home", "attentive_guide")
+    again = ("preset", "save", "care home", "attentive_guide")
+    assert "preset 'care home' has 4 values already; replace it?" in ask(*again, code=1)
+    assert "keeps 4 values" in ask(*again, "--replace")
     assert "care home" in ask("preset")
     assert re.search(r"attentive_guide\.patience +12 s", ask("preset", "show", "care home"))
     assert "no preset 'night'" in ask("preset", "apply", "night", code=1)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -44,6 +45,10 @@ def test_a_system_is_triggered_explained_tuned_by_feedback_cancelled_and_remembe
     moved = ask("feedback", "positive", "--reason", "kind")
     assert re.search(r"attentive_guide: age 4 → 4\.1.*\(revision 1\)", moved)
     assert "age 4.1" in ask("status")
+    assert re.search(r"^attentive_guide,/agents,4\.1,", ask("status", "--csv"), re.M)
+    assert json.loads(ask("status", "--json"))["market"]["round"] == 1
+    assert re.search(r"^1,attentive_guide,/agents,1\.0,", ask("why", "--csv"), re.M)
+    assert re.search(r",attentive_guide\.patience,8\.0,8\.0,", ask("tune", "--csv"))
     code, _ = up.stop()
     assert code == 0, up.output
 

@@ -71,10 +71,11 @@ def registration(
 
 
 class Driver:
-    """Drives one market and keeps every effect."""
+    """Drives one market, by the paper's rule unless told otherwise, and keeps every effect."""
 
     def __init__(self, **settings: Any) -> None:
         self.now = 100.0
+        settings = {"strategy": "manhattan"} | settings
         self.market = Market(SPACE, "epoch", Settings(**settings))
         self.effects: list[Effect] = []
         self.ids: dict[str, dict[str, int]] = {}

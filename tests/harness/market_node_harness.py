@@ -145,13 +145,15 @@ class FakeHost(Node):
 
 
 class Stage:
-    """A market, what it says, and the ways to talk to it."""
+    """A market by the paper's rule, what it says, and the ways to talk to it."""
 
     def __init__(self, ros: Any, overrides_file: Path | None = None, **parameters: Any) -> None:
         self.ros = ros
         overrides = [
             Parameter(name, value=value)
-            for name, value in ({"collect_deadline": 0.1} | parameters).items()
+            for name, value in (
+                {"collect_deadline": 0.1, "strategy": "manhattan"} | parameters
+            ).items()
         ]
         self.market = ros.add(
             MarketplaceNode(

@@ -66,26 +66,21 @@ class System:
             lambda: self.profiles and len(self.profiles[-1].agents) >= len(self.folder.agents)
         )
 
-    def analyze(self, announce: bool = True, **values: float) -> Any:
+    def analyze(
+        self, announce: bool = True, person: int = Analyze.Request.PRESENT, **values: float
+    ) -> Any:
         client = self.ros.node.create_client(Analyze, "scene_layer/analyze")
         request = Analyze.Request(
             names=list(values),
             values=[float(value) for value in values.values()],
-            person=Analyze.Request.PRESENT,
+            person=person,
             announce=announce,
         )
         return self.ros.call(client, request)
 
     def analyze_absent(self, **values: float) -> str:
         """Trigger a scene in which nobody is there; return its id."""
-        client = self.ros.node.create_client(Analyze, "scene_layer/analyze")
-        request = Analyze.Request(
-            names=list(values),
-            values=[float(value) for value in values.values()],
-            person=Analyze.Request.ABSENT,
-            announce=True,
-        )
-        return str(self.ros.call(client, request).scene.scene_id)
+        return str(self.analyze(person=Analyze.Request.ABSENT, **values).scene.scene_id)
 
     def finished(self, scene_id: str) -> bool:
         return any(status.finished_scene_id == scene_id for status in self.statuses)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import time
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from rclpy.impl import rcutils_logger
 from bt_agents.engine.environment import GoalState
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.local_time import local_time
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds import quick_logger
@@ -60,6 +62,11 @@ def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: 
             == [*told, told[0]]
         )
     )
+
+
+def test_the_local_time_is_that_of_the_clock_of_the_node(ros: Any) -> None:
+    before, told = local_time(time.time()), environment_of(ros).local_time()
+    assert told in (before, local_time(time.time()))
 
 
 def test_lines_of_different_levels_may_be_limited_also_where_files_are_links(

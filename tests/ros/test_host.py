@@ -185,6 +185,24 @@ def test_an_agent_that_the_market_refuses_does_not_bid_and_its_card_says_why(
     assert list(market.bids[0].agents) == ["talker"]
 
 
+def test_an_agent_whose_requirement_cannot_be_decided_does_not_bid_and_its_card_says_why(
+    ros: Any, market: Market, tmp_path: Path
+) -> None:
+    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    unsure = TALKER.replace("requires: scene.person", "requires: 1 / (scene.age - 3) > 0")
+    host = ros.add(make_host(folder(tmp_path, unsure, QUICK)))
+    market.open()
+    ros.until(lambda: host.registered)
+    market.call(scene=scene_to_msg(scene(age=3)))
+    ros.until(lambda: market.bids and cards and cards[-1].problems)
+    reason = "needs what cannot be decided: 1 / (scene.age - 3) > 0 ('/' by zero)"
+    assert list(market.bids[0].decline_reasons) == [reason]
+    [problem] = cards[-1].problems
+    assert (problem.agent, problem.message) == ("talker", f"does not bid: it {reason}")
+    market.call(round_number=2, scene=scene_to_msg(scene(age=2)))
+    ros.until(lambda: not cards[-1].problems)
+
+
 def test_a_host_has_a_card_only_while_the_market_has_the_host(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:

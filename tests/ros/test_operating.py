@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
 
+from bt_agents_core.scene import Origin, SceneSpace
 from bt_agents_interfaces.msg import Auction, MarketStatus, Run, Scene, SceneValue
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_ros import qos
@@ -19,6 +21,7 @@ from bt_agents_ros.messages import scene_to_msg
 from market_harness import EXPRESS, GUIDE, SPACE, scene
 from market_node_harness import Stage
 from marketplace_node.node import MarketplaceNode
+from marketplace_node.node.messages import scene_or_last
 
 pytestmark = pytest.mark.ros
 
@@ -156,6 +159,20 @@ def test_a_preview_asks_the_hosts_and_gives_nobody_a_run(operator: OperatorClien
     assert answer.auction.explanation
     assert operator.stage.auctions == []
     assert operator.host.log == []
+
+
+def test_what_is_missing_counts_in_a_preview_as_the_scene_layer_has_it() -> None:
+    age, *others = SPACE.parameters
+    space = SceneSpace(parameters=(replace(age, assumed=2.0), *others), mood="mood")
+    asked = scene_or_last(scene_to_msg(scene("p", math.nan, math.nan, 3.5)), space)
+
+    assert asked is not None
+    assert [value.origin for value in asked.values] == [
+        Origin.DEFAULT,
+        Origin.MISSING,
+        Origin.GIVEN,
+    ]
+    assert asked.get("age") == 2.0
 
 
 def test_a_preview_during_a_run_lets_it_go_on(operator: OperatorClient) -> None:

@@ -14,6 +14,7 @@ from std_msgs.msg import String
 
 from bt_agents_interfaces.action import Ask, Drive, Say, Show
 from bt_agents_interfaces.srv import SetLight
+from bt_agents_robot.open_questions import OpenQuestion, from_json
 from bt_agents_robot.robot import MOST_WAITING, RobotNode
 from bt_agents_robot.speech import Voice
 from bt_agents_ros import qos
@@ -106,6 +107,19 @@ def test_an_answer_is_the_result_of_a_question(ros):
     robot.answers.publish(String(data="yes"))
     status, result = robot.result(handle)
     assert (status, result.answer, result.message) == (GoalStatus.STATUS_SUCCEEDED, "Yes", "")
+
+
+def test_an_open_question_is_told_with_its_choices_also_to_who_comes_late(ros):
+    robot = Robot(ros, pace=20.0)
+    handle = robot.send("ask", text="Shall we go?", choices=["Yes", " "], wait_s=1000.0)
+    ros.until(lambda: robot.questions)
+    told = ros.collect(String, "robot/open_questions", qos.FACT)
+    ros.until(lambda: told)
+    [question] = from_json(told[-1].data)
+    assert question == OpenQuestion(text="Shall we go?", choices=("Yes",))
+    robot.answers.publish(String(data="yes"))
+    assert robot.result(handle)[1].answer == "Yes"
+    ros.until(lambda: from_json(told[-1].data) == ())
 
 
 def test_a_question_without_answer_succeeds_and_says_so(ros):

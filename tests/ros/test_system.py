@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.msg import Bids, HostCard, Run, Scene, SceneValue
-from bt_agents_interfaces.srv import CancelRun, GiveFeedback, RegisterHost, SetProfile
+from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, RegisterHost, SetProfile
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
@@ -61,6 +61,21 @@ def test_falling_mood_becomes_feedback_stops_the_run_and_another_agent_takes_ove
     assert ended.outcome == Run.CANCELLED
     ros.until(lambda: max(system.profiles[-1].revisions) == 1)
     assert not system.finished(scene_id)
+
+
+def test_mood_rules_still_fire_in_a_follow_up_round_for_somebody_who_was_given(
+    ros: Any, tmp_path: Path
+) -> None:
+    system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5, old=4.5, third=3.0))
+    live = ros.collect(Scene, "scene/live", qos.SENSOR)
+    system.analyze(age=5, familiarity=3, mood=4)
+    for runs, mood in ((1, 3), (2, 2)):
+        ros.until(lambda n=runs: sum(run.event == Run.STARTED for run in system.runs) == n)
+        measured = Analyze.Request.AS_MEASURED
+        assert system.analyze(announce=False, person=measured, mood=mood).accepted
+    ros.until(lambda: sum(run.event == Run.STARTED for run in system.runs) == 3)
+    assert {scene.person for scene in live} == {True}
+    assert len({scene.scene_id for scene in live}) > 1
 
 
 def test_a_second_host_with_the_same_agent_name_is_refused(ros: Any, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from bt_agents.engine.light_behaviour import FAILURE, RUNNING
 from bt_agents.engine.node_errors import reason_of, with_location
 from bt_agents.engine.scope import Scope
 from bt_agents.engine.ticker import CallTicked, Ticker
+from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import NodeSpec
 
 
@@ -34,7 +35,7 @@ class Decorator(CallTicked, decorators.Decorator):
         self.fields = NodeFields(spec=spec, names=scope)
 
     def short_circuit(self) -> Status | None:
-        """Return the status if the child is not to be ticked; None when it is.
+        """Return the status if the child is not to be ticked, None when it is; may raise.
 
         RUNNING leaves the child as it is. Every other status resets it, even if it has ended by
         itself, as how it ended has no say in what comes now.
@@ -46,7 +47,10 @@ class Decorator(CallTicked, decorators.Decorator):
         return self.decorated.status
 
     def tick_children(self, ticker: Ticker) -> Status:
-        status = self.short_circuit()
+        try:
+            status = self.short_circuit()
+        except Exception as error:
+            status = self.fail(reason_of(error))
         if status is RUNNING:
             return status
         if status is None:
@@ -65,12 +69,16 @@ class Decorator(CallTicked, decorators.Decorator):
         return status
 
     def why_not(self, condition: str, *, verb: str = "not so") -> str:
-        """Return why a condition in a field is not true, empty when it is."""
+        """Return why a condition in a field is not true, empty when it is.
+
+        Raises:
+            Undecided: It is neither true nor false, and no value is missing.
+        """
         try:
             if self.fields.is_true(condition):
                 return ""
-        except Exception as error:
-            return reason_of(error)
+        except MissingValue as missing:
+            return reason_of(missing)
         return self.fields.explain_false(condition, verb=verb)
 
     def fail(self, reason: str) -> Status:

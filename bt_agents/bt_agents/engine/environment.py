@@ -11,6 +11,7 @@ from typing import Protocol
 
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_core.local_time import LocalTime
 from bt_agents_language.model.specs import REPLY_LIMIT_S, HeartbeatSpec, Timeouts
 
 GIVE_FEEDBACK = "feedback/give"
@@ -132,6 +133,9 @@ class Environment(Protocol):
     @property
     def clock(self) -> Clock:
         """The trees' clock, which may be simulated."""
+
+    def local_time(self) -> LocalTime:
+        """Return the local time, which may be simulated as well."""
 
     def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal to an action server or a request to a service."""

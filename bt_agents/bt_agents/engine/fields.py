@@ -43,7 +43,7 @@ class NodeFields:
         return value
 
     def is_true(self, name: str) -> bool:
-        """Return whether a condition is true now; raises as :meth:`value`."""
+        """Return whether a condition is true now; see :meth:`Expression.is_true`."""
         return is_true(self.condition(name), self.names)
 
     def explain_false(self, name: str, *, verb: str = "not so") -> str:

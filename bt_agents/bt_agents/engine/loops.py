@@ -8,7 +8,6 @@ from py_trees.common import Status
 
 from bt_agents.engine.decorator import Decorator
 from bt_agents.engine.light_behaviour import RUNNING
-from bt_agents.engine.node_errors import reason_of
 
 
 class Loop(Decorator):
@@ -30,10 +29,7 @@ class Loop(Decorator):
     def short_circuit(self) -> Status | None:
         if self._pause_from is None or self.status is not RUNNING:
             return None
-        try:
-            pause = self.fields.seconds("pause")
-        except Exception as error:
-            return self.fail(reason_of(error))
+        pause = self.fields.seconds("pause")
         if not self.context.is_due(self.spec.path, self._pause_from + pause):
             return RUNNING
         self._pause_from = None

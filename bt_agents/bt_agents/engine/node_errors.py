@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expression_values import EvaluationError, Undecided
 from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import NodeSpec
 
@@ -14,19 +14,32 @@ def reason_of(error: Exception) -> str:
     match error:
         case Refused():
             return error.reason
+        case Undecided():
+            return UndecidedReason(error)
         case MissingValue() | EvaluationError():
             return str(error)
     return f"{type(error).__name__}: {error}"
+
+
+class UndecidedReason(str):
+    """A reason that is a condition which cannot be decided."""
 
 
 class LocatedReason(str):
     """A reason with the node's path and its place in the file."""
 
     path: str
+    undecided: bool
 
 
 def with_location(reason: str, spec: NodeSpec) -> LocatedReason:
     """Return the reason that a node gives, with its path and its place in the file."""
     text = LocatedReason(f"{reason} ({spec.path}, {spec.position})")
     text.path = spec.path
+    text.undecided = isinstance(reason, UndecidedReason)
     return text
+
+
+def is_undecided(message: str) -> bool:
+    """Return whether the message of a node is that its condition cannot be decided."""
+    return isinstance(message, LocatedReason) and message.undecided

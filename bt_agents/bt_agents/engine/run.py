@@ -17,12 +17,16 @@ from py_trees.common import Status
 from bt_agents.engine.builder import build
 from bt_agents.engine.context import NodeMaker, RunContext
 from bt_agents.engine.environment import Clock, Environment
+from bt_agents.engine.node_errors import is_undecided
 from bt_agents.engine.nodes.plugin import PluginLeaf
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticker import OnVisit, Tick, Ticker
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_language.model.specs import AgentSpec, NodeSpec
+from bt_agents_language.model.specs import CLEAN_UP_S, AgentSpec, NodeSpec
+
+_MOST_UNDECIDED = 20
+"""Conditions that cannot be decided of which a run tells."""
 
 
 class TreeOutcome(Enum):
@@ -47,7 +51,7 @@ class RunResult:
     """How a run ended.
 
     Attributes:
-        message: Why, for people.
+        message: Why, for people, with the first condition that could not be decided.
         tip: Path of the node that decided; empty when the tree was never ticked.
         orphans: Paths of the nodes whose goals were not confirmed ended.
         ticks: Ticks of the tree and of its clean-up.
@@ -87,7 +91,7 @@ class RunLimits:
         settle_s: For the goals to be confirmed ended, after that.
     """
 
-    clean_up_s: float = 3.0
+    clean_up_s: float = CLEAN_UP_S
     settle_s: float = 2.0
 
 
@@ -121,6 +125,7 @@ class Run:
         deadlines: See :class:`RunContext`.
         overrun: The last tick, if it took too long.
         changes: What has changed in the last tick so far, in order.
+        undecided: Conditions that could not be decided so far, each with reason and place.
         result: How it ended; None until then.
     """
 
@@ -142,7 +147,14 @@ class Run:
         context: type[RunContext] = RunContext,
         on_visit: OnVisit | None = None,
     ) -> None:
-        scope = RunScope(space=space, scene=scene, live=live, profile=profile, tunables=tunables)
+        scope = RunScope(
+            space=space,
+            scene=scene,
+            live=live,
+            profile=profile,
+            tunables=tunables,
+            clock=environment.local_time,
+        )
         self.spec = spec
         self.period_s = math.inf
         self.ticks = 0
@@ -160,6 +172,7 @@ class Run:
         self._root = build(spec.tree, self._context, plugins)
         self._clean_up: Behaviour | None = None
         self._tickers: dict[Behaviour, Ticker] = {}
+        self.undecided: dict[str, None] = {}
         self._answered_at = 0.0
         self._slowest = self._root
         self._slowest_s = 0.0
@@ -254,12 +267,22 @@ class Run:
         self._phase = _Phase.SETTLING
         self.deadline = self._steady() + self._limits.settle_s
 
+    def _report_undecided(self, message: str) -> None:
+        """Log a condition that cannot be decided, once: what handles the failure hides it."""
+        if message not in self.undecided and len(self.undecided) < _MOST_UNDECIDED:
+            self.undecided[message] = None
+            self._context.environment.log("error", message)
+
     def _try_end(self) -> None:
         open_goals = self._context.open_goals()
         if open_goals and self._steady() < self.deadline:
             return
         self.deadline = math.inf
         outcome, message, tip = self._end
+        hidden = next((one for one in self.undecided if one not in message), "")
+        if hidden:
+            # One that has its place in the file still says so.
+            message = type(message)(f"{message}; {hidden}")
         self.result = RunResult(
             outcome=outcome,
             message=message,
@@ -313,6 +336,9 @@ class Run:
         return timed
 
     def _report(self, node: Any) -> None:
+        message = node.feedback_message
+        if node.status is Status.FAILURE and is_undecided(message):
+            self._report_undecided(message)
         change = StatusChange(node.spec.path, node.name, node.status, node.feedback_message)
         self.changes.append(change)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of names during a run: inputs, tunables, outputs, scene, live scene, mood, profile."""
+"""Values of names during a run: inputs, tunables, outputs, scene, mood, profile, clock."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Protocol, cast
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_path import NoSuchField, item_of, value_at
 from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.local_time import LocalTime
 from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
 from bt_agents_core.text import quote
 from bt_agents_language.expression import quantities
@@ -62,6 +63,7 @@ class RunScope:
         live: Returns the scene as it is now, or as it was last, marked as stale.
         profile: The agent's own vector.
         tunables: Current values by name, shared with the host, which tunes them.
+        clock: Returns the local time; None where nobody knows it.
         blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
             write is not there.
     """
@@ -71,6 +73,7 @@ class RunScope:
     live: Callable[[], Scene]
     profile: Vector
     tunables: Mapping[str, Plain]
+    clock: Callable[[], LocalTime] | None = None
     blackboard: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
@@ -88,7 +91,7 @@ class RunScope:
         """Return the value of a name that no node writes; see :class:`ValueSource`."""
         if name in self.tunables:
             return self.tunables[name]
-        return resolve(name, self.scene, self.live, self._mood_change, self._own_value)
+        return resolve(name, self.scene, self.live, self._mood_change, self._own_value, self.clock)
 
     def _mood_change(self, live: Scene) -> float:
         return mood_of(live, self.space) - mood_of(self.scene, self.space)
@@ -220,8 +223,8 @@ def evaluate(value: Value, names: ValueSource) -> Plain:
 
 
 def is_true(condition: Expression, names: ValueSource) -> bool:
-    """Return whether a condition is true now; see :meth:`Expression.evaluate` for its errors."""
-    return condition.evaluate(names.lookup) is True
+    """Return whether a condition is true now; see :meth:`Expression.is_true` for its errors."""
+    return condition.is_true(names.lookup)
 
 
 def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:

@@ -19,6 +19,7 @@ from bt_agents.engine.environment import (
 )
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_core.local_time import NOON, LocalTime
 
 
 class ManualClock:
@@ -175,6 +176,7 @@ class ScriptedEnvironment:
             A name that is not listed succeeds at once with an empty result.
         clock: Clock of the trees.
         result: Fields that every result has, unless its answer says otherwise.
+        begin: Local time when the clock shows 0.
     """
 
     def __init__(
@@ -182,7 +184,9 @@ class ScriptedEnvironment:
         answers: Mapping[str, Sequence[ScriptedReply]] | None = None,
         clock: ManualClock | None = None,
         result: Mapping[str, Plain] | None = None,
+        begin: LocalTime = NOON,
     ) -> None:
+        self.begin = begin
         self._result = dict(result or {})
         self.clock = clock or ManualClock()
         self.goals: list[ScriptedGoal] = []
@@ -192,6 +196,10 @@ class ScriptedEnvironment:
         self._answers = {name: deque(queue) for name, queue in (answers or {}).items()}
         self._inboxes: list[tuple[str, ScriptedInbox]] = []
         self._last: dict[str, Mapping[str, Plain]] = {}
+
+    def local_time(self) -> LocalTime:
+        """Return the local time."""
+        return self.begin.after(self.clock())
 
     def send(self, goal: SkillGoal) -> ScriptedGoal:
         """Take a goal or request."""
@@ -226,12 +234,16 @@ class ScriptedEnvironment:
         goal = SkillGoal(kind=BindingKind.SERVICE, name=GIVE_FEEDBACK, type="", fields=fields)
         return ScriptedGoal(goal, self._answer(GIVE_FEEDBACK), self.clock)
 
-    def arrive(self, topic: str, message: Mapping[str, Plain]) -> None:
-        """Let a message arrive in the open inboxes of a topic; latched ones find it later too."""
+    def arrive(self, topic: str, message: Mapping[str, Plain]) -> bool:
+        """Let a message arrive in the open inboxes of a topic; return whether there are any.
+
+        Latched ones find it later too.
+        """
         self._last[topic] = message
-        for name, inbox in self._inboxes:
-            if name == topic and not inbox.closed:
-                inbox.messages.append(message)
+        inboxes = [one for name, one in self._inboxes if name == topic and not one.closed]
+        for inbox in inboxes:
+            inbox.messages.append(message)
+        return bool(inboxes)
 
     def running(self) -> list[str]:
         """Return the names of the goals that their servers still carry out."""

@@ -7,7 +7,6 @@ from py_trees.common import Status
 
 from bt_agents.engine.decorator import Decorator
 from bt_agents.engine.light_behaviour import FAILURE, RUNNING, SUCCESS
-from bt_agents.engine.node_errors import reason_of
 
 
 class Skip(Decorator):
@@ -17,16 +16,13 @@ class Skip(Decorator):
     """
 
     def skip_reason(self) -> str:
-        """Return why the child is skipped, empty when it takes part; an error is a FAILURE."""
+        """Return why the child is skipped, empty when it takes part; may raise."""
         raise NotImplementedError
 
     def short_circuit(self) -> Status | None:
         if self.status is RUNNING:
             return None
-        try:
-            reason = self.skip_reason()
-        except Exception as error:
-            return self.fail(reason_of(error))
+        reason = self.skip_reason()
         if not reason:
             return None
         self.feedback_message = f"left out: {reason}"

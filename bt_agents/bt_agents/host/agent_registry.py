@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 from bt_agents.engine.scope import RunScope, is_true
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
+from bt_agents_core.local_time import LocalTime
 from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import AgentSpec
 
@@ -82,10 +83,16 @@ class BidderColumns:
 
 
 class Decline(NamedTuple):
-    """Reason of an agent for not bidding; ``unmet`` is what the scene lacks of its requirement."""
+    """Reason of an agent for not bidding.
+
+    Attributes:
+        unmet: What the scene lacks of its requirement.
+        undecided: True when its requirement cannot be decided.
+    """
 
     reason: str
     unmet: str = ""
+    undecided: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +101,11 @@ class HostBids:
 
     bidders: BidderColumns
     declined: Mapping[str, Decline]
+
+    @property
+    def undecided(self) -> Mapping[str, str]:
+        """Reasons of the agents whose requirement cannot be decided, by name."""
+        return {name: one.reason for name, one in self.declined.items() if one.undecided}
 
     def fields(self) -> dict[str, Any]:
         return {
@@ -120,11 +132,16 @@ class _Registered:
 
 
 class AgentRegistry:
-    """All agents of a host by name."""
+    """All agents of a host by name.
+
+    Attributes:
+        undecided: See :class:`HostBids`; of the last call that was answered.
+    """
 
     def __init__(self, space: SceneSpace, agents: Iterable[AgentSpec]) -> None:
         self.space = space
         self.members: dict[str, HostedAgent] = {}
+        self.undecided: Mapping[str, str] = {}
         self._registered: _Registered | None = None
         self._last_subset: tuple[frozenset[str], BidderColumns] | None = None
         for spec in agents:
@@ -167,11 +184,17 @@ class AgentRegistry:
                 self.members[name].refusal = "" if agent_id else reason
 
     def bids_for(
-        self, scene: Scene, excluded: Collection[str] = (), *, obstacle: str = ""
+        self,
+        scene: Scene,
+        excluded: Collection[str] = (),
+        *,
+        obstacle: str = "",
+        clock: Callable[[], LocalTime] | None = None,
     ) -> HostBids:
         """Return the bids for a scene, of registered agents that are not excluded by name.
 
-        An obstacle is the reason why no agent of this host can run; empty if they can.
+        An obstacle is the reason why no agent of this host can run; empty if they can. The clock
+        returns the local time; None where nobody knows it.
         """
         registered = self._registered or self._register()
         everybody = registered.bidders
@@ -179,7 +202,7 @@ class AgentRegistry:
             decline = Decline(obstacle)
             declined = {name: decline for name in everybody.names if name not in excluded}
         else:
-            declined = self._declined(registered.conditional, scene, excluded)
+            declined = self._declined(registered.conditional, scene, excluded, clock)
         named = layers_of(scene) if registered.layered else {}
         if not (declined or excluded or named):
             return HostBids(bidders=everybody, declined=declined)
@@ -273,11 +296,15 @@ class AgentRegistry:
         )
 
     def _declined(
-        self, conditional: Iterable[HostedAgent], scene: Scene, excluded: Collection[str]
+        self,
+        conditional: Iterable[HostedAgent],
+        scene: Scene,
+        excluded: Collection[str],
+        clock: Callable[[], LocalTime] | None,
     ) -> dict[str, Decline]:
         """Return the declines of a scene by name."""
         declined = {}
-        unmet_ones: dict[str, Decline | None] = {}  # a condition knows nothing but the scene
+        unmet_ones: dict[str, Decline | None] = {}  # a condition knows but scene and time
         for member in conditional:
             name, requires = member.spec.name, member.spec.requires
             if name in excluded:
@@ -290,7 +317,7 @@ class AgentRegistry:
                 decline = unmet_ones[requires.text]
             elif requires is not None:
                 profile, tunables = member.profile_for(scene), member.tunables
-                decline = unmet(member.spec, self.space, scene, profile, tunables)
+                decline = unmet(member.spec, self.space, scene, profile, tunables, clock)
                 unmet_ones[requires.text] = decline
             else:
                 continue
@@ -305,13 +332,19 @@ def unmet(
     scene: Scene,
     profile: Vector,
     tunables: Mapping[str, Plain],
+    clock: Callable[[], LocalTime] | None = None,
 ) -> Decline | None:
-    """Return the decline of an agent whose requirement a scene lacks; None if it has it."""
+    """Return the decline of an agent whose requirement is not met now; None if it is."""
     requires = spec.requires
     if requires is None:
         return None
     scope = RunScope(
-        space=space, scene=scene, live=lambda: scene, profile=profile, tunables=tunables
+        space=space,
+        scene=scene,
+        live=lambda: scene,
+        profile=profile,
+        tunables=tunables,
+        clock=clock,
     )
     try:
         if is_true(requires, scope):
@@ -319,6 +352,6 @@ def unmet(
         lacking = requires.text
     except MissingValue as missing:
         lacking = f"{requires.text}, but {missing.name} is missing"
-    except EvaluationError as error:
-        lacking = f"{requires.text}, but {error}"
+    except Undecided as undecided:
+        return Decline(reason=f"needs what {undecided}", undecided=True)
     return Decline(reason=f"needs {lacking}", unmet=lacking)

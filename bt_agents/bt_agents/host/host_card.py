@@ -71,6 +71,10 @@ class HostCardPublisher:
             problems += self._versions.histories[member.spec.name].problems
             if member.refusal:
                 problems.append(FileProblem(agent=member.spec.name, message=member.refusal))
+        problems += [
+            FileProblem(agent=name, message=f"does not bid: it {reason}")
+            for name, reason in self._registry.undecided.items()
+        ]
         self._cards.publish(
             HostCard(
                 host=self._host,

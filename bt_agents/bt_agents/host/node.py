@@ -202,9 +202,17 @@ class HostNode(BaseNode):
             self.get_logger().warning(f"call of round {call.round} not answered: {refused}")
             return
         answer = self.registry.bids_for(
-            scene, frozenset(call.excluded), obstacle=self._runs.environment.clock.obstacle()
+            scene,
+            frozenset(call.excluded),
+            obstacle=self._runs.environment.clock.obstacle(),
+            clock=self._runs.environment.local_time,
         )
         self._bids.publish(self._bid_encoder.message(call.epoch, call.round, answer))
+        if answer.undecided != self.registry.undecided:
+            self.registry.undecided = answer.undecided
+            for name, reason in answer.undecided.items():
+                self.get_logger().error(f"agent '{name}' does not bid: it {reason}")
+            self.executor.create_task(self._host_card.card)
 
     def _set_profile(
         self, request: SetProfile.Request, response: SetProfile.Response

@@ -18,6 +18,7 @@ before: ``format``, ``agent``, ``version``, ``file``, ``seed``, ``limits``, ``pa
 ``s``        the same of the steady clock, which only the end of a run reads [s]
 ``live``     what is new in the live scene that was read
 ``tunables`` all of them, when one has changed
+``clock``    ``{"hour", "weekday"}``, when the local time was read and differs from before
 ``calls``    what the host did besides: ``{"call": "cancel", "reason", "clean_up"}`` or
              ``{"call": "shorten_settling", "settle_s"}`` each
 ``goals``    what is new about goals that were polled: ``{"goal", "field", "value"}`` each, with

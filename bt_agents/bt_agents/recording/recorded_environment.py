@@ -7,7 +7,7 @@ import math
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from random import Random
 from typing import Any
 
@@ -27,6 +27,7 @@ from bt_agents.recording.steps import RecordingClock, ReplayClock, StepLog
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
+from bt_agents_core.local_time import NOON, LocalTime
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_language.model.specs import NodeSpec
 
@@ -57,6 +58,8 @@ class RecordingEnvironment:
         self._scene: Scene | None = None
         self._scene_step = -1
         self._recorded_live: Entry = {}
+        self._local_time: LocalTime | None = None
+        self._local_time_step = -1
         self.tunables = tunables
         self.recorded_tunables = dict(tunables)
         self._goals = 0
@@ -72,6 +75,15 @@ class RecordingEnvironment:
     def record_tunables(self) -> None:
         """Record the tunables, of which one has changed."""
         self.steps.entry["tunables"] = self.recorded_tunables = dict(self.tunables)
+
+    def local_time(self) -> LocalTime:
+        """Return the local time, which stands still during a step."""
+        if self._local_time is None or self._local_time_step != self.steps.step:
+            self._local_time_step = self.steps.step
+            before, self._local_time = self._local_time, self._environment.local_time()
+            if self._local_time != before:
+                self.steps.entry["clock"] = asdict(self._local_time)
+        return self._local_time
 
     def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal; see :class:`Environment`."""
@@ -166,6 +178,7 @@ class ReplayEnvironment:
         self.clock = ReplayClock("t")
         self.steady = ReplayClock("s")
         self.live = scene
+        self._local_time = NOON
         self.tunables: dict[str, Plain] = {}
         self.requests: list[Entry] = []
         self._goals: defaultdict[int, ReplayGoal] = defaultdict(ReplayGoal)
@@ -183,6 +196,8 @@ class ReplayEnvironment:
         if "tunables" in entry:
             self.tunables.clear()
             self.tunables.update(entry["tunables"])
+        if "clock" in entry:
+            self._local_time = LocalTime(**entry["clock"])
         if "live" in entry:
             self.live = _with_live_fields(self.live, entry["live"])
         for goal in entry.get("goals", ()):
@@ -196,6 +211,10 @@ class ReplayEnvironment:
             self._plugins[answer["path"]].append(answer)
         self.requests = []
         self._errors = deque(request.get("error") for request in entry.get("requests", ()))
+
+    def local_time(self) -> LocalTime:
+        """Return the local time as it was recorded."""
+        return self._local_time
 
     def send(self, goal: SkillGoal) -> GoalRun:
         """Take a goal; its fields are as recorded."""

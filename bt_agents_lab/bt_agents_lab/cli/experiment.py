@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
-from rich.progress import Progress
-from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
@@ -29,7 +27,9 @@ from bt_agents_language.model.experiment import (
     deviation,
     difference,
 )
-from bt_agents_ros.signals import Interrupt
+from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.formatting import progress_bar
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from marketplace_node.settings import Settings
 
 if TYPE_CHECKING:
@@ -73,7 +73,6 @@ def run(
     """
     from bt_agents_lab.experiments.core import through_core
 
-    interrupt = Interrupt()
     settings = Settings(
         strategy=strategy, tie_break=tie_break, options=_options(strategy, options)
     )
@@ -94,10 +93,7 @@ def run(
         if ros:
             from bt_agents_lab.cli.through_ros import through_ros
 
-            real = through_ros(folder, with_seed(spec, spec.seed), settings, interrupt)
-            if interrupt:
-                click.echo("stopped")
-                return
+            real = through_ros(folder, with_seed(spec, spec.seed), settings)
             seconds = time.monotonic() - start
             agree = _compare(records, real)
             records = real
@@ -128,7 +124,8 @@ def plot(name: str, output: Path, seeds: int) -> None:
 
     NAME is 1, 2, 3 or all. Figures come as SVG and PNG, verdicts as Markdown and JSON.
     """
-    from bt_agents_lab.experiments import claims, paper_figures, verdicts
+    with loading():
+        from bt_agents_lab.experiments import claims, paper_figures, verdicts
 
     if name not in ("all", "1", "2", "3"):
         raise BtAgentsError(f"no figures of '{name}'; there are those of 1, 2, 3 and all")
@@ -139,21 +136,29 @@ def plot(name: str, output: Path, seeds: int) -> None:
 
     runs = range(seeds)
     judged = []
+
+    def first() -> None:
+        one = paper("1")
+        paper_figures.first(output, one)
+        judged.extend(claims.first(one))
+
+    def second() -> None:
+        arms = {arm: paper(f"2-{arm}") for arm in claims.RATES}
+        paper_figures.second(output, arms, runs)
+        judged.extend(claims.second(arms, runs))
+
+    def third() -> None:
+        three = paper("3")
+        many = claims.played_third(three, runs)
+        paper_figures.third(output, many, three.spec.rounds)
+        judged.extend(claims.third(many))
+
     console = Console()
-    with console.status("drawing and judging"):
-        if name in ("all", "1"):
-            one = paper("1")
-            paper_figures.first(output, one)
-            judged += claims.first(one)
-        if name in ("all", "2"):
-            arms = {arm: paper(f"2-{arm}") for arm in claims.RATES}
-            paper_figures.second(output, arms, runs)
-            judged += claims.second(arms, runs)
-        if name in ("all", "3"):
-            three = paper("3")
-            many = claims.played_third(three, runs)
-            paper_figures.third(output, many, three.spec.rounds)
-            judged += claims.third(many)
+    steps = {"1": first, "2": second, "3": third}
+    wanted = [step for of, step in steps.items() if name in ("all", of)]
+    with progress_bar() as progress:
+        for step in progress.track(wanted, description="drawing and judging"):
+            step()
         stem = "verdicts" if name == "all" else f"verdicts-{name}"
         _write(output / f"{stem}.md", verdicts.as_markdown(judged))
         _write(output / f"{stem}.json", verdicts.as_json(judged))
@@ -173,6 +178,7 @@ def plot(name: str, output: Path, seeds: int) -> None:
 @click.option("--runs", type=click.IntRange(1), help="Another number of runs.")
 @click.option("--rounds", type=click.IntRange(1), help="Another number of rounds.")
 @click.option("--seed", type=click.IntRange(0), help="Another seed of the first run.")
+@table_options
 def sweep(
     name: str,
     output: Path | None,
@@ -180,15 +186,17 @@ def sweep(
     runs: int | None,
     rounds: int | None,
     seed: int | None,
+    form: TableForm,
 ) -> None:
     """Compare ways to select and to learn over many simulated runs.
 
     NAME is told or persons, or a file. The same seed gives the same numbers, in however many
     processes.
     """
-    from bt_agents_lab.experiments import sweep as sweeping
-    from bt_agents_lab.experiments import sweep_figures
-    from bt_agents_lab.experiments.sweep_reader import read_sweep
+    with loading():
+        from bt_agents_lab.experiments import sweep as sweeping
+        from bt_agents_lab.experiments import sweep_figures
+        from bt_agents_lab.experiments.sweep_reader import read_sweep
 
     spec = read_sweep(find_sweep(name))
     spec = replace(
@@ -197,9 +205,8 @@ def sweep(
         rounds=spec.rounds if rounds is None else rounds,
         seed=spec.seed if seed is None else seed,
     )
-    console = Console()
     start = time.monotonic()
-    with Progress(console=console, transient=True) as progress:
+    with progress_bar() as progress:
         task = progress.add_task(spec.title, total=None)
         played = sweeping.sweep(
             spec,
@@ -207,39 +214,48 @@ def sweep(
             lambda done, total: progress.update(task, completed=done, total=total),
         )
     seconds = time.monotonic() - start
-    _print_sweep(console, spec.title, played)
-    console.print(
+    # Beside a table for a program, the words go where people still see them.
+    aside = form in (TableForm.JSON, TableForm.CSV)
+    click.echo(spec.title, err=aside)
+    _print_sweep(played, form)
+    click.echo(
         f"{len(played)} ways, {spec.runs} runs of {spec.rounds} rounds each, seeds {spec.seed} to "
         f"{spec.seed + spec.runs - 1}: {seconds:.1f} s",
-        highlight=False,
+        err=aside,
     )
     if output is not None:
         sweep_figures.write(output, spec, played)
-        console.print(f"written to {output}", highlight=False)
+        click.echo(f"written to {output}", err=aside)
 
 
-def _print_sweep(console: Console, title: str, played: Played) -> None:
+_SHOWN = ("wrong", "right", "worst", "starved", "regret", "settles")
+
+
+def _print_sweep(played: Played, form: TableForm) -> None:
+    """Print a few measures in words for people, all as numbers for a program."""
     from bt_agents_lab.experiments.measures import summary
     from bt_agents_lab.experiments.sweep import rule_label
-    from bt_agents_lab.experiments.sweep_figures import cells
+    from bt_agents_lab.experiments.sweep_figures import cells, measured
 
-    table = Table(title=title, box=None, pad_edge=False, header_style="dim")
-    for column in ("strategy", "update"):
-        table.add_column(column, no_wrap=True)
-    shown = ("wrong", "right", "worst", "starved", "regret", "settles")
-    for column in shown:
-        table.add_column(column, justify="right")
+    if form in (TableForm.JSON, TableForm.CSV):
+        numbers = [measured(cell, summary(found)) for cell, found in played]
+        columns = [Column(key=key) for key in numbers[0]]
+        print_table(columns, [list(one.values()) for one in numbers], form)
+        return
+    columns = [Column(key="strategy"), Column(key="update")]
+    columns += [Column(key=key, right=True) for key in _SHOWN]
+    rows = []
     for cell, found in played:
-        row = cells(cell, summary(found))
+        texts = cells(cell, summary(found))
         label = cell.selection.label
-        table.add_row(label, rule_label(cell.learning), *(row[name] for name in shown))
-    console.print(table)
+        rows.append([label, rule_label(cell.learning), *(texts[key] for key in _SHOWN)])
+    print_table(columns, rows, form)
 
 
 def _write(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise BtAgentsError(
             f"{path} cannot be written: {error.strerror}; name another folder with --output"
@@ -292,7 +308,7 @@ def _unwritten(path: Path, error: OSError) -> BtAgentsError:
 
 def _write_csv(path: Path, records: Sequence[FeedbackRecord], space: SceneSpace) -> None:
     try:
-        with path.open("w", newline="") as file:
+        with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             columns = [f"{of}_{n}" for of in ("scene", "before", "after") for n in space.names]
             writer.writerow(["round", "winner", *columns])
@@ -309,16 +325,15 @@ def _report(
     console = Console()
     starts = {agent.name: agent.profile for agent in folder.agents}
     rates = {agent.name: agent.learning_rate for agent in folder.agents}
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for title in ("agent", "won", "profile at the start", "profile at the end", "feedback"):
-        table.add_column(title)
+    titles = ("agent", "won", "profile at the start", "profile at the end", "feedback")
+    rows = []
     for name, start in starts.items():
         mine = [record for record in records if record.winner == name]
         target = spec.feedback.each.get(name, ())
         end = mine[-1].after if mine else start
-        table.add_row(name, str(len(mine)), *(_row(v) for v in (start, end, target)))
+        rows.append((name, str(len(mine)), *(_row(v) for v in (start, end, target))))
     console.print(f"{spec.title}: {spec.rounds} rounds, seed {spec.seed}, {seconds:.1f} s")
-    console.print(table)
+    print_table([Column(key=title) for title in titles], rows)
     orders = tuple(record.scene for record in records) == spec.order()
     if not orders:
         console.print("[red]the scenes did not come in the order that was drawn[/]")

@@ -11,7 +11,6 @@ from pathlib import Path
 import click
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import journal_folder
@@ -49,12 +48,9 @@ def journal(files: tuple[Path, ...]) -> None:
     console.print(
         f"{_moment(recording.first_ns)} to {_moment(recording.last_ns)}, {total} messages"
     )
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(justify="right")
-    table.add_column()
+    digits = len(str(max(recording.counts.values())))
     for topic, number in sorted(recording.counts.items()):
-        table.add_row(str(number), escape(topic))
-    console.print(table, soft_wrap=False)
+        console.print(f"{number:>{digits}}  {escape(topic)}")
     with damage_reported():
         for one in recording.rounds:
             winner = f"{one.auction.winner} wins" if one.auction.winner else "nobody"

@@ -12,13 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rich.progress import Progress
-
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackRecord
 from bt_agents_ros.signals import Interrupt
+from bt_agents_tools.cli.formatting import progress_bar
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_local_discovery
@@ -28,15 +27,14 @@ _STALL_S = 30.0
 _POLL_S = 0.2
 
 
-def through_ros(
-    folder: Trees, spec: ExperimentSpec, settings: Settings, interrupt: Interrupt
-) -> list[FeedbackRecord]:
-    """Play a whole experiment and return its rounds; fewer when it was interrupted.
+def through_ros(folder: Trees, spec: ExperimentSpec, settings: Settings) -> list[FeedbackRecord]:
+    """Play a whole experiment and return its rounds.
 
     Of the settings the strategy, its options and the tie rule count.
 
     Raises:
         BtAgentsError: A part did not start, died or stood still.
+        KeyboardInterrupt: It was interrupted, and all parts have ended.
     """
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
@@ -44,12 +42,13 @@ def through_ros(
     path, space = folder.folder, folder.scene.space
     with tempfile.TemporaryDirectory(prefix="bt-agents-experiment-") as scratch:
         script = Path(scratch) / "script.yaml"
-        script.write_text(_script(spec, space))
+        script.write_text(_script(spec, space), encoding="utf-8")
         prepared = Path(scratch) / "experiment.yaml"
-        prepared.write_text(_prepared(spec, space))
+        prepared.write_text(_prepared(spec, space), encoding="utf-8")
         market = components.market(path, strategy=settings.strategy)
         ranking: dict[str, str | float] = {"tie_break": settings.tie_break, **settings.options}
         supervisor = Supervisor(components.new_log_folder())
+        interrupt = Interrupt()
         try:
             supervisor.start(
                 replace(market, parameters={**market.parameters, **ranking}),
@@ -57,9 +56,15 @@ def through_ros(
                 components.feedback(path, ledger=":memory:", simulated=prepared),
             )
             scenes = components.scene_layer(path, script, agents=len(folder.agents))
-            return _record(supervisor, scenes, len(folder.agents), spec, interrupt)
+            records = _record(supervisor, scenes, len(folder.agents), spec, interrupt)
         finally:
+            if interrupt:
+                supervisor.kill()
             supervisor.stop()
+            interrupt.release()
+        if interrupt:
+            raise KeyboardInterrupt
+        return records
 
 
 def _record(
@@ -90,7 +95,7 @@ def _record(
                 f"{supervisor.log('agents').parent}"
             )
         supervisor.start(scenes)
-        with Progress(transient=True) as progress:
+        with progress_bar() as progress:
             task = progress.add_task(spec.title, total=spec.rounds)
             last_change = time.monotonic()
             while not is_complete() and not interrupt:

@@ -10,7 +10,6 @@ from pathlib import Path
 import click
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import Update
@@ -18,6 +17,7 @@ from bt_agents_core.scene import finite_or_none
 from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.table import Column, print_table
 
 with loading():
     from bt_agents_lab.cli.journal import (
@@ -116,16 +116,7 @@ def _agents(folder: str, tags: str) -> tuple[AgentSpec, ...]:
 def _show(console: Console, result: CounterfactualResult, everything: bool) -> None:
     shown = [case for case in result.rounds if everything or case.problem or case.was != case.now]
     if shown:
-        table = Table(box=None, pad_edge=False)
-        table.add_column("round", justify="right")
-        table.add_column("scene", no_wrap=True, max_width=32)
-        table.add_column("winner then", overflow="fold")
-        table.add_column("and now", overflow="fold")
-        table.add_column("margin", justify="right", no_wrap=True)
-        table.add_column("and now", justify="right", no_wrap=True)
-        for case in shown:
-            table.add_row(*_row(case))
-        console.print(table, soft_wrap=False)
+        print_table(_COLUMNS, [_row(case) for case in shown])
     console.print(
         f"{result.other_winners} of {len(result.rounds)} rounds would have had another winner; "
         f"{result.given} of {result.given + result.withheld} feedbacks would have been given"
@@ -136,16 +127,20 @@ def _show(console: Console, result: CounterfactualResult, everything: bool) -> N
         console.print(f"never chosen: {escape(', '.join(result.never))}", soft_wrap=False)
 
 
-def _row(case: RoundComparison) -> tuple[str, ...]:
-    now = f"[yellow]{escape(case.problem)}[/]" if case.problem else escape(case.now or _NOBODY)
-    return (
-        str(case.round),
-        escape(case.label),
-        escape(case.was or _NOBODY),
-        now,
-        format_known(case.margin_was),
-        format_known(case.margin_now),
-    )
+_COLUMNS = (
+    Column(key="round", right=True),
+    Column(key="scene"),
+    Column(key="was", title="winner then"),
+    Column(key="now", title="and now"),
+    Column(key="margin_was", title="margin", text=format_known, right=True),
+    Column(key="margin_now", title="and now", text=format_known, right=True),
+)
+
+
+def _row(case: RoundComparison) -> tuple[object, ...]:
+    now = case.problem or case.now or _NOBODY
+    margins = (case.margin_was, case.margin_now)
+    return (case.round, case.label, case.was or _NOBODY, now, *margins)
 
 
 def _as_data(result: CounterfactualResult, assumed: tuple[str, ...]) -> dict[str, object]:

@@ -190,10 +190,12 @@ def through_core(
 ) -> list[FeedbackRecord]:
     """Play a whole experiment, whose feedback is used up, and return its rounds.
 
+    Without settings agents are selected as in the paper.
+
     Raises:
         BtAgentsError: The strategy needs more than the bids, or a scene led to no feedback.
     """
-    settings = settings or Settings()
+    settings = settings or Settings(strategy="manhattan")
     if settings.strategy in NOT_SIMULATED:
         known = ", ".join(name for name in STRATEGIES if name not in NOT_SIMULATED)
         raise BtAgentsError(

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator
+import signal
+from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import product
 
@@ -16,6 +18,7 @@ from bt_agents_lab.experiments.measures import PerRun, of_runs, together
 from bt_agents_lab.experiments.random_streams import WrongFeedback, draw
 from bt_agents_lab.experiments.simulated_world import Arm, Selection, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate_shares
+from bt_agents_ros.signals import block_sigint
 
 PART = 1000
 """Runs that are played at once, for the same results in any number of processes."""
@@ -86,9 +89,10 @@ def sweep(
     # The draws of a strategy for some seeds serve all learning rules and shares.
     tasks = list(product(range(len(parts)), range(len(spec.selections))))
     done: dict[tuple[int, int], Results] = {}
-    for task, results in _worked(spec, parts, tasks, processes):
-        done[task] = results
-        progress(len(done), len(tasks))
+    with closing(_worked(spec, parts, tasks, processes)) as worked:
+        for task, results in worked:
+            done[task] = results
+            progress(len(done), len(tasks))
     return [
         (
             Cell(selection=selection, learning=learning, share=share),
@@ -102,18 +106,23 @@ def sweep(
 
 def _worked(
     spec: SweepSpec, parts: list[range], tasks: list[tuple[int, int]], processes: int
-) -> Iterator[tuple[tuple[int, int], Results]]:
+) -> Generator[tuple[tuple[int, int], Results], None, None]:
     if processes <= 1:
         for part, selection in tasks:
             yield (part, selection), _play(spec, parts[part], selection)
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes, mp_context=context) as pool:
-        waiting: dict[Future[Results], tuple[int, int]] = {
-            pool.submit(_play, spec, parts[part], selection): (part, selection)
-            for part, selection in tasks
-        }
+        waiting: dict[Future[Results], tuple[int, int]] = {}
         try:
+            # Only this process is told of a Ctrl-C; it ends the others.
+            signal_mask = block_sigint()
+            try:
+                for part, selection in tasks:
+                    future = pool.submit(_play, spec, parts[part], selection)
+                    waiting[future] = part, selection
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
             while waiting:
                 for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                     yield waiting.pop(future), future.result()
@@ -123,6 +132,9 @@ def _worked(
                 "with --processes"
             ) from None
         finally:
+            if waiting:
+                for process in multiprocessing.active_children():
+                    process.kill()
             pool.shutdown(cancel_futures=True)
 
 

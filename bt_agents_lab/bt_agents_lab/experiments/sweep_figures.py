@@ -60,8 +60,8 @@ def write(folder: Path, spec: SweepSpec, played: Played) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _csv(folder / "results.csv", played)
-        (folder / "results.json").write_text(_json(spec, played))
-        (folder / "table.md").write_text(table(spec, played))
+        (folder / "results.json").write_text(_json(spec, played), encoding="utf-8")
+        (folder / "table.md").write_text(table(spec, played), encoding="utf-8")
     except OSError as error:
         raise BtAgentsError(f"{folder}: {error.strerror}; name a folder to write into") from None
     curves(folder, spec, played)
@@ -189,14 +189,15 @@ def _of(played: Played, selection: Selection, learning: LearningRule, share: flo
 
 
 def _csv(path: Path, played: Played) -> None:
-    with path.open("w", newline="") as file:
+    with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        rows = [_row(cell, summary(runs)) for cell, runs in played]
+        rows = [measured(cell, summary(runs)) for cell, runs in played]
         writer.writerow(rows[0])
         writer.writerows(row.values() for row in rows)
 
 
-def _row(cell: Cell, found: Measures) -> dict[str, object]:
+def measured(cell: Cell, found: Measures) -> dict[str, object]:
+    """Return a cell with its measures as numbers, flat, by the columns of results.csv."""
     values = asdict(found)
     flat: dict[str, object] = {
         "strategy": cell.selection.label,
@@ -213,7 +214,7 @@ def _row(cell: Cell, found: Measures) -> dict[str, object]:
 
 def _json(spec: SweepSpec, played: Played) -> str:
     rows = [
-        {**_row(cell, summary(runs)), "right_by_round": runs.right.tolist()}
+        {**measured(cell, summary(runs)), "right_by_round": runs.right.tolist()}
         for cell, runs in played
     ]
     document = {

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
+from bt_agents_core.local_time import local_time
 from bt_agents_core.profile_layers import EVERYBODY, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_lab.replay.recording_index import NO_TEXTS, RecordedFeedback, RecordingIndex, Round
@@ -238,7 +239,9 @@ class _Counterfactual:
         for spec in self._specs.values():
             profile = self._profile_of(spec, scene)
             tunables = {tunable.name: tunable.default for tunable in spec.tunables}
-            if spec.name in excluded or unmet(spec, space, scene, profile, tunables):
+            if spec.name in excluded or unmet(
+                spec, space, scene, profile, tunables, lambda: local_time(auction.stamp.sec)
+            ):
                 continue
             unknown = AcceptedBid(
                 agent=spec.name, agent_id=0, host="", instance="", vector=profile

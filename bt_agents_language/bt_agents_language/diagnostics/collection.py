@@ -46,9 +46,19 @@ class Diagnostics:
         message: str,
         hint: str = "",
         end: Position | None = None,
+        severity: Severity = Severity.ERROR,
     ) -> None:
         """Add a problem; as :meth:`append`."""
-        self.append(Diagnostic(code=code, position=position, message=message, hint=hint, end=end))
+        self.append(
+            Diagnostic(
+                code=code,
+                position=position,
+                message=message,
+                hint=hint,
+                end=end,
+                severity=severity,
+            )
+        )
 
     def append(self, diagnostic: Diagnostic) -> None:
         """Add a problem; the same one at the same place counts once.

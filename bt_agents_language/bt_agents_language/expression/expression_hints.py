@@ -18,12 +18,18 @@ from bt_agents_language.expression.expression_tokens import (
 NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
 """Words of other languages for nothing."""
 
+ABSENT = (*NO_VALUES, "missing", "unknown", "known", "nothing", "unset")
+"""Words by which people ask whether there is a value at all."""
+
+ABSENT_HINT = "ask whether a name has a value with known(x), or give it one with 'else': x else 1"
+
 
 def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
     """Return the error for a name with an opening parenthesis behind it."""
+    known = list(functions)
     value, dot, method = token.text.rpartition(".")
     if dot:
-        hint = HINTS["methods"].get(method.lower(), "possible are min, max, abs, round and len")
+        hint = HINTS["methods"].get(method.lower(), f"possible are {', '.join(known)}")
         return token.error(
             f"values have no functions of their own: '{ellipsize(token.text)}(…)'",
             hint.format(ellipsize(value)),
@@ -31,7 +37,6 @@ def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
     word = token.text
     hint = HINTS["no_functions"].get(word.lower(), "")
     if not hint:
-        known = list(functions)
         folded = word.lower()
         near = difflib.get_close_matches(folded, known, n=1, cutoff=0.6) if len(word) < 40 else []
         meant = HINTS["functions"].get(folded) or (near[0] if near else "")
@@ -41,14 +46,14 @@ def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
 
 def no_value(token: Token) -> ExpressionError:
     """Return the error for one of :data:`NO_VALUES`."""
-    return token.error(
-        f"'{token.text}' is no value",
-        "a condition with a name that has no value yet is not true, so this need not be asked",
-    )
+    return token.error(f"'{token.text}' is no value", ABSENT_HINT)
 
 
-def unexpected(token: Token, before: Token | None) -> ExpressionError:
+def unexpected(token: Token, before: Token | None, after: Token | None) -> ExpressionError:
     """Return the error for a word where an operator or the end is expected."""
+    if token.text.lower() == "is" and after is not None and after.text in (*ABSENT, "not"):
+        hint = ABSENT_HINT if after.text in ABSENT else "write !="
+        return token.error("an operator is expected before 'is'", hint)
     if token.text == ")":
         return token.error("this ')' closes nothing", "remove it")
     if token.text == "]":

@@ -19,7 +19,7 @@ from bt_agents_language.expression.units import dimension_of
 MAX_TOKENS = 400
 """Words of an expression; evaluation nests at most half as deep."""
 
-OPERATOR_WORDS = ("and", "or", "not", "in", "between")
+OPERATOR_WORDS = ("and", "or", "not", "in", "between", "else")
 
 NAME = r"[^\W\d]\w*(?:\.\w+)*"
 

@@ -8,8 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.ranges import Range
 from bt_agents_language.expression.units import Dimension
 
 Lookup = Callable[[str], object]
@@ -26,6 +28,14 @@ _LARGEST_SHOWN = 10**18
 
 class EvaluationError(ExpressionError):
     """The values of an expression do not fit its operators and functions."""
+
+
+class NoValue(BtAgentsError):
+    """A part of an expression has no value; ``else`` gives it one, ``known`` tells."""
+
+
+class Undecided(EvaluationError):
+    """A condition that is neither true nor false, for another reason than a missing value."""
 
 
 class ValueKind(Enum):
@@ -68,6 +78,9 @@ class Part:
         items: Kind of the items of a list that is written out; None elsewhere.
         constant: Value of a number, text or boolean that is written out; None elsewhere.
         unit: Dimension of a quantity; None for plain numbers and everything else.
+        words: The only texts that it can be; empty for any.
+        members: Parts of a list that is written out.
+        range: What its value lies in, as far as that is known.
     """
 
     run: Evaluator
@@ -77,6 +90,9 @@ class Part:
     items: ValueKind | None = None
     constant: bool | int | float | str | None = None
     unit: Dimension | None = None
+    words: tuple[str, ...] = ()
+    members: Sequence[Part] = ()
+    range: Range | None = None
 
     def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
         """Refuse the part if its value is certainly of another kind.
@@ -86,6 +102,19 @@ class Part:
         """
         if self.kind is not None and self.kind is not kind:
             raise self.error(f"{needs}, found {self.kind.one}", hint)
+
+    def refuse_other_words(self, other: Part) -> None:
+        """Refuse a text, or one in a list, that this part can never be.
+
+        Raises:
+            ExpressionError: It is none of its ``words``.
+        """
+        for one in other.members or (other,):
+            if self.words and isinstance(one.constant, str) and one.constant not in self.words:
+                raise one.error(
+                    f"it is never '{ellipsize(one.constant)}'",
+                    f"write one of {', '.join(self.words)}",
+                )
 
     def error(self, message: str, hint: str = "") -> ExpressionError:
         """Return an error about the part."""
@@ -151,7 +180,7 @@ def unit_of_pair(word: str, left: Part, right: Part) -> Dimension | None:
     Raises:
         ExpressionError: The operands have dimensions that do not go together.
     """
-    if word in ("+", "-", "%"):
+    if word in ("+", "-", "%", "else"):
         return common_unit(word, (left, right))
     if word in ("==", "!=", "<", "<=", ">", ">="):
         common_unit(word, (left, right))
@@ -182,3 +211,8 @@ def common_unit(word: str, parts: Sequence[Part]) -> Dimension | None:
             raise part.error(f"'{word}' cannot take {first.a} and {part.unit.a} together")
         first = part.unit
     return first
+
+
+def common_kind(one: Part, other: Part) -> ValueKind | None:
+    """Return the kind that both parts have; None when they differ or only a run shows it."""
+    return one.kind if one.kind is other.kind else None

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import ParamSpec, TypeVar
 
-from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.expression import expression_hints
+from bt_agents_core.text import ellipsize
+from bt_agents_language.expression import expression_hints, ranges
 from bt_agents_language.expression.expression_tokens import (
     ExpressionError,
     Token,
@@ -15,11 +16,16 @@ from bt_agents_language.expression.expression_tokens import (
     tokenize,
 )
 from bt_agents_language.expression.expression_values import (
+    EvaluationError,
     Evaluator,
     Lookup,
+    NoValue,
     Part,
+    Undecided,
     ValueKind,
+    common_kind,
     common_unit,
+    described,
     unit_of_call,
     unit_of_pair,
 )
@@ -31,7 +37,11 @@ from bt_agents_language.expression.operators import (
     check_between,
     compile_between,
 )
+from bt_agents_language.expression.ranges import Range
 from bt_agents_language.expression.units import Dimension
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 MAX_LENGTH = 1000
 """Characters of an expression."""
@@ -39,8 +49,25 @@ MAX_LENGTH = 1000
 MAX_DEPTH = 32
 """Nesting of brackets, ``not`` and minus signs."""
 
+_LONGEST_TOLD = 200
 
-class MissingValue(BtAgentsError):
+
+class MisfitError(ExpressionError):
+    """Values in an expression do not fit their operators.
+
+    Attributes:
+        errors: What does not fit, and perhaps the word at which reading ended; itself the first.
+        mentions: The names in it; none where reading ended at some word.
+    """
+
+    def __init__(self, errors: Sequence[ExpressionError], mentions: Iterable[Mention]) -> None:
+        first = errors[0]
+        super().__init__(first.message, first.column, first.hint, first.width)
+        self.errors = tuple(errors)
+        self.mentions = tuple(mentions)
+
+
+class MissingValue(NoValue):
     """A name has no value now; a lookup raises it and an evaluation passes it on."""
 
     def __init__(self, name: str) -> None:
@@ -58,10 +85,28 @@ class StaleValue(MissingValue):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mention:
-    """A name in an expression and the column where it starts, from 1."""
+    """A name in an expression and the column where it starts, from 1.
+
+    It may miss where ``known`` or ``else`` is about whether it has a value.
+    """
 
     name: str
     column: int
+    may_miss: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Foregone:
+    """A comparison of names that goes only one way, whatever values the names have.
+
+    Attributes:
+        always: Whether it is always true; else it never is.
+    """
+
+    column: int
+    width: int
+    names: tuple[str, ...]
+    always: bool
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -73,6 +118,8 @@ class Expression:
         mentions: Every name in it with its place in the text that was parsed.
         kind: Kind of its value where that is known without running it.
         unit: Dimension of its value; None for a plain number, or no number.
+        range: What its value lies in, as far as the ranges of the names tell.
+        foregone: Comparisons in it that the ranges of the names decide.
     """
 
     text: str
@@ -80,6 +127,8 @@ class Expression:
     names: frozenset[str] = field(compare=False, repr=False)
     kind: ValueKind | None = field(compare=False)
     unit: Dimension | None = field(compare=False)
+    range: Range | None = field(compare=False)
+    foregone: tuple[Foregone, ...] = field(compare=False)
     _run: Evaluator = field(compare=False, repr=False)
 
     def evaluate(self, lookup: Lookup) -> object:
@@ -91,18 +140,39 @@ class Expression:
         """
         return self._run(lookup)
 
+    def is_true(self, lookup: Lookup) -> bool:
+        """Return whether it is true, as a condition.
+
+        Raises:
+            Undecided: It cannot be evaluated, or its value is neither true nor false.
+            MissingValue: Passed on from ``lookup``.
+        """
+        try:
+            value = self._run(lookup)
+        except EvaluationError as error:
+            raise self._undecided(error.message, error.column) from None
+        if value is True or value is False:
+            return value
+        raise self._undecided(f"it is {described(value)}, expected true or false", 1)
+
+    def _undecided(self, why: str, column: int) -> Undecided:
+        told = ellipsize(self.text, _LONGEST_TOLD)
+        return Undecided(f"cannot be decided: {told} ({why})", column)
+
 
 def parse_expression(
     text: str,
     known: Callable[[str], bool] | None = None,
     kind_of: Callable[[str], ValueKind | None] | None = None,
     unit_of: Callable[[str], Dimension | None] | None = None,
+    words_of: Mapping[str, tuple[str, ...]] | None = None,
+    range_of: Callable[[str], Range | None] | None = None,
 ) -> Expression:
     """Return the expression that a text says.
 
     From weak to strong: ``or``, ``and``, ``not``, one of ``== != < <= > >= in, not in,
-    between … and …``, ``+ -``, ``* / %``, the minus sign. Operands are numbers, quoted texts,
-    ``true``, ``false``, dotted names, lists such as ``[1, 2]`` and the functions of
+    between … and …``, ``+ -``, ``* / %``, the minus sign, ``else``. Operands are numbers, quoted
+    texts, ``true``, ``false``, dotted names, lists such as ``[1, 2]`` and the functions of
     :mod:`~bt_agents_language.expression.functions`.
 
     Args:
@@ -110,9 +180,12 @@ def parse_expression(
         known: Whether a name exists; None takes every name.
         kind_of: Kind of a name's value, None where only a run shows it.
         unit_of: Dimension of a name's value, None for a plain number or no number.
+        words_of: Name → the only texts that it can be.
+        range_of: What a name's value lies in, None where that is not known.
 
     Raises:
-        ExpressionError: The text is none, values in it do not fit, or a name is not known.
+        ExpressionError: The text is none, or a name is not known.
+        MisfitError: Values in it do not fit.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(
@@ -120,14 +193,23 @@ def parse_expression(
             1,
             "split it over several nodes",
         )
-    parser = _Parser(tokenize(text), known, kind_of, unit_of)
-    whole = parser.whole()
+    parser = _Parser(tokenize(text), known, kind_of, unit_of, words_of or {}, range_of)
+    try:
+        whole = parser.whole()
+    except ExpressionError as error:
+        if parser.misfits:
+            raise MisfitError([*parser.misfits, error], ()) from None
+        raise
+    if parser.misfits:
+        raise MisfitError(parser.misfits, parser.mentions)
     return Expression(
         text=text.strip(),
         mentions=tuple(parser.mentions),
         names=frozenset(mention.name for mention in parser.mentions),
         kind=whole.kind,
         unit=whole.unit,
+        range=whole.range,
+        foregone=tuple(parser.foregone),
         _run=whole.run,
     )
 
@@ -141,12 +223,18 @@ class _Parser:
         known: Callable[[str], bool] | None,
         kind_of: Callable[[str], ValueKind | None] | None,
         unit_of: Callable[[str], Dimension | None] | None,
+        words_of: Mapping[str, tuple[str, ...]],
+        range_of: Callable[[str], Range | None] | None,
     ) -> None:
         self.mentions: list[Mention] = []
+        self.foregone: list[Foregone] = []
+        self.misfits: list[ExpressionError] = []
         self._tokens = tokens
         self._known = known
         self._kind_of = kind_of
         self._unit_of = unit_of
+        self._words_of = words_of
+        self._range_of = range_of
         self._token = tokens[0]
         self._next = 0
         self._depth = 0
@@ -173,7 +261,8 @@ class _Parser:
 
     def _unexpected(self) -> ExpressionError:
         before = self._tokens[self._next - 1] if self._next else None
-        return expression_hints.unexpected(self._token, before)
+        after = None if self._at_end() else self._tokens[self._next + 1]
+        return expression_hints.unexpected(self._token, before, after)
 
     def _expression(self, weakest: int) -> Part:
         self._depth += 1
@@ -182,6 +271,7 @@ class _Parser:
                 f"the expression is nested more than {MAX_DEPTH} deep",
                 "split it over several nodes",
             )
+        first = len(self.mentions)
         left = self._operand()
         while True:
             token = self._token
@@ -190,25 +280,35 @@ class _Parser:
             if token.text == "between" and weakest < COMPARISON:
                 self._take()
                 left = self._between(left, token)
+                self._note_foregone(left, first)
                 self._refuse_chain()
                 continue
             operator = BINARY.get(token.text)
             if operator is None or operator.strength <= weakest:
                 break
             self._take()
+            if operator.replaces_missing:
+                self._let_miss(first)
             right = self._expression(operator.strength)
-            operator.check(left, right)
+            self._attempt(operator.check, left, right)
             left = Part(
                 run=operator.compile(left, right, token.column),
-                kind=operator.gives,
+                kind=operator.gives or common_kind(left, right),
                 column=left.column,
                 width=left.width,
-                unit=unit_of_pair(operator.word, left, right),
+                unit=self._attempt(unit_of_pair, operator.word, left, right),
+                range=ranges.of_pair(operator.word, left.range, right.range),
             )
             if not operator.chains:
+                self._note_foregone(left, first)
                 self._refuse_chain()
         self._depth -= 1
         return left
+
+    def _let_miss(self, first: int) -> None:
+        """Mark the names from one on as those that may be without a value."""
+        mentions = self.mentions[first:]
+        self.mentions[first:] = [replace(mention, may_miss=True) for mention in mentions]
 
     def _between(self, value: Part, token: Token) -> Part:
         opening = self._token
@@ -222,14 +322,37 @@ class _Parser:
             raise expression_hints.bad_between(joint)
         self._take()
         high = self._expression(COMPARISON)
-        check_between(value, low, high)
-        common_unit("between", (value, low, high))
+        self._attempt(check_between, value, low, high)
+        self._attempt(common_unit, "between", (value, low, high))
         return Part(
             run=compile_between(value, low, high, token.column),
             kind=ValueKind.BOOLEAN,
             column=value.column,
             width=value.width,
+            range=ranges.of_between(value.range, low.range, high.range),
         )
+
+    def _attempt(self, check: Callable[P, T], *values: P.args, **named: P.kwargs) -> T | None:
+        """Return what a check gives; what it refuses is noted, and reading goes on."""
+        try:
+            return check(*values, **named)
+        except ExpressionError as error:
+            self.misfits.append(error)
+            return None
+
+    def _note_foregone(self, comparison: Part, before: int) -> None:
+        """Note a comparison just read that goes only one way; ``before`` it were so many names."""
+        names = tuple(dict.fromkeys(mention.name for mention in self.mentions[before:]))
+        if names and comparison.range is not None and comparison.range.settled:
+            last = self._tokens[self._next - 1]
+            self.foregone.append(
+                Foregone(
+                    column=comparison.column,
+                    width=last.column + len(last.text) - comparison.column,
+                    names=names,
+                    always=comparison.range == ranges.TRUE,
+                )
+            )
 
     def _refuse_chain(self) -> None:
         token = self._token
@@ -262,13 +385,14 @@ class _Parser:
                 column=token.column,
                 width=len(token.text),
                 constant=value,
+                range=ranges.of_constant(value),
             )
         raise expression_hints.no_operand(token)
 
     def _prefixed(self, token: Token) -> Part:
         prefix = PREFIXES[token.text]
         operand = self._expression(prefix.strength)
-        prefix.check(operand)
+        self._attempt(prefix.check, operand)
         constant = operand.constant
         negative = -constant if isinstance(constant, (int, float)) else None
         return Part(
@@ -278,6 +402,7 @@ class _Parser:
             width=len(token.text),
             constant=negative if token.text == "-" else None,
             unit=operand.unit,
+            range=ranges.of_prefix(token.text, operand.range),
         )
 
     def _name(self, token: Token) -> Part:
@@ -293,6 +418,8 @@ class _Parser:
             column=token.column,
             width=len(name),
             unit=self._unit_of(name) if self._unit_of is not None else None,
+            words=self._words_of.get(name, ()),
+            range=self._range_of(name) if self._range_of is not None else None,
         )
 
     def _parentheses(self, opening: Token) -> Part:
@@ -329,6 +456,8 @@ class _Parser:
             column=opening.column,
             width=1,
             items=kinds[0] if kinds else None,
+            members=items,
+            range=ranges.of_list([item.range for item in items]),
         )
 
     def _call(self, token: Token) -> Part:
@@ -342,14 +471,18 @@ class _Parser:
                 f"write {function.usage}",
             )
         self._take()
+        first = len(self.mentions)
         arguments = self._items(opening, ")")
+        if function.asks_for_missing:
+            self._let_miss(first)
         function.check(arguments, token.column)
         return Part(
             run=function.compile(arguments, token.column),
-            kind=ValueKind.NUMBER,
+            kind=function.gives,
             column=token.column,
             width=len(token.text),
             unit=unit_of_call(token.text, arguments),
+            range=ranges.of_call(token.text, [argument.range for argument in arguments]),
         )
 
     def _items(self, opening: Token, closing: str) -> list[Part]:

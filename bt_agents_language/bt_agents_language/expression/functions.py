@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Functions of expressions: min, max, abs, round and len."""
+"""Functions of expressions: numbers, texts, and whether there is a value at all."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Context, Decimal
+from itertools import islice
 
+from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import (
     EvaluationError,
     Evaluator,
     Lookup,
+    NoValue,
     Part,
     ValueKind,
     a_number,
@@ -28,6 +32,13 @@ _WHOLE_FROM = 2.0**53
 
 _EXACT = Context(prec=60)
 
+_IN_DIGITS = re.compile(r"(?:(?<!\w)-)?(?:(?<![\w.,])[.,])?\d+(?:[.,]\d+)*")
+_MAYBE_THOUSANDS = re.compile(r"-?[^\D0]\d{0,2}[.,]\d{3}|.*[.,].*[.,].*")
+
+
+class NoNumber(EvaluationError, NoValue):
+    """A text does not hold one number that is clear."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Function:
@@ -35,27 +46,35 @@ class Function:
 
     Attributes:
         usage: How it is written, for messages.
+        means: What it gives, for the reference.
         check_kinds: Refuses arguments whose kinds do not fit.
         compile: (arguments, column) → evaluator.
+        least: Arguments that it takes at least.
         most: Arguments that it takes at most.
+        gives: Kind of its result.
+        asks_for_missing: Whether its arguments may be without a value.
     """
 
     name: str
     usage: str
+    means: str
     check_kinds: Callable[[Sequence[Part]], None]
     compile: Callable[[Sequence[Part], int], Evaluator]
+    least: int = 1
     most: float = 1
+    gives: ValueKind = ValueKind.NUMBER
+    asks_for_missing: bool = False
 
     def check(self, arguments: Sequence[Part], column: int) -> None:
         """Refuse arguments whose number or kinds do not fit."""
-        if not 1 <= len(arguments) <= self.most:
-            count = f"{len(arguments)} values" if arguments else "nothing"
+        if not self.least <= len(arguments) <= self.most:
+            count = {0: "nothing", 1: "one value"}.get(len(arguments), f"{len(arguments)} values")
             message = f"'{self.name}' is given {count} in its parentheses"
             raise ExpressionError(message, column, f"write {self.usage}", len(self.name))
         self.check_kinds(arguments)
 
 
-def _extreme(name: str, pick: Callable[[Iterable[float]], float]) -> Function:
+def _extreme(name: str, means: str, pick: Callable[[Iterable[float]], float]) -> Function:
     usage = f"{name}(a, b) or {name}([a, b, …])"
 
     def check(arguments: Sequence[Part]) -> None:
@@ -87,7 +106,9 @@ def _extreme(name: str, pick: Callable[[Iterable[float]], float]) -> Function:
 
         return run
 
-    return Function(name=name, usage=usage, check_kinds=check, compile=compile_, most=math.inf)
+    return Function(
+        name=name, usage=usage, means=means, check_kinds=check, compile=compile_, most=math.inf
+    )
 
 
 def _picked(
@@ -186,20 +207,156 @@ def _compile_len(arguments: Sequence[Part], column: int) -> Evaluator:
     return run
 
 
+def _check_number(arguments: Sequence[Part]) -> None:
+    (only,) = arguments
+    is_number = only.kind is ValueKind.NUMBER
+    hint = "it is a number already, leave 'number' out" if is_number else ""
+    only.must_be(ValueKind.TEXT, "'number' needs a text", hint)
+
+
+def _compile_number(arguments: Sequence[Part], column: int) -> Evaluator:
+    of = arguments[0].run
+
+    def run(lookup: Lookup) -> float:
+        value = of(lookup)
+        if not isinstance(value, str):
+            return bounded(a_number(value, "number", column), "number", column)
+        return bounded(_number_in(value, column), "number", column)
+
+    return run
+
+
+def _number_in(text: str, column: int) -> float:
+    """Return the only number in a text; a comma may stand in place of its point."""
+    found = [match[0] for match in islice(_IN_DIGITS.finditer(text), 2)]
+    problem = ""
+    if len(found) != 1:
+        problem = "several" if found else "none in digits"
+    elif _MAYBE_THOUSANDS.fullmatch(found[0]):
+        problem = f"'{ellipsize(found[0])}', which may be read in two ways,"
+    if problem:
+        message = f"'number' needs one number, found {problem} in {described(text)}"
+        raise NoNumber(message, column)
+    number = float(found[0].replace(",", "."))
+    return int(number) if abs(number) < _WHOLE_FROM and number.is_integer() else number
+
+
+def _check_known(arguments: Sequence[Part]) -> None:
+    (only,) = arguments
+    if only.constant is not None:
+        raise only.error("'known' asks about a name", "write one, such as known(scene.age)")
+
+
+def _compile_known(arguments: Sequence[Part], _: int) -> Evaluator:
+    of = arguments[0].run
+
+    def run(lookup: Lookup) -> bool:
+        try:
+            of(lookup)
+        except NoValue:
+            return False
+        return True
+
+    return run
+
+
+def _check_lower(arguments: Sequence[Part]) -> None:
+    arguments[0].must_be(ValueKind.TEXT, "'lower' needs a text")
+
+
+def _compile_lower(arguments: Sequence[Part], column: int) -> Evaluator:
+    of = arguments[0].run
+    return lambda lookup: _a_text(of(lookup), "lower", column).lower()
+
+
+def _check_contains(arguments: Sequence[Part]) -> None:
+    where, *wanted = arguments
+    hint = "look for a value in a list with 'in': 'word' in the_list"
+    is_list = where.kind is ValueKind.LIST
+    where.must_be(ValueKind.TEXT, "'contains' looks into a text", hint if is_list else "")
+    for one in wanted:
+        one.must_be(ValueKind.TEXT, "'contains' looks for texts", "put it in quotation marks")
+        if one.constant == "":
+            raise one.error("every text contains the empty text", "write what to look for")
+
+
+def _compile_contains(arguments: Sequence[Part], column: int) -> Evaluator:
+    where_of, *wanted = (argument.run for argument in arguments)
+
+    def run(lookup: Lookup) -> bool:
+        where = _a_text(where_of(lookup), "contains", column)
+        return any(_a_text(one(lookup), "contains", column) in where for one in wanted)
+
+    return run
+
+
+def _a_text(value: object, word: str, column: int) -> str:
+    if not isinstance(value, str):
+        raise EvaluationError(f"'{word}' needs texts, found {described(value)}", column)
+    return value
+
+
 FUNCTIONS: dict[str, Function] = {
     function.name: function
     for function in (
-        _extreme("min", min),
-        _extreme("max", max),
-        Function(name="abs", usage="abs(x)", check_kinds=_check_abs, compile=_compile_abs),
+        _extreme("min", "the smallest number", min),
+        _extreme("max", "the largest number", max),
+        Function(
+            name="abs",
+            usage="abs(x)",
+            means="a number without its sign",
+            check_kinds=_check_abs,
+            compile=_compile_abs,
+        ),
         Function(
             name="round",
             usage="round(x) or round(x, 2) for two digits behind the point",
+            means="the nearest such number",
             check_kinds=_check_round,
             compile=_compile_round,
             most=2,
         ),
-        Function(name="len", usage="len(x)", check_kinds=_check_len, compile=_compile_len),
+        Function(
+            name="len",
+            usage="len(x)",
+            means="how many letters or values there are",
+            check_kinds=_check_len,
+            compile=_compile_len,
+        ),
+        Function(
+            name="number",
+            usage="number(text)",
+            means="the number in a text: 4 in 'about 4'; fails when there is none, or several",
+            check_kinds=_check_number,
+            compile=_compile_number,
+        ),
+        Function(
+            name="known",
+            usage="known(x)",
+            means="true where x has a value, false where it is missing",
+            check_kinds=_check_known,
+            compile=_compile_known,
+            gives=ValueKind.BOOLEAN,
+            asks_for_missing=True,
+        ),
+        Function(
+            name="lower",
+            usage="lower(text)",
+            means="the text in small letters",
+            check_kinds=_check_lower,
+            compile=_compile_lower,
+            gives=ValueKind.TEXT,
+        ),
+        Function(
+            name="contains",
+            usage="contains(text, 'a', 'b')",
+            means="true where one of the texts behind it is in the first",
+            check_kinds=_check_contains,
+            compile=_compile_contains,
+            least=2,
+            most=math.inf,
+            gives=ValueKind.BOOLEAN,
+        ),
     )
 }
-"""Every function; all of them give a number."""
+"""Every function by name."""

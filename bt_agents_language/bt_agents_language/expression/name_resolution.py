@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of the names that every condition may use: scene, live scene, mood and profile."""
+"""Values of the names that every condition may use: scene, live scene, mood, profile, clock."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from bt_agents_language.expression.expression_values import EvaluationError, Lookup
+from bt_agents_core.local_time import LocalTime
+from bt_agents_language.expression.expression_values import Lookup
 from bt_agents_language.expression.expressions import Expression, MissingValue, StaleValue
 
 
@@ -53,7 +54,8 @@ def resolve(
     live: Callable[[], SceneT] | None = None,
     mood_change: Callable[[SceneT], float] | None = None,
     profile: Callable[[str], float] | None = None,
-) -> bool | float:
+    clock: Callable[[], LocalTime] | None = None,
+) -> bool | float | str:
     """Return the value of a name such as ``scene.age`` or ``mood.change``.
 
     Args:
@@ -62,6 +64,7 @@ def resolve(
         live: Returns the scene as it is now; None where conditions do not name it.
         mood_change: Mood of a live scene minus that at the start, NaN when it is not known.
         profile: Returns the agent's own value of a parameter.
+        clock: Returns the local time; None where nobody knows it.
 
     Raises:
         MissingValue: The name has no value here; a stale live scene raises :class:`StaleValue`.
@@ -79,16 +82,24 @@ def resolve(
                 return _known(name, mood_change(_fresh(name, live())))
         if group == "profile" and profile is not None:
             return profile(member)
+        if name == "clock.hour" and clock is not None:
+            return clock().hour
+        if name == "clock.weekday" and clock is not None:
+            return clock().weekday
     except KeyError:
         raise MissingValue(name) from None
     raise MissingValue(name)
 
 
 def surely_true(condition: Expression, lookup: Lookup) -> bool:
-    """Return whether a condition is true; one that cannot be worked out is not."""
+    """Return whether a condition is true; one with a missing value is not.
+
+    Raises:
+        Undecided: It is neither true nor false, and no value is missing.
+    """
     try:
-        return condition.evaluate(lookup) is True
-    except (MissingValue, EvaluationError):
+        return condition.is_true(lookup)
+    except MissingValue:
         return False
 
 

@@ -8,10 +8,12 @@ import operator as python
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT
 from bt_agents_language.expression.expression_values import (
     EvaluationError,
     Evaluator,
     Lookup,
+    NoValue,
     Part,
     ValueKind,
     a_number,
@@ -23,6 +25,7 @@ from bt_agents_language.expression.expression_values import (
 COMPARISON = 4
 """Strength of ``==``, ``<``, ``in``, ``between`` and their like."""
 
+_NUMBER_HINT = "the number in a text is number(…)"
 _JOIN_HINT = 'texts are not joined here; write them one behind the other: "${a} ${b}"'
 
 
@@ -34,14 +37,16 @@ class Operator:
         check: Refuses operands whose kinds do not fit.
         compile: (left, right, column) → evaluator.
         strength: Binds its operands the more tightly the larger it is.
-        gives: Kind of its result.
+        gives: Kind of its result; None for that which its operands have in common.
+        replaces_missing: Whether its left operand may be without a value.
     """
 
     word: str
     check: Callable[[Part, Part], None]
     compile: Callable[[Part, Part, int], Evaluator]
     strength: int = COMPARISON
-    gives: ValueKind = ValueKind.BOOLEAN
+    gives: ValueKind | None = ValueKind.BOOLEAN
+    replaces_missing: bool = False
 
     @property
     def chains(self) -> bool:
@@ -93,7 +98,7 @@ def _arithmetic(word: str, strength: int, apply: Callable[[float, float], float]
         return run
 
     number = ValueKind.NUMBER
-    check = _both(number, word, _JOIN_HINT if word == "+" else "")
+    check = _both(number, word, _JOIN_HINT if word == "+" else _NUMBER_HINT)
     return Operator(word=word, check=check, compile=compile_, strength=strength, gives=number)
 
 
@@ -121,7 +126,8 @@ def _order(word: str, apply: Callable[[float, float], bool]) -> Operator:
 
         return run
 
-    return Operator(word=word, check=_both(ValueKind.NUMBER, word), compile=compile_)
+    check = _both(ValueKind.NUMBER, word, _NUMBER_HINT)
+    return Operator(word=word, check=check, compile=compile_)
 
 
 def _equality(word: str, equal: bool) -> Operator:
@@ -135,6 +141,8 @@ def _equality(word: str, equal: bool) -> Operator:
                 f"'{word}' cannot compare {left.kind.one} with {right.kind.one}",
                 _quotes_hint(left, right),
             )
+        left.refuse_other_words(right)
+        right.refuse_other_words(left)
 
     def compile_(left: Part, right: Part, column: int) -> Evaluator:
         a_of, b_of, wanted = left.run, right.run, right.constant
@@ -170,6 +178,8 @@ def _quotes_hint(left: Part, right: Part) -> str:
     """Return how to fix a comparison with a text: mostly by its quotes."""
     for part, other in ((left, right), (right, left)):
         value = part.constant
+        if isinstance(value, str) and value in ABSENT:
+            return ABSENT_HINT
         if isinstance(value, str):
             number = other.kind is ValueKind.NUMBER and value.replace(".", "", 1).isdecimal()
             if number or (other.kind is ValueKind.BOOLEAN and value in ("true", "false")):
@@ -201,6 +211,8 @@ def _membership(word: str, inside: bool) -> Operator:
                 f"'{word}' needs a list or a text behind it, found {right.kind.one}",
                 f"write {word} [ … ]; for a range of numbers: between 2 and 4",
             )
+        if right.members:
+            left.refuse_other_words(right)
 
     def compile_(left: Part, right: Part, column: int) -> Evaluator:
         wanted_of, where_of = left.run, right.run
@@ -251,6 +263,28 @@ def _logic(word: str, strength: int, decided_by: bool) -> Operator:
     hint = f"write a comparison on each side: x == 4 {word} x == 5"
     check = _both(ValueKind.BOOLEAN, word, hint)
     return Operator(word=word, check=check, compile=compile_, strength=strength)
+
+
+def _check_else(left: Part, right: Part) -> None:
+    if left.constant is not None:
+        raise left.error(
+            "what stands before 'else' always has a value",
+            "put a comparison before it in parentheses: (x > 1) else false",
+        )
+    if left.kind is not None:
+        right.must_be(left.kind, f"'else' needs {left.kind.one} in place of a missing one")
+
+
+def _compile_else(left: Part, right: Part, _: int) -> Evaluator:
+    value_of, default_of = left.run, right.run
+
+    def run(lookup: Lookup) -> object:
+        try:
+            return value_of(lookup)
+        except NoValue:
+            return default_of(lookup)
+
+    return run
 
 
 def check_between(value: Part, low: Part, high: Part) -> None:
@@ -311,6 +345,14 @@ BINARY: dict[str, Operator] = {
         _arithmetic("*", 6, python.mul),
         _arithmetic("/", 6, python.truediv),
         _arithmetic("%", 6, python.mod),
+        Operator(
+            word="else",
+            check=_check_else,
+            compile=_compile_else,
+            strength=8,
+            gives=None,
+            replaces_missing=True,
+        ),
     )
 }
 """Operators between two operands; ``between … and …``, of three, has its own rule."""

@@ -117,6 +117,12 @@ def quantity_type(text: str, *, strict: bool = True) -> FieldType | None:
     return None if dimension is None else dimension.type
 
 
+def word_behind_number(text: str) -> str:
+    """Return the word behind the number that a text starts with; empty for any other text."""
+    match = _QUANTITY.fullmatch(text.strip()) if len(text) < _LONGEST_QUANTITY else None
+    return match[2] if match is not None else ""
+
+
 def is_clock(text: str) -> bool:
     """Return whether a text is written as on a clock: ``1:30``."""
     return _CLOCK.fullmatch(text.strip()) is not None

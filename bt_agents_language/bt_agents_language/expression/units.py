@@ -109,6 +109,9 @@ ANGLE = Dimension(
 DIMENSIONS = {one.type: one for one in (TIME, LENGTH, ANGLE)}
 """Type of a quantity → what it measures."""
 
+UNITS = tuple(unit for one in DIMENSIONS.values() for unit in one.units)
+"""Every unit that there is."""
+
 
 def dimension_of(unit: str) -> Dimension | None:
     """Return what a unit measures, None for a word that is no unit."""

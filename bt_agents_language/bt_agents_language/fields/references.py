@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 
+from bt_agents_core.diagnostic import Severity
 from bt_agents_core.field_types import FieldType
-from bt_agents_core.text import quote
+from bt_agents_core.text import join_words, quote
 from bt_agents_language.expression.expression_tokens import NAME, ExpressionError
-from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.expression.expressions import Expression, Foregone, Mention, MisfitError
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import Computed, Reference
 from bt_agents_language.yaml.typed_reader import TypedReader
@@ -19,7 +21,8 @@ Part = str | Reference | Computed
 """A piece of a text: plain text, a name, or an expression."""
 
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
-_WHERE_TEXTS_STAND = re.compile(r"(==|!=|\[|,)\s*$")
+_WHERE_TEXTS_STAND = re.compile(rf"(?:({NAME})\s*)?(?:==|!=|\[|,)\s*$")
+_LOOKED_AT = 100
 _DOTTED = re.compile(NAME)
 
 ONE_NAME = re.compile(rf"\$\{{\s*({NAME})\s*\}}")
@@ -102,22 +105,73 @@ def read_expression(
     """
     try:
         expression = names.parse(text)
-    except ExpressionError as error:
-        place = offset + error.column - 1
-        reading.error_in(
-            "bad-expression", node, place, error.width, f"{what}: {error.message}", error.hint
-        )
+    except MisfitError as error:
+        for one in error.errors:
+            _report_error(reading, node, offset, what, one)
+        _check_names(reading, node, text, offset, error.mentions, names)
         return None
+    except ExpressionError as error:
+        _report_error(reading, node, offset, what, error)
+        return None
+    if not _check_names(reading, node, text, offset, expression.mentions, names):
+        return None
+    for foregone in expression.foregone:
+        _warn_of_foregone(reading, node, text, offset, foregone, names)
+    return expression
+
+
+def _report_error(
+    reading: TypedReader, node: Scalar, offset: int, what: str, error: ExpressionError
+) -> None:
+    place = offset + error.column - 1
+    message = f"{what}: {error.message}"
+    reading.error_in("bad-expression", node, place, error.width, message, error.hint)
+
+
+def _check_names(
+    reading: TypedReader,
+    node: Scalar,
+    text: str,
+    offset: int,
+    mentions: Iterable[Mention],
+    names: NameScope,
+) -> bool:
+    """Return whether all names of an expression are known; report those that are not."""
     sound = True
-    for mention in expression.mentions:
+    for mention in mentions:
         before = text[: mention.column - 1]
-        maybe_text = _WHERE_TEXTS_STAND.search(before) is not None
-        problem = names.problem(mention.name, maybe_text=maybe_text)
+        place = _WHERE_TEXTS_STAND.search(before[-_LOOKED_AT:])
+        beside = place[1] or "" if place is not None else ""
+        problem = names.problem(
+            mention.name, maybe_text=place is not None, beside=beside, may_miss=mention.may_miss
+        )
         if problem is None:
             continue
         sound = False
         _report_name(reading, node, mention.name, offset + len(before), problem)
-    return expression if sound else None
+    return sound
+
+
+def _warn_of_foregone(
+    reading: TypedReader, node: Scalar, text: str, offset: int, one: Foregone, names: NameScope
+) -> None:
+    start = one.column - 1
+    lie = [
+        f"{name} is {known.low:g} to {known.high:g}"
+        for name in one.names
+        if (known := names.range_of(name)) is not None
+    ]
+    reading.error_in(
+        "constant-condition",
+        node,
+        offset + start,
+        one.width,
+        f"{quote(text[start : start + one.width])} is {'always' if one.always else 'never'} true: "
+        f"{join_words(lie, 'and')}",
+        "compare with a value inside of the range"
+        + (", or remove the comparison" if one.always else ""),
+        Severity.WARNING,
+    )
 
 
 def _report_name(

@@ -10,30 +10,34 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.local_time import WEEKDAYS
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.diagnostics.collection import did_you_mean, nearest
+from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
 from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
+from bt_agents_language.expression.ranges import Range
 from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.interfaces import MessageFields
 
 RESERVED = (
-    "scene", "live", "mood", "profile", "msg", "result",
+    "scene", "live", "mood", "profile", "clock", "msg", "result",
     "true", "false", "null", *OPERATOR_WORDS, *FUNCTIONS,
 )  # fmt: skip
 """Words that no tunable, input or output may be called."""
 
 _WORD = re.compile(NAME)
 
-_KINDS = {
+KINDS = {
     FieldType.TEXT: ValueKind.TEXT,
     FieldType.NUMBER: ValueKind.NUMBER,
     FieldType.INTEGER: ValueKind.NUMBER,
     FieldType.BOOLEAN: ValueKind.BOOLEAN,
     **dict.fromkeys(DIMENSIONS, ValueKind.NUMBER),
 }
+"""Type of a name → kind of its value; not of those of any type."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +48,13 @@ class Assigned:
         type: Type of the value where all nodes agree on one.
         node: Key of the first node that gives it one.
         line: Where that node stands.
+        declared: Whether it is an output of this subtree, whose type every value has to have.
     """
 
     type: FieldType
     node: str
     line: int
+    declared: bool = False
 
 
 class NameScope:
@@ -61,6 +67,7 @@ class NameScope:
         hidden: Names that exist elsewhere in the file → how to get at them from here.
         lenient: True lets unknown names pass, since a declaration that could not be read may
             hold them.
+        ranges: What the values of names in ``types`` lie in, where that is declared.
 
     Attributes:
         used: Names that were asked for.
@@ -74,6 +81,7 @@ class NameScope:
         messages: Mapping[str, MessageFields] | None = None,
         hidden: Mapping[str, str] | None = None,
         lenient: bool = False,
+        ranges: Mapping[str, Range] | None = None,
     ) -> None:
         self.used: set[str] = set()
         self.given: set[str] = set()
@@ -82,6 +90,7 @@ class NameScope:
         self._messages = dict(messages or {})
         self._hidden = dict(hidden or {})
         self._lenient = lenient
+        self._ranges = dict(ranges or {})
 
     def and_message(self, name: str, fields: MessageFields) -> NameScope:
         """Return these names and the fields of a message; both remember together."""
@@ -96,6 +105,11 @@ class NameScope:
     def give_all(self) -> None:
         """Note that every name may have a value, as after the whole tree."""
         self.given.update(self._written)
+
+    def declared_type(self, name: str) -> FieldType:
+        """Return the type that is declared for what nodes write to a name; ANY for none."""
+        written = self._written.get(name)
+        return written.type if written is not None and written.declared else FieldType.ANY
 
     def type_of(self, name: str) -> FieldType | None:
         """Return the type of a name and remember it as used; None when there is no such name."""
@@ -120,11 +134,22 @@ class NameScope:
             ExpressionError: As of :func:`parse_expression`; an unknown name is no error.
         """
         # Words that are no names, such as those in quotes, do no harm here.
-        types = tuple([self._type_of(word) for word in _WORD.findall(text)])
-        return _parsed(text, types)
+        words = _WORD.findall(text)
+        types = tuple([self._type_of(word) for word in words])
+        return _parsed(text, types, tuple([self._ranges.get(word) for word in words]))
 
-    def problem(self, name: str, *, maybe_text: bool = False) -> tuple[str, str, str] | None:
-        """Return code, message and hint when a name, perhaps meant as a text, cannot be used."""
+    def range_of(self, name: str) -> Range | None:
+        """Return what the value of a name lies in; None where nothing declares that."""
+        return self._ranges.get(name)
+
+    def problem(
+        self, name: str, *, maybe_text: bool = False, beside: str = "", may_miss: bool = False
+    ) -> tuple[str, str, str] | None:
+        """Return code, message and hint when a name cannot be used.
+
+        It is perhaps meant as a text that is compared with the name ``beside``. One that may miss
+        can be used before anything has given it a value.
+        """
         if name in self._types and not self._messages:
             self.used.add(name)
             return None
@@ -133,20 +158,22 @@ class NameScope:
             problem = self._messages[head].problem(path)
             return ("unknown-ros-field", problem, "") if problem else None
         if self.type_of(name) is not None:
-            return self._too_early(name)
+            return None if may_miss else self._too_early(name)
         messages = [f"{message}.…" for message in self._messages]
         own = [one for one in self._types if "." not in one]
         known = [*own, *self._written, *messages, *(one for one in self._types if "." in one)]
         if head in self._messages:
             return ("unknown-name", f"'{name}' is a whole message", f"name a field: {name}.data")
-        hint = self._hidden.get(name) or self._hint(name, known, maybe_text)
+        hint = self._hidden.get(name) or self._hint(name, known, maybe_text, beside)
         return ("unknown-name", f"there is no name '{name[:80]}' here", hint)
 
-    def _hint(self, name: str, known: list[str], maybe_text: bool) -> str:
+    def _hint(self, name: str, known: list[str], maybe_text: bool, beside: str) -> str:
         if name == "mood.change":
             if "live.person" not in known:
                 return "moods change only while a tree runs; name scene.mood, the mood before it"
             return "scene.yaml does not say which parameter is the mood; add 'mood: …' there"
+        if maybe_text and name in ABSENT:
+            return ABSENT_HINT
         hint = did_you_mean(name, known)
         if nearest(name, known) is not None:
             return hint
@@ -157,6 +184,9 @@ class NameScope:
         if message is not None:
             return f"a field of the message is named {message}.{last}"
         if maybe_text and known and "." not in name:
+            kind = KINDS.get(self._type_of(beside) or FieldType.ANY)
+            if kind is ValueKind.NUMBER or kind is ValueKind.BOOLEAN:
+                return f"'{beside}' is {kind.one}: compare it with {kind.one}"
             return f"if it is meant as a text, put it in quotation marks: '{name}'"
         return hint
 
@@ -173,13 +203,18 @@ class NameScope:
 
 
 @lru_cache(maxsize=1024)
-def _parsed(text: str, types: tuple[FieldType | None, ...]) -> Expression:
+def _parsed(
+    text: str, types: tuple[FieldType | None, ...], ranges: tuple[Range | None, ...]
+) -> Expression:
     """Return an expression; files say the same ones again and again."""
-    known = dict(zip(_WORD.findall(text), types, strict=True))
+    words = _WORD.findall(text)
+    known = dict(zip(words, types, strict=True))
     return parse_expression(
         text,
-        kind_of=lambda name: _KINDS.get(known.get(name) or FieldType.ANY),
+        kind_of=lambda name: KINDS.get(known.get(name) or FieldType.ANY),
         unit_of=lambda name: DIMENSIONS.get(known.get(name) or FieldType.ANY),
+        words_of={"clock.weekday": WEEKDAYS},
+        range_of=dict(zip(words, ranges, strict=True)).get,
     )
 
 
@@ -197,6 +232,25 @@ def scene_names(
     return types
 
 
+def clock_names() -> dict[str, FieldType]:
+    """Return the names of the local time."""
+    return {"clock.hour": FieldType.INTEGER, "clock.weekday": FieldType.TEXT}
+
+
 def mood_names(space: SceneSpace) -> dict[str, FieldType]:
     """Return ``mood.change`` where a system knows a mood."""
     return {} if space.mood is None else {"mood.change": FieldType.NUMBER}
+
+
+def scene_ranges(space: SceneSpace) -> dict[str, Range]:
+    """Return what scene values, and changes of the mood, lie in, by every name that they have."""
+    ranges = {
+        f"{group}.{one.name}": Range(one.minimum, one.maximum)
+        for group in ("scene", "live", "profile")
+        for one in space.parameters
+    }
+    if space.mood is not None:
+        mood = space.parameter(space.mood)
+        width = mood.maximum - mood.minimum
+        ranges["mood.change"] = Range(-width, width)
+    return ranges

@@ -32,7 +32,7 @@ _FITTING = {
 }
 """Type of a place → types of names that may stand there; texts and any take every name."""
 
-_EXPECTED = {
+EXPECTED = {
     FieldType.TEXT: "a text",
     FieldType.NUMBER: "a number",
     FieldType.INTEGER: "a whole number",
@@ -40,6 +40,13 @@ _EXPECTED = {
     FieldType.ANY: "a value",
     **{quantity: dimension.wanted for quantity, dimension in DIMENSIONS.items()},
 }
+"""Type of a place → what has to stand there."""
+
+
+def may_be(given: FieldType, wanted: FieldType) -> bool:
+    """Return whether a value of one type, as it is, may be one of another, as far as is known."""
+    known = FieldType.ANY not in (given, wanted)
+    return not known or given is wanted or given in _FITTING.get(wanted, ())
 
 
 def read_value(
@@ -55,7 +62,16 @@ def read_value(
         return _read_any(reading, node, names, what)
     if not isinstance(node, Scalar):
         shape = Shape.TEXT if field_type is FieldType.TEXT else Shape.OTHER
-        reading.wrong_type(node, what, _EXPECTED[field_type], shape)
+        if shape is Shape.TEXT and isinstance(node, Sequence):
+            reading.error(
+                "wrong-type",
+                node,
+                f"{what}: expected a text, found a list",
+                "use 'random' for one of several, 'sequence' for one after the other, with a node "
+                "for each",
+            )
+        else:
+            reading.wrong_type(node, what, EXPECTED[field_type], shape)
         return None
     if "${" not in node.text:
         if field_type is FieldType.TEXT:
@@ -74,7 +90,7 @@ def read_value(
         reading.error(
             "wrong-type",
             node,
-            f"{what}: expected {_EXPECTED[field_type]}, found a text with a name in it",
+            f"{what}: expected {EXPECTED[field_type]}, found a text with a name in it",
             "write only the ${…}, without anything around it",
         )
         return None
@@ -109,8 +125,8 @@ def _fitting(
     what: str,
 ) -> Value | None:
     if isinstance(part, Reference):
-        fits = part.type is FieldType.ANY or part.type in _FITTING[field_type]
-        found = f"'{part.name}' is {_EXPECTED[part.type]}"
+        fits = may_be(part.type, field_type)
+        found = f"'{part.name}' is {EXPECTED[part.type]}"
     else:
         kind, unit = part.expression.kind, part.expression.unit
         wanted = ValueKind.BOOLEAN if field_type is FieldType.BOOLEAN else ValueKind.NUMBER
@@ -124,7 +140,7 @@ def _fitting(
     reading.error(
         "wrong-value",
         node,
-        f"{what}: expected {_EXPECTED[field_type]}, but {found}",
+        f"{what}: expected {EXPECTED[field_type]}, but {found}",
         "use a name with a fitting value",
     )
     return None

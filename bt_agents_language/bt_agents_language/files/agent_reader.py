@@ -8,9 +8,10 @@ from pathlib import Path
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.gc_pause import gc_paused
+from bt_agents_language.expression.ranges import Range
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.scene_values import read_vector
-from bt_agents_language.fields.scope import NameScope, scene_names
+from bt_agents_language.fields.scope import NameScope, clock_names, scene_names, scene_ranges
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.files.imports import IMPORTS, read_imports
 from bt_agents_language.files.learning_reader import (
@@ -57,7 +58,9 @@ AGENT = FileKind(
         ),
         *LEARNING_FIELDS,
         FieldDecl(
-            "requires", CONDITION, "It does not bid unless this is true of the scene: scene.person"
+            "requires",
+            CONDITION,
+            "It does not bid unless this is true of the scene and the time of day: scene.person",
         ),
         FieldDecl(
             "tunables",
@@ -92,7 +95,8 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     tunables = _tunables(reading, fields)
     rules = read_mood_rules(reading, fields, space)
     if (node := fields.get("requires")) is not None:
-        names = NameScope(scene_names(space, ("scene",)))
+        known = {**scene_names(space, ("scene",)), **clock_names()}
+        names = NameScope(known, ranges=scene_ranges(space))
         requires = read_condition(reading, node, names, "'requires'")
     tags = tuple(reading.text(tag, "a tag") or "" for tag in fields.items("tags"))
     title, description = fields.text("title"), fields.text("description")
@@ -119,6 +123,7 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
         file=reading.source.file,
         unoffered=_unoffered(tree, on_cancel),
         unused_inputs=tuple(trees.unused_inputs),
+        warnings=reading.problems.warnings,
     )
 
 
@@ -149,12 +154,17 @@ def _trees(
     symbols, imported = read_imports(reading, fields, symbols)
     declared = fields.get("tunables")
     types = None
+    ranges = {
+        name: Range(one.minimum, one.maximum)
+        for name, one in tunables.items()
+        if one is not None and one.minimum is not None and one.maximum is not None
+    }
     if declared is None or len(entries_of(declared)) == len(tunables) > 0:
         types = {
             name: tunable.type if tunable is not None else FieldType.ANY
             for name, tunable in tunables.items()
         }
-    return TreesReader(reading, fields.entries("subtrees"), symbols, imported, types)
+    return TreesReader(reading, fields.entries("subtrees"), symbols, imported, types, ranges)
 
 
 def _unoffered(*trees: NodeSpec | None) -> tuple[str, ...]:

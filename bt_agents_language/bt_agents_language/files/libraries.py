@@ -177,4 +177,5 @@ class FolderLibraries:
             skills=own,
             subtrees=subtrees,
             unused_inputs=tuple(trees.unused_inputs),
+            warnings=reading.problems.warnings,
         )

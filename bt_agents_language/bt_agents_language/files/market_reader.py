@@ -11,7 +11,7 @@ from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.fields.scope import NameScope, scene_names
+from bt_agents_language.fields.scope import NameScope, scene_names, scene_ranges
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.yaml.field_tables import (
     CONDITION,
@@ -58,11 +58,16 @@ MARKET = FileKind(
 
 @dataclass(frozen=True, kw_only=True)
 class MarketRule:
-    """Who wins when a condition holds: the first of the agents that bids."""
+    """Who wins when a condition holds: the first of the agents that bids.
+
+    Attributes:
+        warnings: What is legal in it, but rarely meant.
+    """
 
     condition: Expression
     agents: tuple[str, ...]
     positions: tuple[Position, ...] = field(compare=False)
+    warnings: tuple[Diagnostic, ...] = field(compare=False, default=())
 
 
 def market_of(folder: Path, space: SceneSpace) -> tuple[MarketRule, ...]:
@@ -75,7 +80,7 @@ def read_market(file: Path | Source, space: SceneSpace) -> tuple[MarketRule, ...
     """Return the rules of a market file, or raise a ``ReadError`` with all problems."""
     reading = TypedReader.of(file)
     fields = reading.file(MARKET)
-    names = NameScope(scene_names(space, ("scene",)))
+    names = NameScope(scene_names(space, ("scene",)), ranges=scene_ranges(space))
     rules = [_rule(reading, node, names) for node in fields.items("rules")]
     reading.problems.raise_if_any()
     return tuple(rule for rule in rules if rule is not None)
@@ -100,6 +105,7 @@ def _rule(reading: TypedReader, node: Node, names: NameScope) -> MarketRule | No
     if fields is None:
         return None
     condition = None
+    before = len(reading.problems.warnings)
     if (when := fields.get("when")) is not None:
         condition = read_condition(reading, when, names, "'when'")
     agents: dict[str, Position] = {}
@@ -111,4 +117,9 @@ def _rule(reading: TypedReader, node: Node, names: NameScope) -> MarketRule | No
             agents[agent] = item.position
     if condition is None or not agents:
         return None
-    return MarketRule(condition=condition, agents=tuple(agents), positions=tuple(agents.values()))
+    return MarketRule(
+        condition=condition,
+        agents=tuple(agents),
+        positions=tuple(agents.values()),
+        warnings=reading.problems.warnings[before:],
+    )

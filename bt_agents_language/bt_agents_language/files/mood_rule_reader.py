@@ -10,8 +10,9 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import ValueKind
-from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.fields.scope import NameScope, mood_names, scene_names
+from bt_agents_language.expression.expressions import Expression, parse_expression
+from bt_agents_language.expression.ranges import FALSE, Range
+from bt_agents_language.fields.scope import NameScope, mood_names, scene_names, scene_ranges
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
 from bt_agents_language.yaml.field_tables import (
@@ -62,6 +63,7 @@ MOOD_RULE = KeyTable(
 )
 
 _CHANGE = "mood.change"
+_UNNOTICED = 1e-6
 
 
 def read_mood_rules(
@@ -96,6 +98,13 @@ def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> MoodRule | Non
                 )
     if when is None or give is None:
         return None
+    if "for" not in fields.keys and _fires_at_once(when):
+        reading.warning(
+            "hasty-rule",
+            fields.nodes["when"],
+            "this fires at the smallest change of the mood, even where it is only measured anew",
+            "add 'for: 2 s', or ask for more, such as mood.change >= 0.5",
+        )
     named = when.names | (release.names if release is not None else frozenset())
     if baseline_s and _CHANGE not in named:
         reading.error(
@@ -123,8 +132,21 @@ def _condition(
     return None if node is None else read_condition(reading, node, _names(space), f"'{key}'")
 
 
+def _fires_at_once(when: Expression) -> bool:
+    """Return whether a change of the mood that nobody would notice can make a condition true."""
+    if _CHANGE not in when.names:
+        return False
+    hardly = {_CHANGE: Range(-_UNNOTICED, _UNNOTICED)}
+    read = parse_expression(when.text, range_of=hardly.get)
+    refused = sum(not one.always and _CHANGE in one.names for one in read.foregone)
+    asked = sum(mention.name == _CHANGE for mention in when.mentions)
+    return read.range != FALSE and refused < asked
+
+
 def _names(space: SceneSpace) -> NameScope:
-    return NameScope({**scene_names(space), **mood_names(space)})
+    # What changes during a run comes first where a name is proposed.
+    types = {**scene_names(space, ("live", "scene")), **mood_names(space)}
+    return NameScope(types, ranges=scene_ranges(space))
 
 
 def restore_mood_rule(

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
+from bt_agents_core.scene import MAX_VALUE, MAX_WEIGHT, MIN_WIDTH, SceneParameter, SceneSpace
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.interfaces import Interfaces
@@ -48,8 +49,8 @@ MAX_PLACE = 64
 
 _PARAMETER = KeyTable(
     fields=(
-        FieldDecl("min", NUMBER, "Smallest value.", required=True),
-        FieldDecl("max", NUMBER, "Largest value.", required=True),
+        FieldDecl("min", number(-MAX_VALUE, MAX_VALUE), "Smallest value.", required=True),
+        FieldDecl("max", number(-MAX_VALUE, MAX_VALUE), "Largest value.", required=True),
         FieldDecl(
             "default", NUMBER, "The value that stands for 'nothing special'.", required=True
         ),
@@ -128,9 +129,14 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
     persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
     place = _place(reading, fields, source_reader)
     sources, person = _sources(reading, fields, names, parameters, source_reader)
-    no_person: dict[str, float] = {}
     if (node := fields.get("no_person")) is not None and len(space) == len(names):
         no_person = read_values(reading, node, "'no_person'", space)
+        space = replace(
+            space,
+            parameters=tuple(
+                replace(one, unattended=no_person.get(one.name)) for one in space.parameters
+            ),
+        )
     spec = SceneSpec(
         space=space,
         sources=tuple(sources),
@@ -138,7 +144,6 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
         persons=persons,
         place=place,
         missing=missing,
-        no_person=no_person,
     )
     _check_types(reading, spec)
     reading.problems.raise_if_any()
@@ -239,6 +244,14 @@ def _parameter(
     minimum, maximum = fields.number("min"), fields.number("max")
     if not fields.check_range(what, minimum, maximum):
         minimum = maximum = None
+    elif minimum is not None and maximum is not None and maximum - minimum < MIN_WIDTH:
+        reading.error(
+            "out-of-range",
+            fields.nodes["max"],
+            f"'max' of {what} is less than {MIN_WIDTH:g} above 'min', so that shares of the range "
+            "cannot be computed",
+            "give it in a smaller unit",
+        )
     default = fields.number("default", minimum, maximum)
     labels = _labels(reading, fields, minimum, maximum)
     description = fields.text("description")
@@ -256,6 +269,7 @@ def _parameter(
         description=description,
         labels=labels,
         weight=1.0 if weight is None else weight,
+        assumed=default if rule == MissingRule.DEFAULT.value else None,
     )
 
 

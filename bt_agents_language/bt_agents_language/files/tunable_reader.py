@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_core.text import join_quoted
+from bt_agents_core.scene import MAX_VALUE
+from bt_agents_core.text import join_quoted, join_words, quote
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.quantities import format_quantity
+from bt_agents_language.expression.units import UNITS
 from bt_agents_language.model.specs import Tunable
 from bt_agents_language.yaml.field_tables import AMOUNT, TEXT, FieldDecl, KeyTable
 from bt_agents_language.yaml.scalars import boolean
@@ -66,6 +68,7 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
         return None
     if isinstance(value, str | bool):
         _refuse_range(reading, fields, what, field_type)
+        _warn_of_quantity(reading, default, what)
     else:
         limits = _range(reading, fields, entry, what, field_type)
         if limits is None:
@@ -136,6 +139,27 @@ def _refuse_range(
         )
 
 
+def _warn_of_quantity(reading: TypedReader, default: Scalar, what: str) -> None:
+    unit = quantities.word_behind_number(default.text)
+    if not unit:
+        return
+    hint = f"{quote(unit)} is no unit; the units are {join_words([*UNITS], 'and')}"
+    meant = quantities.quantity_type(default.text, strict=False)
+    if meant is not None:
+        try:
+            quantities.quantity(default.text, meant)
+        except quantities.QuantityError as error:
+            hint = f"{error.message}; {error.hint}" if error.hint else error.message
+        else:
+            hint = f"write it without quotes: {default.text}"
+    reading.warning(
+        "quantity-as-text",
+        default,
+        f"the default of {what} looks like a quantity, but is read as a text",
+        hint,
+    )
+
+
 def _default(
     reading: TypedReader, node: Scalar, field_type: FieldType, what: str
 ) -> bool | int | float | str | None:
@@ -162,6 +186,11 @@ def _range(
         for key in _RANGE
         if (node := fields.get(key)) is not None
     }
+    for key, value in limits.items():
+        if value is not None:
+            reading.in_range(
+                fields.nodes[key], f"'{key}' of {what}", value, -MAX_VALUE, MAX_VALUE, field_type
+            )
     # A quantity alone can do without a range; half a range helps nobody, though.
     if needed and (field_type not in _QUANTITIES or len(needed) == 1):
         reading.error(
@@ -180,6 +209,15 @@ def _range(
             "out-of-range",
             fields.nodes["step"],
             f"'step' of {what} needs a number above 0, and a 'min' that it counts from",
+            "remove 'step' to allow every value",
+        )
+        return None
+    width = 0.0 if minimum is None or maximum is None else maximum - minimum
+    if step and width / step > MAX_VALUE:
+        reading.error(
+            "out-of-range",
+            fields.nodes["step"],
+            f"'step' of {what} is too small for a range of that size",
             "remove 'step' to allow every value",
         )
         return None

@@ -209,7 +209,6 @@ class SceneSpec:
         place: Where the robot is, or the source that says so.
         missing: What a scene holds for parameters that nobody measures; what is not named is left
             out.
-        no_person: Values of a scene without anybody, where they are not measured.
     """
 
     space: SceneSpace
@@ -218,7 +217,6 @@ class SceneSpec:
     persons: PersonsSpec | None = None
     place: str | SourceSpec = ""
     missing: Mapping[str, MissingRule] = field(default_factory=dict)
-    no_person: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def every_source(self) -> tuple[SourceSpec, ...]:

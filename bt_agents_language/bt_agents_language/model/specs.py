@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, Self, TypeVar
 
-from bt_agents_core.diagnostic import Position
+from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.feedback import LearningRule
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.scene import Vector
@@ -17,6 +17,10 @@ from bt_agents_language.model.mood_rule import MoodRule
 
 NOTHING: Mapping[str, Any] = {}
 """What all nodes share that have no fields or outputs; one of its own for each takes space."""
+
+
+CLEAN_UP_S = 3.0
+"""Time that ``on_cancel`` of an agent has [s]."""
 
 
 def _nothing() -> Mapping[str, Any]:
@@ -300,6 +304,7 @@ class AgentSpec:
         unoffered: The skills that it uses and no robot offers here, each with the reason; with
             one of them it does not bid.
         unused_inputs: Inputs of its own subtrees.
+        warnings: What its reader found legal, but rarely meant.
     """
 
     name: str
@@ -318,6 +323,7 @@ class AgentSpec:
     weights: Mapping[str, float] = field(default_factory=dict)
     unoffered: tuple[str, ...] = ()
     unused_inputs: tuple[UnusedInput, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -91,7 +91,7 @@ def constant(condition: Value | Expression | None) -> bool | None:
     if not isinstance(condition, Expression) or condition.mentions:
         return None
     try:
-        return condition.evaluate(_no_name) is True
+        return condition.is_true(_no_name)
     except EvaluationError:
         return None
 

@@ -70,6 +70,13 @@ RANDOM = NodeType(
             required=False,
             description="makes the choices the same in every run",
         ),
+        NodeField(
+            name="repeats",
+            content=Content.CONSTANT,
+            type=FieldType.BOOLEAN,
+            required=False,
+            description="false: none comes again before all the others have come",
+        ),
     ),
     children=Children.LIST,
     description="Does one of its children, the more often the larger its 'weight'.",

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from bt_agents_core.field_types import FieldType
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.fields.values import read_value
 from bt_agents_language.model.specs import NodeSpec
@@ -25,9 +24,10 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
         reading.error("missing-value", raw.value, "'set' sets nothing", "write set: {name: value}")
     fields: FieldValues = {}
     for entry in entries:
-        value = read_value(reading, entry.value, FieldType.ANY, names, f"'{entry.key.text}'")
+        name = entry.key.text
+        value = read_value(reading, entry.value, names.declared_type(name), names, f"'{name}'")
         if value is not None:
-            fields[entry.key.text] = value
+            fields[name] = value
     return NodeSpec(
         path=path,
         position=raw.key.position,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
+from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.fields.interfaces import Interfaces
@@ -24,6 +25,7 @@ class Library:
     skills: Mapping[str, SkillSpec] = field(default_factory=dict)
     subtrees: Mapping[str, SubtreeSpec] = field(default_factory=dict)
     unused_inputs: tuple[UnusedInput, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 class ImportProblem(BtAgentsError):

@@ -27,6 +27,7 @@ from bt_agents_language.yaml.field_tables import (
     Value,
     WordChoice,
 )
+from bt_agents_language.yaml.typed_reader import FORMAT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,12 +50,14 @@ class FilePage:
 
 
 def file_pages(word: str) -> list[FilePage]:
-    """Return the page of a kind of file, else those of the keys of this name."""
+    """Return the page of a kind of file, if it is one, and those of the keys of this name."""
+    keys = [page for page in _key_pages() if page.key == word]
     kind = FILE_KINDS.get(word)
     if kind is None:
-        return [page for page in _key_pages() if page.key == word]
+        return keys
     fields = tuple(map(_entry, kind.fields))
-    return [FilePage(key=word, where="file", description=kind.description, fields=fields)]
+    page = FilePage(key=word, where="file", description=kind.description, fields=fields)
+    return [page, *keys]
 
 
 @cache
@@ -63,10 +66,18 @@ def file_words() -> tuple[str, ...]:
     return tuple(dict.fromkeys([*FILE_KINDS, *(page.key for page in _key_pages())]))
 
 
+_FORMAT = FilePage(
+    key="format",
+    where="key of every file",
+    description="The version of the language that the file is written in.",
+    expected=str(FORMAT),
+)
+
+
 @cache
 def _key_pages() -> tuple[FilePage, ...]:
     pages = (page for kind in FILE_KINDS.values() for page in _pages(kind, kind, ""))
-    return tuple(dict.fromkeys(pages))
+    return tuple(dict.fromkeys([_FORMAT, *pages]))
 
 
 def _pages(table: KeyTable, kind: FileKind, above: str) -> Iterator[FilePage]:

@@ -6,11 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from bt_agents_core.local_time import WEEKDAYS
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, COMPARISON, PREFIXES
 from bt_agents_language.expression.units import DIMENSIONS
-from bt_agents_language.fields.scope import RESERVED, mood_names, scene_names
+from bt_agents_language.fields.scope import RESERVED, clock_names, mood_names, scene_names
 
 Rows = tuple[tuple[str, str], ...]
 
@@ -39,6 +40,7 @@ MEANINGS: Mapping[int, str] = {
     5: "plus and minus",
     6: "times, divided by, and what remains of a division",
     7: "the minus sign of a number",
+    8: "what stands behind it, where the value before it is missing",
 }
 """Strength of operators → what they say."""
 
@@ -79,13 +81,13 @@ def _expressions(_: SceneSpace) -> ReferenceTopic:
     operators = tuple(
         ("  ".join(words), MEANINGS[strength]) for strength, words in sorted(written.items())
     )
-    functions = tuple((one.usage, "") for one in FUNCTIONS.values())
+    functions = tuple((one.usage, one.means) for one in FUNCTIONS.values())
     return ReferenceTopic(
         key="expressions",
         description="A condition is an expression; in any other value one stands in ${ }.",
         tables={
             "Operators, the one that binds least first": operators,
-            "Functions, all of which give a number": functions,
+            "Functions": functions,
             "What they are about": (
                 ("scene.age", "a name; 'bt-agents explain names' lists them"),
                 ("4  0.5", "a number, without a unit"),
@@ -94,13 +96,16 @@ def _expressions(_: SceneSpace) -> ReferenceTopic:
                 ("['yes', 'ok']", "a list, behind 'in' or in a function"),
             ),
         },
-        note="Where a value is missing, a condition is not true. Parentheses are possible.",
+        note="Where a value is missing, a condition is not true, unless 'known' or 'else' asks "
+        "for that. Parentheses are possible.",
         example="""\
 tree:
   sequence:
     - ask: {text: "Coffee or tea?"}
-    - when: answer in ['coffee', 'tea'] and scene.age between 2 and 5
+    - when: contains(lower(answer), 'coffee', 'tea') and scene.age between 2 and 5
       say: ${answer} comes in ${max(1, round(scene.age / 2))} minutes.
+    - when: known(scene.mood) and scene.familiarity else 1 > 3
+      say: As always.
 """,
     )
 
@@ -117,6 +122,10 @@ def _names(space: SceneSpace) -> ReferenceTopic:
         (of("live"), "the same now; live.stale: nothing comes, the others have no value"),
         *mood,
         (of("profile"), "the agent's own profile"),
+        (
+            "  ".join(clock_names()),
+            f"the hour of the day, 0 to 23, and the day of the week: {', '.join(WEEKDAYS)}",
+        ),
         ("msg.data", "a field of the message that 'wait_for' waits for"),
         ("result.answer", "a field of the result that 'succeed_when' is about"),
     )

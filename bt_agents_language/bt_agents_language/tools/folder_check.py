@@ -145,7 +145,7 @@ class _FolderCheck:
         for path in filter(self._is_wanted, paths):
             try:
                 if path.parent.name == "libraries":
-                    self._add_unused_inputs(trees.symbols, path)
+                    self._add_library(trees.symbols, path)
                 elif path.name.endswith(TEST_SUFFIXES):
                     read_test(path, trees.agents, trees.symbols)
                 elif path.name == MARKET_FILE:
@@ -166,15 +166,16 @@ class _FolderCheck:
 
     def _add_market(self, trees: Trees, path: Path) -> None:
         rules = read_market(path, trees.scene.space)
+        self._add(warning for rule in rules for warning in rule.warnings)
         if not trees.broken:
             self._add(unknown_agents(rules, [agent.name for agent in trees.agents]))
 
-    def _add_unused_inputs(self, symbols: SymbolTable, path: Path) -> None:
+    def _add_library(self, symbols: SymbolTable, path: Path) -> None:
         if symbols.libraries is not None:
             # A library that cannot be read is among the broken files.
             with suppress(ImportProblem):
                 library = symbols.libraries.load(f"{path.parent.name}/{path.name}")
-                self._add(unused_inputs(library.unused_inputs))
+                self._add([*unused_inputs(library.unused_inputs), *library.warnings])
 
 
 def _real(path: Path) -> Path:

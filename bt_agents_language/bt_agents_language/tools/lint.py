@@ -31,6 +31,7 @@ from bt_agents_language.model.specs import (
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import EITHER, Outcomes
 from bt_agents_language.nodes.node_type import FOREVER, Role, Waits
+from bt_agents_language.tools.cut_speech import cut_speech
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
@@ -65,6 +66,8 @@ def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
     named = (
         _unread_tunables(agent, nodes),
         unused_inputs(agent.unused_inputs),
+        agent.warnings,
+        cut_speech(agent),
         _unmarked_names(agent, nodes),
     )
     for one in chain(*named):

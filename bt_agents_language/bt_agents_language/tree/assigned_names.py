@@ -3,21 +3,44 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_language.diagnostics.collection import nearest
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.fields.bindings import FEEDBACK
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.interfaces import Interfaces, MessageFields
 from bt_agents_language.fields.references import ONE_NAME
-from bt_agents_language.fields.scope import Assigned
-from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
+from bt_agents_language.fields.scope import KINDS, Assigned
+from bt_agents_language.fields.values import EXPECTED, may_be
+from bt_agents_language.model.specs import NOTHING, FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.node_type import MessageSource, RawNode
 from bt_agents_language.yaml.scalars import scalar_type
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
+
+_Written = tuple[str, Scalar, FieldType, Node | None]
+"""A name, where it stands, the type of what it gets, and that itself where it is written out."""
+
+_ONE_EXPRESSION = re.compile(r"\$\{([^{}$]*)\}")
+
+_TRUTHS = ("true", "false")
+
+
+class _Kind(NamedTuple):
+    """Kind of what a name gets from a node, and whether that is ``written_out`` there."""
+
+    kind: ValueKind
+    node: str
+    line: int
+    written_out: bool
 
 
 class AssignedNames:
@@ -31,7 +54,7 @@ class AssignedNames:
     ) -> None:
         self._reading = reading
         self._interfaces = interfaces
-        self._types: Mapping[str, FieldType] = {}
+        self._types: dict[str, FieldType] = {}
         self._subtrees = subtrees
 
     def of_trees(
@@ -39,17 +62,20 @@ class AssignedNames:
         trees: Iterable[RawNode | None],
         taken: Mapping[str, str],
         types: Mapping[str, FieldType],
+        declared: Mapping[str, FieldType] = NOTHING,
     ) -> dict[str, Assigned]:
         """Return every name that some node of the trees gives a value.
 
-        What is reserved or ``taken`` (name → by what) is reported; ``types`` are those of names
-        that have a value from the start.
+        What is reserved or ``taken`` (name → by what) is reported, and what does not fit its
+        ``declared`` type or what else the same name gets; ``types`` are those of names that have
+        a value from the start.
         """
-        self._types = types
+        self._types = {**types, **declared}
         assigned: dict[str, Assigned] = {}
+        first_kinds: dict[str, _Kind] = {}
         nodes = (node for tree in trees if tree is not None for node in tree.walk())
         for node in filter(may_write, nodes):
-            for name, place, field_type in self._written_by(node):
+            for name, place, field_type, value in self._written_by(node):
                 own = place.text == name
                 if own and read_new_name(self._reading, place, "a value") is None:
                     continue
@@ -60,13 +86,55 @@ class AssignedNames:
                         f"'{node.key.text}' gives '{name}' a value, but '{name}' is {taken[name]}",
                         f"rename the one or the other: {name}_2",
                     )
+                line = place.position.line
                 first = assigned.get(name)
+                if name in declared:
+                    # What is written out is read as a value of that type.
+                    if value is None:
+                        self._refuse_misfit(name, place, node, field_type, declared[name])
+                    field_type = declared[name]
+                elif (kind := KINDS.get(field_type) or _kind_of_expression(value)) is not None:
+                    this = _Kind(kind, node.key.text, line, written_out=value is not None)
+                    self._refuse_mixture(name, place, value, this, first_kinds.get(name))
+                    first_kinds.setdefault(name, this)
                 if first is None:
-                    line = place.position.line
-                    assigned[name] = Assigned(type=field_type, node=node.key.text, line=line)
+                    assigned[name] = Assigned(
+                        type=field_type, node=node.key.text, line=line, declared=name in declared
+                    )
                 elif first.type is not field_type:
                     assigned[name] = replace(first, type=FieldType.ANY)
+                self._types[name] = assigned[name].type
         return assigned
+
+    def _refuse_misfit(
+        self, name: str, place: Scalar, node: RawNode, given: FieldType, wanted: FieldType
+    ) -> None:
+        if not may_be(given, wanted):
+            self._reading.error(
+                "wrong-value",
+                place,
+                f"output '{name}': expected {EXPECTED[wanted]}, but '{node.key.text}' gives it "
+                f"{EXPECTED[given]}",
+                f"declare it as it is, {{{name}: {given.value}}}, or give it another value",
+            )
+
+    def _refuse_mixture(
+        self, name: str, place: Scalar, value: Node | None, this: _Kind, first: _Kind | None
+    ) -> None:
+        written_out = first is not None and (this.written_out or first.written_out)
+        if first is None or this.kind is first.kind or not written_out:
+            return
+        word = value.text if isinstance(value, Scalar) else ""
+        truth = nearest(word, _TRUTHS) if first.kind is ValueKind.BOOLEAN else None
+        self._reading.error(
+            "wrong-value",
+            place if value is None else value,
+            f"'{name}' gets {this.kind.one} here, but {first.kind.one} from '{first.node}' in "
+            f"line {first.line}",
+            f"did you mean '{truth}'?"
+            if truth is not None
+            else "give it values of one kind, or take another name here",
+        )
 
     def below(self, raw: RawNode) -> set[str]:
         """Return the names that a node and all below it write."""
@@ -74,36 +142,38 @@ class AssignedNames:
 
     def by(self, raw: RawNode) -> set[str]:
         """Return the names that a node writes itself."""
-        return {name for name, _, _ in self._written_by(raw)}
+        return {name for name, *_ in self._written_by(raw)}
 
-    def _written_by(self, node: RawNode) -> Iterator[tuple[str, Scalar, FieldType]]:
+    def _written_by(self, node: RawNode) -> Iterator[_Written]:
         declared = self._declared(node)
         if declared is not None:
             entry = node.siblings.get("outputs")
             if entry is None:
-                yield from ((one.name, node.key, one.type) for one in declared)
+                yield from ((one.name, node.key, one.type, None) for one in declared)
                 return
             types = {one.name: one.type for one in declared}
             for item in entries_of(entry.value):
                 source = item.value.text if isinstance(item.value, Scalar) else ""
-                yield item.key.text, item.key, types.get(source, FieldType.ANY)
+                yield item.key.text, item.key, types.get(source, FieldType.ANY), None
         elif node.type is None:
             return
         elif node.type.open:
             for item in entries_of(node.value):
-                yield item.key.text, item.key, self._type_of(item.value)
+                yield item.key.text, item.key, self._type_of(item.value), item.value
         elif node.type.message is not None and isinstance(node.value, MappingNode):
             yield from self._message_outputs(node.type.message, node.value)
 
     def _type_of(self, node: Node) -> FieldType:
         match = ONE_NAME.fullmatch(node.text) if isinstance(node, Scalar) else None
-        if match is None:
-            return scalar_type(node)
-        return self._types.get(match[1], FieldType.ANY)
+        if match is not None:
+            return self._types.get(match[1], FieldType.ANY)
+        return (
+            FieldType.BOOLEAN
+            if _kind_of_expression(node) is ValueKind.BOOLEAN
+            else scalar_type(node)
+        )
 
-    def _message_outputs(
-        self, source: MessageSource, value: MappingNode
-    ) -> Iterator[tuple[str, Scalar, FieldType]]:
+    def _message_outputs(self, source: MessageSource, value: MappingNode) -> Iterator[_Written]:
         kind = source.kind
         named = value.get("type")
         type_name = named.text if isinstance(named, Scalar) else ""
@@ -114,7 +184,7 @@ class AssignedNames:
             fields, prefix = message, source.prefix
             if kind is BindingKind.ACTION and path.startswith(f"{FEEDBACK}."):
                 fields, prefix = feedback, FEEDBACK
-            yield item.key.text, item.key, fields.type_of(path.removeprefix(f"{prefix}."))
+            yield item.key.text, item.key, fields.type_of(path.removeprefix(f"{prefix}.")), None
 
     def _declared(self, node: RawNode) -> tuple[FieldSpec, ...] | None:
         """Return the outputs of a skill or subtree; None for other nodes."""
@@ -133,3 +203,14 @@ def may_write(node: RawNode) -> bool:
     if node.skill is not None:
         return bool(node.skill.outputs) or "outputs" in node.siblings
     return node.type is not None and node.type.writes
+
+
+def _kind_of_expression(node: Node | None) -> ValueKind | None:
+    """Return the kind of a value that is one ``${…}``; None where only a run shows it."""
+    match = _ONE_EXPRESSION.fullmatch(node.text) if isinstance(node, Scalar) else None
+    if match is None:
+        return None
+    try:
+        return parse_expression(match[1]).kind
+    except ExpressionError:
+        return None

@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Collection, Mapping
 
-from bt_agents_core.text import join_quoted, quote
+from bt_agents_core.text import ellipsize, join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean, nearest
 from bt_agents_language.model.specs import NOTHING
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLING_KEYS, SIBLINGS
@@ -19,12 +19,17 @@ from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
 
 _MAX_LABEL = 64
+_PLAIN_WORDS = re.compile(r"[^\W\d_](?:[\w ,!?'-]|\.(?!\w))*")
 _SIBLING_KEYS = frozenset(SIBLING_KEYS)
 _HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
 _CONTRARIES = tuple((one.key, one.contrary) for one in DECORATORS.values() if one.contrary)
 _OTHER_LANGUAGES = {
     "if": "write 'when: …' beside a node, or use 'choose' for several cases",
+    "then": "write its node itself here, and the condition as 'when: …' beside that",
     "else": "use 'choose' with 'otherwise'",
+    "unless": "write 'when: not (…)' beside the node",
+    "stop": "'check: false' fails here, 'fail: true' beside a node fails after it; a run ends "
+    "with its tree",
     "switch": "use 'choose' with named cases",
     "case": "use 'choose' with named cases",
     "otherwise": "'otherwise' stands beside 'children' in 'choose: {children: …, otherwise: …}'",
@@ -265,6 +270,8 @@ class RawNodeReader:
                 hint = meant
             elif node.text.startswith("${"):
                 hint = "names stand in the fields of a node"
+            elif _PLAIN_WORDS.fullmatch(node.text) and "say" in self._skills:
+                hint = f"to have it said, write 'say: {ellipsize(node.text)}'"
         elif isinstance(node, Sequence):
             hint = "write 'sequence:' above the list, and indent the list below it"
         message = f"{where} needs a node, found {found(node)}"
@@ -302,7 +309,7 @@ class RawNodeReader:
         if self._incomplete and nearest(unknown[0].key.text, words) is None:
             return None
         elsewhere = any(entry.key.text.lower() in _OTHER_LANGUAGES for entry in unknown)
-        for entry in unknown[:1] if elsewhere else unknown:
+        for entry in unknown:
             self._reading.error(
                 "unknown-node",
                 entry.key,
@@ -337,7 +344,9 @@ class RawNodeReader:
         word, key = entry.key.text, node.key.text
         node_type = self._types.get(key)
         fields = node_type.fields if node_type is not None else self._skills[key].inputs
-        if word in [one.name for one in fields] or word == "children":
+        if word in [one.name for one in fields] and isinstance(node.value, Sequence):
+            hint = f"write '{key}: {{children: [ … ], {word}: … }}', the list behind 'children:'"
+        elif word in [one.name for one in fields] or word == "children":
             hint = f"it belongs to '{key}': indent it below, or write both inside {{ … }}"
         else:
             other = _OTHER_LANGUAGES.get(word.lower())

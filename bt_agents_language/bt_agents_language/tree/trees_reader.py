@@ -7,9 +7,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents_core.field_types import FieldType
+from bt_agents_language.expression.ranges import Range
 from bt_agents_language.fields.inputs import INPUT, OUTPUT, read_inputs
-from bt_agents_language.fields.scope import Assigned, NameScope, mood_names, scene_names
-from bt_agents_language.model.specs import FieldSpec, NodeSpec, SubtreeSpec, UnusedInput
+from bt_agents_language.fields.scope import (
+    Assigned,
+    NameScope,
+    clock_names,
+    mood_names,
+    scene_names,
+    scene_ranges,
+)
+from bt_agents_language.model.specs import NOTHING, FieldSpec, NodeSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes.node_type import RawNode
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.raw_nodes import RawNodeReader
@@ -42,6 +50,7 @@ class TreesReader:
 
     Args:
         tunables: Type of each tunable; None when their declaration could not be read.
+        ranges: What the values of tunables lie in.
 
     Attributes:
         unused_inputs: Inputs of the file's subtrees, as far as these have been read.
@@ -54,6 +63,7 @@ class TreesReader:
         symbols: SymbolTable,
         imported: Mapping[str, SubtreeSpec],
         tunables: Mapping[str, FieldType] | None,
+        ranges: Mapping[str, Range] = NOTHING,
     ) -> None:
         self.unused_inputs: list[UnusedInput] = []
         self._subtrees: dict[str, SubtreeSpec] = {}
@@ -72,8 +82,10 @@ class TreesReader:
         self._types = {
             **scene_names(symbols.space, ("scene", "live", "profile")),
             **mood_names(symbols.space),
+            **clock_names(),
             **self._tunables,
         }
+        self._ranges = {**scene_ranges(symbols.space), **ranges}
 
     def trees(
         self, tree: Node | None, on_cancel: Node | None
@@ -88,7 +100,9 @@ class TreesReader:
             for subtree, raw in bodies.items()
             for name in (self._reader.assigned.below(raw) if raw is not None else ())
         }
-        names = NameScope(self._types, self._of_trees, hidden=hidden, lenient=self._lenient)
+        names = NameScope(
+            self._types, self._of_trees, hidden=hidden, lenient=self._lenient, ranges=self._ranges
+        )
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
         names.give_all()
         last_spec = self._reader.read(last, "on_cancel", names) if last is not None else None
@@ -164,17 +178,20 @@ class TreesReader:
             **dict.fromkeys(self._tunables, "a tunable"),
             **dict.fromkeys(inputs, "an input of this subtree"),
         }
-        written = self._reader.assigned.of_trees([raw], taken, {**self._types, **inputs})
+        outputs = {one.name: one.type for one in subtree.outputs}
+        types = {**self._types, **inputs}
+        written = self._reader.assigned.of_trees([raw], taken, types, outputs)
         hidden = dict.fromkeys(
             self._of_trees,
             f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "
             "'with:' where the subtree is used",
         )
         names = NameScope(
-            {**self._types, **inputs},
+            types,
             written,
             hidden=hidden,
             lenient=self._lenient or not subtree.complete,
+            ranges=self._ranges,
         )
         body = self._reader.read(raw, name, names)
         if len(self._reading.problems) == before:

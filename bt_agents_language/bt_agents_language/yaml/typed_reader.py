@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from bt_agents_core.diagnostic import Position
+from bt_agents_core.diagnostic import Position, Severity
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import join_quoted, join_words, quote
@@ -104,14 +104,25 @@ class TypedReader:
             self.problems.add(code, where.position, message, hint, end)
 
     def error_in(
-        self, code: str, scalar: Scalar, offset: int, width: int, message: str, hint: str = ""
+        self,
+        code: str,
+        scalar: Scalar,
+        offset: int,
+        width: int,
+        message: str,
+        hint: str = "",
+        severity: Severity = Severity.ERROR,
     ) -> None:
         """Add a problem about ``width`` characters from ``offset`` on in the text of a scalar."""
         start = self._index(scalar, offset)
         last = self._index(scalar, offset + width - 1) if width > 1 else start
-        self.problems.add(
-            code, self.source.position(start), message, hint, self.source.position(last + 1)
-        )
+        end = self.source.position(last + 1)
+        self.problems.add(code, self.source.position(start), message, hint, end, severity)
+
+    def warning(self, code: str, node: Node, message: str, hint: str) -> None:
+        """Add a warning about a whole node, which does not make the file unreadable."""
+        end = self.source.position(node.span[1])
+        self.problems.add(code, node.position, message, hint, end, Severity.WARNING)
 
     def _index(self, scalar: Scalar, offset: int) -> int:
         if scalar.span != self._aligned_span:
@@ -367,12 +378,12 @@ class TypedReader:
         value = boolean(node.text)
         if value is None:
             meant = {"yes": "true", "on": "true", "no": "false", "off": "false"}
-            word = meant.get(node.text.lower(), "true or false")
+            word = meant.get(node.text.lower()) or nearest(node.text, ("true", "false"))
             self.error(
                 "wrong-type",
                 node,
                 f"{what}: expected true or false, found {quote(node.text)}",
-                f"write {word}",
+                f"write {word or 'true or false'}",
             )
         return value
 
@@ -381,7 +392,7 @@ class TypedReader:
         text = self.text(node, what)
         if text is None or text in words:
             return text
-        near = nearest(text, words)
+        near = nearest(text, words) or (next(iter(words)) if len(words) == 1 else None)
         self.error(
             "bad-choice",
             node,

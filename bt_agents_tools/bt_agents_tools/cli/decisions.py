@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
 
-from bt_agents_core.scene import finite_or_none
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
-from bt_agents_tools.cli.formatting import SceneLabels, code_text, print_line
+from bt_agents_tools.cli.formatting import SceneLabels, code_text, fitted_console, print_line
+from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -42,13 +40,15 @@ def names_of_scenes(auctions: Iterable[Any]) -> SceneLabels:
     return names
 
 
-def show_decision(auction: Any, names: SceneLabels | None = None) -> None:
+def show_decision(
+    auction: Any, names: SceneLabels | None = None, form: TableForm = TableForm.FITTED
+) -> None:
     """Print a decision: who won, every bid, and why in plain sentences."""
     names = names or names_of_scenes([auction])
     label = f" ({auction.scene.label})" if auction.scene.label else ""
     title = f"preview{label}" if auction.preview else f"round {auction.round}{label}"
     click.echo(f"{title}: {headline(auction)}")
-    console = Console()
+    console = fitted_console(form)
     for place, bid in enumerate(auction.ranking[:_MAX_SHOWN], start=1):
         print_line(console, f"  {place}. {bid.agent:<22} ", bid.calculation, _INDENT)
     _print_more(len(auction.ranking), "bids")
@@ -103,16 +103,25 @@ def disagreements(auction: Any) -> str:
     return f"another winner in {auction.shadow_disagreements} of {auction.shadow_rounds} rounds"
 
 
-def decision_as_json(auction: Any) -> str:
-    """Return a decision as JSON with the fields of the message; NaN becomes null."""
-    return json.dumps(_plain(auction), ensure_ascii=False, indent=2, allow_nan=False)
+def print_decision(auction: Any, form: TableForm) -> None:
+    """Print a decision for a program: all fields as JSON, or a line of CSV for each bid."""
+    if form is TableForm.JSON:
+        print_json(as_plain_data(auction))
+        return
+    bids = [
+        (place, bid.agent, bid.host, bid.distance, bid.score, bid.calculation)
+        for place, bid in enumerate(auction.ranking, start=1)
+    ]
+    refused = [(None, bid.agent, bid.host, None, None, bid.reason) for bid in auction.refused]
+    keys = ("place", "agent", "host", "distance", "score", "why")
+    print_table([Column(key=key) for key in keys], [*bids, *refused], form)
 
 
-def _plain(value: Any) -> Any:
+def as_plain_data(value: Any) -> Any:
+    """Return a message as dictionaries and lists."""
     if hasattr(value, "get_fields_and_field_types"):
-        return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
-    if isinstance(value, float):
-        return finite_or_none(value)
-    if isinstance(value, bool | int | str):
+        names = value.get_fields_and_field_types()
+        return {name: as_plain_data(getattr(value, name)) for name in names}
+    if isinstance(value, bool | int | float | str):
         return value
-    return [_plain(one) for one in value]
+    return [as_plain_data(one) for one in value]

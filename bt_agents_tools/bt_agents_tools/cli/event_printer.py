@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import format_known
 from bt_agents_tools.cli.formatting import (
     KINDS,
     OUTCOMES,
@@ -80,7 +81,9 @@ class EventPrinter:
         if math.isnan(mood) or self._mood is None or abs(mood - self._mood) < _MOOD_STEP:
             return
         style, verb = ("red", "falls") if mood < self._mood else ("green", "rises")
-        self._line("mood", f"[{style}]{verb} from {self._mood:g} to {mood:g}[/]")
+        self._line(
+            "mood", f"[{style}]{verb} from {format_known(self._mood)} to {format_known(mood)}[/]"
+        )
         self._mood = mood
 
     def auction(self, message: Any) -> None:
@@ -90,12 +93,11 @@ class EventPrinter:
         head = f"bid {message.round}"
         for bid in message.ranking:
             style = "bold" if bid.agent == message.winner else "dim"
-            calculation = bid.calculation
-            total = escape(calculation.partition("= ")[2] or calculation)
-            text = f"[{style}]{bid.agent:<22} {bid.distance:5.2f}[/] [dim]= {total}[/]"
+            total, equals, terms = escape(bid.calculation).partition(" =")
+            text = f"[{style}]{bid.agent:<22} {total}[/][dim]{equals}{terms}[/]"
             self._line(head, text)
         for bid in message.refused:
-            self._line(head, f"[dim]{bid.agent:<22}   –   {escape(bid.reason)}[/]")
+            self._line(head, f"[dim]{bid.agent:<22} –  {escape(bid.reason)}[/]")
         if message.outcome in (message.PREEMPTS, message.WAITS):
             stops = message.outcome == message.PREEMPTS
             title = "[bold yellow]the run is stopped[/]" if stops else "[dim]the run goes on[/]"
@@ -143,7 +145,8 @@ class EventPrinter:
 
     def end(self, message: Any) -> None:
         if message.code not in _SHOWN_BY_RUN:
-            title = f"[yellow]{escape(code_text(message.code))}:[/]"
+            scene = escape(self._names.name_of(message.scene_id))
+            title = f"'{scene}' [yellow]{escape(code_text(message.code))}:[/]"
             self._line("scene", f"{title} {self._named(message.message)}")
 
     def tree(self, message: Any) -> None:
@@ -241,9 +244,8 @@ class EventPrinter:
                 parts.append(f"{value.name} [yellow]missing[/]")
             else:
                 label = parameter.labels.get(value.value, "") if parameter else ""
-                parts.append(
-                    f"{value.name} {value.value:g}" + (f" ({escape(label)})" if label else "")
-                )
+                known = format_known(value.value)
+                parts.append(f"{value.name} {known}" + (f" ({escape(label)})" if label else ""))
         return ", ".join(parts) + ("" if message.person else ", no person")
 
     def _row(self, agent: str, runs: str, feedback: str, profile: str) -> None:
@@ -261,4 +263,4 @@ def _tree_order(path: str) -> list[int]:
 
 
 def _vector(values: Sequence[float]) -> str:
-    return "[" + ", ".join(f"{value:.4g}" for value in values) + "]"
+    return "[" + ", ".join(map(format_known, values)) + "]"

@@ -8,15 +8,19 @@ import re
 from typing import Any
 
 from rich.console import Console
+from rich.progress import Progress
 from rich.text import Text
 
-from bt_agents_core.scene import AGAIN
+from bt_agents_core.scene import first_id
+from bt_agents_core.text import format_known
+from bt_agents_tools.cli.table import TableForm
 
 STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
 OUTCOMES = ("SUCCEEDED", "FAILED", "CANCELLED", "LOST")
 KINDS = ("DIRECT", "POSITIVE", "NEGATIVE", "SET")
 
 _NARROWEST = 20
+_WIDEST = 10_000
 
 
 def constant_text(message: Any, value: int, names: tuple[str, ...]) -> str:
@@ -44,21 +48,27 @@ class SceneLabels:
     def add(self, scene: Any) -> None:
         """Store the name of a scene, as ``Scene.msg`` has it."""
         known = (v for v in scene.values if not math.isnan(v.value))
-        values = ", ".join(f"{v.name} {v.value:g}" for v in known)
-        self._names[_original_id(scene.scene_id)] = scene.label or values or "nothing known"
+        values = ", ".join(f"{v.name} {format_known(v.value)}" for v in known)
+        self._names[first_id(scene.scene_id)] = scene.label or values or "nothing known"
 
     def name_of(self, scene_id: str) -> str:
         """Return the name of a scene; its id when it was not added."""
-        return self._names.get(_original_id(scene_id), scene_id)
+        return self._names.get(first_id(scene_id), scene_id)
 
     def with_names(self, text: str) -> str:
         """Return a text for people with names in place of quoted ids."""
         return re.sub(r"'([^']*)'", lambda match: f"'{self.name_of(match[1])}'", text)
 
 
-def _original_id(scene_id: str) -> str:
-    """Return the id that a scene had before a market was restarted and asked again for it."""
-    return scene_id.removesuffix(AGAIN)
+def progress_bar() -> Progress:
+    """Return a display of how far long work is, with the time that remains, on standard error."""
+    return Progress(console=Console(stderr=True), transient=True)
+
+
+def fitted_console(form: TableForm = TableForm.FITTED) -> Console:
+    """Return the console that fits a terminal, and wraps nothing for a pipe or when it is wide."""
+    console = Console()
+    return console if console.is_terminal and form is TableForm.FITTED else Console(width=_WIDEST)
 
 
 def print_line(console: Console, head: str, text: Text | str, indent: int = 0) -> None:

@@ -14,12 +14,20 @@ import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.signals import end_silently, loading
+from bt_agents_tools.cli.terminal import OutputLost, os_error_text, prepare_streams
+
+_INTERRUPTED = 128 + signal.SIGINT
+_LEFT = 128 + signal.SIGPIPE
 
 COMMANDS: Mapping[str, str] = {
     "demo": "demo",
     "up": "up",
     "trigger": "trigger",
     "sense": "trigger",
+    "answer": "answer",
+    "press": "publish",
+    "publish": "publish",
+    "visit": "visit",
     "cancel": "operate",
     "scene": "scene",
     "status": "status",
@@ -113,14 +121,40 @@ def bt_agents() -> None:
 
 
 def main() -> None:
-    """Run the command line; a :class:`BtAgentsError` is one message and exit code 1."""
+    """Run the command line, and end with its exit code.
+
+    An error that a person can mend is one message and exit code 1, Ctrl-C is exit code 130, and
+    a reader of the output that has gone is exit code 141, as for other programs.
+    """
+    prepare_streams()
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        bt_agents(prog_name="bt-agents")
-    except BtAgentsError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(1)
+        try:
+            code = bt_agents.main(prog_name="bt-agents", standalone_mode=False)
+        finally:
+            sys.stdout.flush()
+    except click.Abort as abort:
+        # Click makes it of Ctrl-C, of an end of the input, and of a question that is denied.
+        code = _INTERRUPTED
+        if not isinstance(abort.__context__, KeyboardInterrupt):
+            click.echo("Aborted!", err=True)
+            code = 1
     except KeyboardInterrupt:
-        sys.exit(130)
+        code = _INTERRUPTED
+    except click.ClickException as error:
+        error.show()
+        code = error.exit_code
+    except BtAgentsError as error:
+        code = _failed(str(error))
+    except OutputLost as lost:
+        code = _LEFT if lost.is_left else _failed(f"standard output: {os_error_text(lost.error)}")
+    except OSError as error:
+        code = _failed(os_error_text(error))
     finally:
         end_silently()
+    sys.exit(code)
+
+
+def _failed(text: str) -> int:
+    click.echo(f"error: {text}", err=True)
+    return 1

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.files.testing import default_answers
 from bt_agents_language.files.testing.scenarios import (
     GoalEnd,
     Scenario,
@@ -21,7 +22,6 @@ from bt_agents_language.files.testing.test_reader import read_scenario_text
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_tools.cli.scenario_options import TypedYaml, is_event, typed_answer, typed_event
-from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use
 from bt_agents_tools.rehearsal.transcript import value_text
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections.abc import Iterable, Sequence
@@ -33,7 +32,6 @@ from bt_agents_tools.launcher.supervisor import (
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_DEMO_LIMIT_S = 55.0
 _READY_LIMIT_S = 20.0
 _POLL_S = 0.2
 _INDENT = 4
@@ -110,7 +108,7 @@ def run_system(
             if not interrupt:
                 printer.profiles(profiles_by_agent(observer.profiles))
                 _print_ready(console, observer.cards.values(), time.monotonic() - start)
-                _print_events(console, observer, supervisor, interrupt, visitors, start)
+                _print_events(console, observer, supervisor, interrupt, visitors)
             if visitors is not None and not interrupt:
                 printer.summary()
                 console.print(f"done in {time.monotonic() - start:.0f} s")
@@ -153,12 +151,9 @@ def _print_events(
     supervisor: Supervisor,
     interrupt: Interrupt,
     visitors: Component | None,
-    start: float,
 ) -> None:
-    """Print events until the visitors are done or the user ends it."""
-    limit = math.inf
+    """Print events until the visitors are done, however long that takes, or the user ends it."""
     if visitors is not None:
-        limit = start + _DEMO_LIMIT_S
         supervisor.start(visitors)
     else:
         console.print(
@@ -167,8 +162,6 @@ def _print_events(
         )
     while not (interrupt or observer.visits_done):
         _poll_supervisor(console, supervisor)
-        if time.monotonic() > limit:
-            raise BtAgentsError(f"the demo did not end within {_DEMO_LIMIT_S:g} s")
         observer.spin_until(lambda: bool(interrupt) or observer.visits_done, _POLL_S)
 
 

@@ -63,6 +63,7 @@ def scenario_yaml(
     agent: AgentSpec,
     *,
     scene: Iterable[str] = (),
+    clock: Iterable[str] = (),
     tunables: Iterable[str] = (),
     answers: Iterable[str] = (),
     events: Iterable[str] = (),
@@ -75,6 +76,7 @@ def scenario_yaml(
     """
     lines = [("format: 1", "")]
     lines += _section("scene", "--scene", scene, "age=4")
+    lines += _section("clock", "--clock", clock, "hour=22")
     lines += _section("tunables", "--tune", tunables, "patience=5s")
     lines += _section("answers", "--answer", answers, "ask=yes")
     if seed is not None:

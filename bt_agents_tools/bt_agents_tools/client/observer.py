@@ -122,9 +122,13 @@ _LIMITS_S = {
 
 _TOPICS = {
     "auctions": (Auction, qos.FACTS),
+    "current": (String, qos.FACTS),
+    "done": (Bool, qos.FACT),
     "feedback": (Feedback, qos.FACTS),
     "mood_traces": (MoodTrace, qos.FACTS),
+    "open_questions": (String, qos.FACT),
     "persons": (Persons, qos.FACT),
+    "scene": (Scene, qos.FACT),
     "scene_ends": (SceneEnd, qos.FACTS),
     "trees": (Trees, qos.FACT),
     "tunables": (Tunables, qos.FACT),
@@ -309,6 +313,10 @@ class Observer:
     def is_recorded(self) -> bool:
         """Return True when a journal subscribes to the records of runs."""
         return bool(self.node.count_subscribers("agents/records"))
+
+    def is_visited(self) -> bool:
+        """Return True when visitors of a script are there already."""
+        return bool(self.node.count_publishers("visitors/done"))
 
     def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         """Spin until ``done()`` is true or the time is up; return ``done()``."""

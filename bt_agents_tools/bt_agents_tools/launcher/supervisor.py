@@ -329,6 +329,11 @@ class Supervisor:
             one.close()
         return [one.component.name for one in stuck]
 
+    def kill(self) -> None:
+        """End all processes at once, which leave nothing behind that is worth the time."""
+        for one in self._components.values():
+            one.process.kill()
+
     def _stop(self, components: Sequence[_Supervised], limit_s: float) -> list[_Supervised]:
         deadline = self._clock() + limit_s
         processes = [one.process for one in components]

@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scope import MessageNames, explain_false, is_true
 from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents_core.choices import counted_answer
 from bt_agents_core.field_types import Plain
-from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.expressions import MissingValue
+from bt_agents_language.files.testing import default_answers
 from bt_agents_language.files.testing.path_patterns import is_path, matches
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,
@@ -21,7 +24,6 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedEvent,
 )
 from bt_agents_language.model.specs import NodeSpec
-from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use
 
 
@@ -56,10 +58,12 @@ class Answers:
     ) -> tuple[ScriptedReply, Mapping[str, Plain]]:
         """Return the reply to a use of a skill, typed, scripted or by default, and its outputs."""
         scripted = typed or self._scripted(use.node) or ScriptedAnswer()
-        outputs = {**default_answers.outputs(use.node, use.inputs), **scripted.outputs}
+        given = {**default_answers.outputs(use.node, use.inputs), **scripted.outputs}
+        answer = _Answer.of(use, given)
+        outputs = {**given, answer.output: answer.counted} if answer is not None else given
         result, feedback = _messages(use.node, outputs)
         state, reason = _STATES[scripted.end], scripted.reason
-        if scripted.end is GoalEnd.SUCCEEDS and (rejection := _rejection(use, outputs, result)):
+        if scripted.end is GoalEnd.SUCCEEDS and (rejection := _rejection(use, answer, result)):
             state, reason = GoalState.ABORTED, rejection
         fails = state is not GoalState.SUCCEEDED
         after_s = scripted.after_s
@@ -114,18 +118,37 @@ def _put(message: dict[str, Plain], path: str, value: Plain) -> None:
     inner[last] = value
 
 
-def _rejection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plain]) -> str:
+@dataclass(frozen=True, kw_only=True)
+class _Answer:
+    """Text output of a skill that has ``choices``, as given and as it counts among them."""
+
+    output: str
+    text: str
+    choices: tuple[str, ...]
+
+    @property
+    def counted(self) -> str:
+        return counted_answer(self.text, self.choices)
+
+    @classmethod
+    def of(cls, use: Use, outputs: Mapping[str, Plain]) -> _Answer | None:
+        """Return the first text among outputs; None without one, or without ``choices``."""
+        choices = use.inputs.get("choices")
+        texts = ((name, value) for name, value in outputs.items() if isinstance(value, str))
+        name, text = next(texts, ("", ""))
+        if not name or not isinstance(choices, tuple | list):
+            return None
+        return cls(output=name, text=text, choices=tuple(map(str, choices)))
+
+
+def _rejection(use: Use, answer: _Answer | None, result: Mapping[str, Plain]) -> str:
     """Return why an answer is no success, empty when it is one.
 
     It is one of the ``choices`` that the skill was given, and fulfils its ``succeed_when``, where
     fields that the script does not give are taken as right.
     """
-    choices = use.inputs.get("choices")
-    texts = [value for value in outputs.values() if isinstance(value, str)]
-    if isinstance(choices, tuple | list) and choices and texts:
-        possible = {str(choice).casefold() for choice in choices}
-        if texts[0].strip().casefold() not in possible:
-            return f"'{texts[0]}' is none of the choices"
+    if answer is not None and answer.choices and not answer.counted:
+        return f"'{answer.text}' is none of the choices"
     binding = use.node.skill.binding if use.node.skill is not None else None
     if binding is None or binding.succeed_when is None:
         return ""
@@ -134,8 +157,10 @@ def _rejection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plai
     try:
         if is_true(binding.succeed_when, names):
             return ""
-    except (MissingValue, EvaluationError):
+    except MissingValue:
         return ""
+    except Undecided as undecided:
+        return str(undecided)
     return explain_false(binding.succeed_when, names)
 
 

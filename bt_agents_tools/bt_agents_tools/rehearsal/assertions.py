@@ -61,6 +61,11 @@ def failed_assertions(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[Assert
     if rehearsed.outcome is None and not rehearsed.declined and Ends not in wanted:
         message = f"the run did not end: {rehearsed.message}"
         found.append(AssertionFailure(position=case.position, message=message))
+    told = [one.words.casefold() for one in case.expectations if isinstance(one, Because)]
+    for reason in rehearsed.undecided:
+        if not any(words in reason.casefold() for words in told):
+            message = f"{reason}; mend it, or expect 'because: cannot be decided'"
+            found.append(AssertionFailure(position=case.position, message=message))
     for one in case.expectations:
         failure = _check(one, rehearsed)
         if failure is not None:

@@ -29,6 +29,7 @@ class EventKind(Enum):
     SCENE = auto()
     TUNES = auto()
     ARRIVES = auto()
+    LOST = auto()
     FEEDBACK = auto()
     CANCELS = auto()
     TICK = auto()
@@ -94,6 +95,7 @@ class Rehearsed:
         ticks: Ticks of the tree and of its clean-up.
         cancelled_by: Mood rule or reason that cancelled it; empty when nothing did.
         declined: Why the agent does not bid for the scene; empty when it does.
+        undecided: Conditions that could not be decided, each with its reason.
         marks: Marks of each node for coverage, by path.
     """
 
@@ -106,4 +108,5 @@ class Rehearsed:
     feedback: tuple[FeedbackKind, ...]
     cancelled_by: str
     declined: str
+    undecided: tuple[str, ...]
     marks: Marks

@@ -19,6 +19,7 @@ from bt_agents.host.agent_registry import unmet
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.local_time import next_hour_s
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedAnswer, ScriptedEvent
@@ -97,6 +98,8 @@ class _Rehearsal:
         agent = with_replacements(agent, scenario.replace)
         self._agent = agent
         self._nodes = {node.path: node for node in nodes_of(agent)}
+        resources = [type_of(one).resources(one) for one in self._nodes.values()]
+        self._latched = {one.topic[0] for one in resources if one.latched and one.topic}
         self._replacements = scenario.replace
         self._on_event = on_event
         self._answer_source = answer_source
@@ -112,6 +115,7 @@ class _Rehearsal:
         self._ticked: list[tuple[Behaviour, Status]] = []
         self._marks: dict[str, set[Mark]] = {}
         self._feedback_given: list[FeedbackKind] = []
+        self._undecided_rules: list[str] = []
         self._cancelled_by = ""
         self._order = itertools.count()
         self._agenda: list[tuple[float, int, ScriptedEvent]] = []
@@ -122,10 +126,11 @@ class _Rehearsal:
             ask=self._question,
             on_event=self._publish,
             on_feedback=self._feedback,
+            begin=scenario.clock,
         )
         self._clock = self._environment.clock
         self._scene = awarded(space, scenario)
-        self._live = RehearsedLiveScene(self._scene, self._clock)
+        self._live = RehearsedLiveScene(space, self._scene, self._clock)
         self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
         self._tunables |= scenario.tunables
         self._run = Run(
@@ -141,7 +146,9 @@ class _Rehearsal:
             on_visit=lambda node, status: self._ticked.append((node, status)),
         )
         self._watch = Watch(agent.rules, self._scene, space, self._clock)
-        decline = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        decline = unmet(
+            agent, space, self._scene, agent.profile, self._tunables, lambda: scenario.clock
+        )
         self._declined = decline.reason if decline is not None else ""
         for one in scenario.during:
             if not one.at:
@@ -175,7 +182,7 @@ class _Rehearsal:
         return text
 
     def _tick(self) -> None:
-        self._environment.active = False
+        self._environment.active = self._environment.told_time = False
         self._environment.report_ended()
         self._held = []
         self._published = 0
@@ -200,6 +207,7 @@ class _Rehearsal:
             moments = [self._environment.next_change, self._run.deadline]
             moments += [max(at, now + _NUDGE_S) for at in self._run.deadlines.values()]
             moments += [self._agenda[0][0]] if self._agenda else []
+            moments += [next_hour_s(now)] if self._environment.told_time else []
             if not self._rests:
                 moments.append(round(now + TICK_S, 6))
             then = min(moments)
@@ -268,8 +276,10 @@ class _Rehearsal:
                 )
                 self._event(EventKind.TUNES, text)
             if one.topic:
-                self._environment.arrive(one.topic, one.message)
-                self._event(EventKind.ARRIVES, one.topic, one.message)
+                arrives = self._environment.arrive(one.topic, one.message)
+                kept = arrives or one.topic in self._latched
+                kind = EventKind.ARRIVES if kept else EventKind.LOST
+                self._event(kind, one.topic, one.message)
             if one.cancel:
                 self._cancel(one.cancel, one.cancel)
         self._poll_mood_rules()
@@ -281,6 +291,9 @@ class _Rehearsal:
             return False
         live = self._live
         fired = self._watch.tick() if live.silent else self._watch.receive(live.now())
+        for undecided in self._watch.take_undecided():
+            self._undecided_rules.append(undecided)
+            self._event(EventKind.LOGS, f"error: {undecided}")
         for one in fired:
             self._feedback(one.rule.give, one.reason)
         last = next((one for one in fired if one.rule.action is MoodAction.CANCEL), None)
@@ -348,6 +361,7 @@ class _Rehearsal:
             feedback=tuple(self._feedback_given),
             cancelled_by=self._cancelled_by,
             declined=self._declined,
+            undecided=(*self._run.undecided, *self._undecided_rules),
             marks={
                 path: frozenset(found)
                 for path, found in self._marks.items()

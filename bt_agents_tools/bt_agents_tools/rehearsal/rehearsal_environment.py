@@ -10,6 +10,7 @@ from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedGoal
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
+from bt_agents_core.local_time import LocalTime
 from bt_agents_language.files.testing.scenarios import ScriptedAnswer
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.answers import Answers
@@ -25,6 +26,7 @@ class RehearsalEnvironment(ScriptedEnvironment):
     Attributes:
         uses: The skills that were used, in order.
         active: True after a request of the tree, until it is set to False.
+        told_time: True after the tree has read the local time, until it is set to False.
     """
 
     def __init__(
@@ -35,16 +37,22 @@ class RehearsalEnvironment(ScriptedEnvironment):
         ask: Callable[[Use], Callable[[], ScriptedAnswer | None] | None],
         on_event: Callable[[Event], None],
         on_feedback: Callable[[FeedbackKind, str], None],
+        begin: LocalTime,
     ) -> None:
-        super().__init__(clock=ManualClock())
+        super().__init__(clock=ManualClock(), begin=begin)
         self.uses: list[Use] = []
         self.active = False
+        self.told_time = False
         self._nodes = nodes
         self._script = answers
         self._ask = ask
         self._on_event = on_event
         self._on_feedback = on_feedback
         self._open_goals: list[tuple[ScriptedGoal, Use, Mapping[str, Plain]]] = []
+
+    def local_time(self) -> LocalTime:
+        self.told_time = True
+        return super().local_time()
 
     def send(self, goal: SkillGoal) -> ScriptedGoal:
         self.active = True

@@ -13,7 +13,7 @@ from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
 
 def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
     """Return the scene that a scenario starts from."""
-    return Scene(
+    scene = Scene(
         scene_id="rehearsed",
         label="",
         person=scenario.person,
@@ -24,13 +24,16 @@ def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
             for name in space.names
         ),
     )
+    return space.completed(scene, met=scene.person)
 
 
 class RehearsedLiveScene:
     """Live scene of a rehearsal; it is stale some time after the scene layer fell silent."""
 
-    def __init__(self, scene: Scene, clock: Callable[[], float]) -> None:
+    def __init__(self, space: SceneSpace, scene: Scene, clock: Callable[[], float]) -> None:
+        self._space = space
         self._scene = self._seen = scene
+        self._met = scene.person
         self._clock = clock
         self._silent_since: float | None = None
 
@@ -48,7 +51,9 @@ class RehearsedLiveScene:
             for one in self._scene.values
         )
         person = self._scene.person if event.person is None else event.person
-        self._scene = replace(self._scene, values=values, person=person)
+        self._met = self._met or person
+        changed = replace(self._scene, values=values, person=person)
+        self._scene = self._space.completed(changed, met=self._met)
         if event.silent is False:
             self._silent_since = None
         if not self.silent:

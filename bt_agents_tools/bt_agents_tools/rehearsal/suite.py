@@ -20,6 +20,7 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.rehearsal.assertions import AssertionFailure, failed_assertions
 from bt_agents_tools.rehearsal.coverage import Coverage, coverage
 from bt_agents_tools.rehearsal.events import Rehearsed
+from bt_agents_tools.rehearsal.installed_types import with_installed_types
 from bt_agents_tools.rehearsal.rehearsal import rehearse
 from bt_agents_tools.rehearsal.transcript import ending, table, transcript
 
@@ -77,7 +78,8 @@ class TreesFolders:
             ReadError: There is a problem; it lists all of them.
         """
         trees = self.trees_of(path)
-        return read_test(path, trees.agents, trees.symbols), trees.scene.space
+        symbols = with_installed_types(trees.symbols)
+        return read_test(path, trees.agents, symbols), trees.scene.space
 
 
 def find_tests(paths: Iterable[Path]) -> list[Path]:

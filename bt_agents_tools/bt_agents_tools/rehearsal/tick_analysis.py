@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from bt_agents.engine.node_errors import is_undecided
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, type_of
 from bt_agents_language.nodes.node_type import Mark
@@ -35,6 +36,8 @@ def add_marks(ticked: Ticked, marks: dict[str, set[Mark]]) -> None:
         node_type = type_of(spec)
         found = marks.setdefault(spec.path, set())
         found.add(Mark.TICKED)
+        if status is Status.FAILURE and is_undecided(node.feedback_message):
+            continue
         child = answers.get(id(node.children[0])) if node.children else None
         if status is Status.SUCCESS:
             found.add(Mark.SUCCEEDED)

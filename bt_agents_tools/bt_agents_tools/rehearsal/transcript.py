@@ -36,6 +36,7 @@ _LOOKS = {
     EventKind.SCENE: ("◆", "cyan"),
     EventKind.TUNES: ("◆", "cyan"),
     EventKind.ARRIVES: ("◆", "cyan"),
+    EventKind.LOST: ("◇", "yellow"),
     EventKind.FEEDBACK: ("★", "magenta"),
     EventKind.CANCELS: ("■", "yellow"),
     EventKind.TICK: (" ", "dim"),
@@ -110,14 +111,17 @@ def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
         named = node.name if skill is not None and not skill.inputs else node.kind
         return f"{named} {given}".rstrip()
     main = value_text(inputs[skill.main])
-    if skill.main == "text" and main:
-        return f'{node.kind} "{main}"'
+    quoted = skill.main == "text" and main != ""
     others = (
         f"{one.name} {value_text(inputs[one.name])}{_UNITS.get(one.type, '')}"
         for one in skill.inputs
-        if one.name in inputs and one.name != skill.main and inputs[one.name] != one.default
+        if one.name in inputs
+        and one.name != skill.main
+        and inputs[one.name] != one.default
+        # How a text is said is left out, not what is shown with it.
+        and (not quoted or one.type is FieldType.TEXT)
     )
-    given = ", ".join(filter(None, (main, *others)))
+    given = ", ".join(filter(None, (f'"{main}"' if quoted else main, *others)))
     return f"{node.kind} {given}".rstrip()
 
 
@@ -188,7 +192,9 @@ def _text(event: Event, ticks: bool) -> str | None:
         case EventKind.GIVES_UP:
             return f"{_label(event.node)}: {event.text}" if event.node else event.text
         case EventKind.ARRIVES:
-            return f"message on {event.text}: {value_text(event.inputs) or 'empty'}"
+            return _message(event)
+        case EventKind.LOST:
+            return f"{_message(event)} – lost, no node waits for it"
         case EventKind.TUNES:
             return f"tuned: {event.text}"
         case EventKind.FEEDBACK:
@@ -201,6 +207,10 @@ def _text(event: Event, ticks: bool) -> str | None:
             outcome = event.outcome.value if event.outcome is not None else "did not end"
             return outcome + (f": {event.text}" if event.text else "")
     return event.text
+
+
+def _message(event: Event) -> str:
+    return f"message on {event.text}: {value_text(event.inputs) or 'empty'}"
 
 
 def _phrase(event: Event) -> str:

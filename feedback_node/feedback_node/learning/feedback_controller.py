@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
@@ -55,10 +55,10 @@ class RuleStop:
 
 @dataclass(frozen=True, kw_only=True)
 class RuleOutcome:
-    """Outcome of a rule that fired.
+    """Outcome of a rule that fired, or could not be decided.
 
     Attributes:
-        change: The recorded change; None when it was refused.
+        change: The recorded change; None when it was refused, or the rule cannot be decided.
         stop: Set when the rule also stops the run, whether or not the profile could move.
     """
 
@@ -186,14 +186,14 @@ class FeedbackController:
             self._trace.receive(live)
         if self._watch is None:
             return ()
-        return tuple(self._outcome(run, fired) for fired in self._watch.receive(live))
+        return self._outcomes(run, self._watch, self._watch.receive(live))
 
     def tick(self) -> tuple[RuleOutcome, ...]:
         """Return what follows because time has passed."""
         run = self._runs.current
         if run is None or self._watch is None:
             return ()
-        return tuple(self._outcome(run, fired) for fired in self._watch.tick())
+        return self._outcomes(run, self._watch, self._watch.tick())
 
     def retry(self) -> tuple[RuleOutcome, ...]:
         """Retry to record feedback of rules that the full disk did not take."""
@@ -313,6 +313,15 @@ class FeedbackController:
     def _stop_watching(self) -> None:
         self._watch = None
         self._card_awaited = False
+
+    def _outcomes(
+        self, run: AnnouncedRun, watch: Watch, fired: Iterable[Fired]
+    ) -> tuple[RuleOutcome, ...]:
+        undecided = [f"{run.agent}: {reason}" for reason in watch.take_undecided()]
+        return (
+            *(RuleOutcome(problem=problem) for problem in undecided),
+            *(self._outcome(run, one) for one in fired),
+        )
 
     def _outcome(self, run: AnnouncedRun, fired: Fired) -> RuleOutcome:
         cancels = fired.rule.action is MoodAction.CANCEL

@@ -210,7 +210,10 @@ def _why_not(
         return "the learning rate is 0"
     if all(target[i] == before[i] for i in opinions):
         if kind is FeedbackKind.NEGATIVE:
-            return "it lies exactly on the scene, so no direction leads away"
+            return (
+                "it lies exactly on the scene, so no direction leads away and negative feedback "
+                "moves nothing; direct feedback with other values does, and a veto stops its bids"
+            )
         return "it is there already"
     if rule.update is Update.MEDIAN:
         return "it is where most of the last feedbacks want it"

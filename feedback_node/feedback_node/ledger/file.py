@@ -14,6 +14,7 @@ from typing import TextIO
 from urllib.parse import quote
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
+from bt_agents_core.trees_folder import state_folder
 from feedback_node.ledger.check import LedgerCheck, check, is_out_of_reach
 from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 
@@ -41,8 +42,7 @@ def ledger_path(explicit: str, environment: Mapping[str, str]) -> str:
         return explicit
     if explicit:
         return str(Path(explicit).expanduser())
-    state = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return str(Path(state) / "bt-agents" / "ledger.sqlite")
+    return str(state_folder(environment) / "ledger.sqlite")
 
 
 def lock_file(path: Path) -> TextIO:

@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 from bt_agents_core.text import format_number, join_first, join_words
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
@@ -19,6 +21,7 @@ from marketplace_node.round.decision import (
 )
 from marketplace_node.settings import RULES
 from marketplace_node.strategies import STRATEGIES
+from marketplace_node.strategies.exploration import ranges_share
 
 _PARAMETERS_SHOWN = 6
 _REFUSED_SHOWN = 3
@@ -139,7 +142,7 @@ def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[s
     elif ranked.by == RULES:
         yield "No rule holds for anybody who bids, so the nearest bid comes first."
     yield _parts(winner, decision, space)
-    yield from _randomness(decision, winner)
+    yield from _exploration(decision, winner, space)
 
 
 def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
@@ -169,7 +172,7 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
     return f"{away}: {', '.join(parts)}."
 
 
-def _randomness(decision: Decision, winner: RankedBid) -> Iterator[str]:
+def _exploration(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[str]:
     """Yield what exploration has to do with it."""
     ranked = decision.ranked
     spec = STRATEGIES.get(ranked.by)
@@ -190,13 +193,26 @@ def _randomness(decision: Decision, winner: RankedBid) -> Iterator[str]:
             f"Profiles count as uncertain (sigma {format_number(options['sigma'])}); the one "
             f"drawn for {winner.agent} is {score} away."
         )
-    elif ranked.by == "ucb" and winner.bonus:
+    elif ranked.by in ("ucb", "bounded_ucb") and winner.bonus:
         rounds = decision.terms.rounds_run
         ran = f"It {_ran(winner.runs)} in {rounds} {'run' if rounds == 1 else 'runs'}"
         forgiven = format_number(winner.bonus, FEW)
         yield f"{ran}, for which {forgiven} is taken off its distance: {score}."
     elif winner.bonus and not ranked.placed:
         yield f"The strategy {ranked.by} takes {format_number(winner.bonus, FEW)} off: {score}."
+    if (nearest := decision.passed_over) is not None:
+        nearer = distance(winner.distance - nearest.distance, FEW)
+        ran = _ran(nearest.runs)
+        yield f"So exploration decided: {nearest.agent}, which {ran}, is nearer by {nearer}."
+    if ranked.by == "bounded_ucb" and winner.bonus:
+        yield _bound(decision, space, options["margin"])
+
+
+def _bound(decision: Decision, space: SceneSpace, share: float) -> str:
+    """Return how much further than the nearest bid exploration lets a winner be."""
+    widths = np.array([parameter.maximum - parameter.minimum for parameter in space.parameters])
+    margin = float(ranges_share(np.array(decision.terms.scene.vector), widths, share))
+    return f"Nobody wins who is further than the nearest by more than {distance(margin, FEW)}."
 
 
 def softmax_share(ranking: Sequence[RankedBid], temperature: float) -> float:

@@ -186,6 +186,8 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
         parts.append(f"{winner.agent} {distance(winner.distance)}")
     else:
         parts.append(f"{winner.agent} {calculation(winner, decision.terms.scene, ranked.by)}")
+    if (nearest := decision.passed_over) is not None:
+        parts.append(f"explored, {nearest.agent} {distance(nearest.distance)} is nearer")
     if not others:
         parts.append("no other bid")
     elif ranked.placed:

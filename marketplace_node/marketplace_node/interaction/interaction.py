@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from bt_agents_core.scene import Scene
+from bt_agents_core.scene import Scene, follow_up_id
 from marketplace_node.effects import (
     CancelGoal,
     Collect,
@@ -351,7 +351,7 @@ class Interaction:
             self._excluded[agent] = f"stopped: {award.stop.reason}"
             self._follow_ups += 1
             # The live scene bears the id of its scene; each round is for a scene of its own.
-            scene_id = f"{self.origin.scene_id}+{self._follow_ups}"
+            scene_id = follow_up_id(self.origin.scene_id, self._follow_ups)
             self._again = (award.stop.scene or award.scene).with_id(scene_id)
 
     def _stop_collecting(self, stop: StopRequest) -> tuple[bool, str]:

@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from collections.abc import Iterable
 
-from bt_agents_core.scene import AGAIN, Scene
+from bt_agents_core.scene import AGAIN, Scene, origin_id
 from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, RunOutcome, SceneEnded
 from marketplace_node.market_state import MarketState
 
@@ -20,7 +19,6 @@ ASK_AGAIN_S = 10.0
 GATHER_S = 1.5
 """After that long the hosts of a restarted market have registered and hear its calls [s]."""
 
-_FOLLOW_UP = re.compile(r"\+\d+$")
 _REMEMBERED = 400
 
 
@@ -55,7 +53,7 @@ class InheritedRuns:
             self._market_state.effects.append(AnnounceEarlierRun(run=run))
         # The last run for a scene says how the scene ended.
         for run in sorted(fresh, key=lambda run: run.goal.round, reverse=True):
-            origin = _FOLLOW_UP.sub("", run.scene.scene_id)
+            origin = origin_id(run.scene.scene_id)
             if (run.epoch, origin) in self._scenes:
                 continue
             self._scenes.append((run.epoch, origin))

@@ -298,12 +298,15 @@ def operator_command_from_msg(
 def scene_or_last(message: Any, space: SceneSpace) -> Scene | None:
     """Return the scene of a request; None when it names none and means the last one.
 
+    What is missing of it is as the scene layer has it of whoever is not known.
+
     Raises:
         Refused: As in :func:`scene_from_msg`; also ``EMPTY`` for values without a scene_id.
     """
     if not message.scene_id and not message.values:
         return None
-    return scene_from_msg(message, space)
+    scene = scene_from_msg(message, space)
+    return space.completed(scene, met=scene.person)
 
 
 def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:

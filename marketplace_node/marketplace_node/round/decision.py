@@ -243,6 +243,14 @@ class Decision:
         return self.ranking[0] if self.ranking and not stopped else None
 
     @property
+    def passed_over(self) -> RankedBid | None:
+        """The nearest bid, where exploration put one that is further before it; else None."""
+        if self.winner is None or self.ranked.placed or not self.winner.bonus:
+            return None
+        nearest = min(self.ranking, key=lambda bid: bid.distance)
+        return nearest if nearest.distance < self.winner.distance else None
+
+    @property
     def margin(self) -> float:
         """Score of the runner-up minus that of the winner; NaN without a runner-up."""
         if self.winner is None or len(self.ranking) < 2:

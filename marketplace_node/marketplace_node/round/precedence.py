@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from bt_agents_core.errors import Refused
+from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.formatting import shown
@@ -23,12 +24,19 @@ def applicable_rule(
 ) -> tuple[int, MarketRule] | None:
     """Return the first rule that holds and names a bidder, with its number from 1.
 
-    A condition on a missing value, NaN, does not hold, nor does one that cannot be worked out.
+    A condition on a missing value, NaN, does not hold, nor does one that cannot be decided.
     """
+
+    def holds(rule: MarketRule) -> bool:
+        try:
+            return surely_true(rule.condition, names)
+        except Undecided:
+            return False
+
     names = partial(resolve, scene=SceneFacts(person=person, values=values))
     bidders = set(agents)
     for number, rule in enumerate(rules, 1):
-        if not bidders.isdisjoint(rule.agents) and surely_true(rule.condition, names):
+        if not bidders.isdisjoint(rule.agents) and holds(rule):
             return number, rule
     return None
 

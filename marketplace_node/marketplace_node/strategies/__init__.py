@@ -22,7 +22,13 @@ from marketplace_node.strategies.distances import (
     manhattan,
     weighted_manhattan,
 )
-from marketplace_node.strategies.exploration import epsilon_greedy, softmax, thompson, ucb
+from marketplace_node.strategies.exploration import (
+    bounded_ucb,
+    epsilon_greedy,
+    softmax,
+    thompson,
+    ucb,
+)
 from marketplace_node.strategies.plugins import add_installed
 
 __all__ = [
@@ -36,6 +42,7 @@ __all__ = [
     "Scores",
     "StrategySpec",
     "add_installed",
+    "bounded_ucb",
     "epsilon_greedy",
     "euclidean",
     "expected_manhattan",

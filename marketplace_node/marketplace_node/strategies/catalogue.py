@@ -16,7 +16,13 @@ from marketplace_node.strategies.distances import (
     weighted_lines,
     weighted_manhattan,
 )
-from marketplace_node.strategies.exploration import epsilon_greedy, softmax, thompson, ucb
+from marketplace_node.strategies.exploration import (
+    bounded_ucb,
+    epsilon_greedy,
+    softmax,
+    thompson,
+    ucb,
+)
 from marketplace_node.strategies.nearest import MANHATTAN
 
 _OWN = (
@@ -68,6 +74,14 @@ _OWN = (
         score=ucb,
         lines=exploration.ucb_lines,
         options=(exploration.UCB_C,),
+        counts=True,
+    ),
+    StrategySpec(
+        name="bounded_ucb",
+        description="As ucb, but nobody wins who is much further than the nearest.",
+        score=bounded_ucb,
+        lines=exploration.bounded_ucb_lines,
+        options=(exploration.BOUNDED_C, exploration.MARGIN),
         counts=True,
     ),
     StrategySpec(

@@ -50,6 +50,23 @@ SIGMA = Option(
     description="how unsure the profile of an agent is that never ran, as a share of each range",
 )
 
+BOUNDED_C = Option(
+    name="c",
+    default=0.3,
+    minimum=0.0,
+    maximum=10.0,
+    description="how much distance an agent is forgiven for having run seldom, as a share of the "
+    "sum of all ranges",
+)
+MARGIN = Option(
+    name="margin",
+    default=0.3,
+    minimum=0.0,
+    maximum=1.0,
+    description="nobody wins who is further than the nearest by more than this share of the sum "
+    "of all ranges",
+)
+
 _LEAST = float(np.finfo(np.float64).tiny)
 
 
@@ -85,10 +102,26 @@ def ucb(field: RoundArrays, options: Mapping[str, float], random: RandomSource) 
 
     After UCB1 (Auer, Cesa-Bianchi and Fischer, 2002).
     """
-    bonus = options["c"] * np.sqrt(np.log1p(field.rounds)[..., None] / (1.0 + field.runs))
-    return with_bonus(
-        manhattan(field, options, random), np.array(np.broadcast_to(bonus, field.shape))
+    return with_bonus(manhattan(field, options, random), options["c"] * _seldom(field))
+
+
+def bounded_ucb(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
+    """Take off what ``ucb`` does, but at most the margin.
+
+    So nobody wins who is further than the nearest by more than the margin. Both options are
+    shares of the sum of the ranges of those parameters whose value is known.
+    """
+    c, margin = (
+        ranges_share(field.scene, field.widths, options[name])[..., None]
+        for name in ("c", "margin")
     )
+    bonus = np.minimum(c * _seldom(field), margin)
+    return with_bonus(manhattan(field, options, random), bonus)
+
+
+def ranges_share(scene: Floats, widths: Floats, share: float) -> Floats:
+    """Return a share of the sum of the ranges of all known parameters of scenes, [..., n]."""
+    return share * total(np.where(np.isnan(scene), 0.0, widths))
 
 
 def thompson(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
@@ -116,6 +149,13 @@ def ucb_lines(
     return _less(field, ucb(field, options, random).bonus)
 
 
+def bounded_ucb_lines(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> LinearScores:
+    """Return ``bounded_ucb`` as a function of the scene."""
+    return _less(field, bounded_ucb(field, options, random).bonus)
+
+
 def epsilon_greedy_lines(
     field: RoundArrays, options: Mapping[str, float], random: RandomSource
 ) -> LinearScores:
@@ -135,6 +175,12 @@ def thompson_lines(
     return LinearScores(
         profiles=drawn, weights=np.ones(drawn.shape[-1]), offsets=np.zeros(drawn.shape[0])
     )
+
+
+def _seldom(field: RoundArrays) -> Floats:
+    """Return ``sqrt(ln(1 + t) / (1 + n))`` of each bid, [..., N]."""
+    bonus = np.sqrt(np.log1p(field.rounds)[..., None] / (1.0 + field.runs))
+    return np.array(np.broadcast_to(bonus, field.shape))
 
 
 def _less(field: RoundArrays, bonus: Floats) -> LinearScores:

@@ -13,7 +13,7 @@ from typing import Any
 from std_msgs.msg import Empty
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import AGAIN, Scene
+from bt_agents_core.scene import Scene, first_id
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Persons, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -297,7 +297,7 @@ class SceneLayerNode(BaseNode):
         idle = message.state == MarketStatus.IDLE
         self._runs.market(message.epoch, message.round, idle)
         self._stop_when_over()
-        if message.finished_scene_id.removesuffix(AGAIN) == self._announced_id:
+        if first_id(message.finished_scene_id) == self._announced_id:
             # What was given for it holds for nothing that comes now.
             self._announced_id = ""
         if self._player is not None:

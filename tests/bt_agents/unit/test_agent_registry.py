@@ -9,6 +9,7 @@ import pytest
 
 from bt_agents.host.agent_registry import AgentRegistry, Decline
 from bt_agents_core.errors import Refused
+from bt_agents_core.local_time import LocalTime
 from bt_agents_core.profile_layers import MOST_LAYERS
 from tree_harness import SPACE, agent, scene
 
@@ -30,6 +31,23 @@ def test_an_agent_bids_when_what_it_requires_is_true():
     }
 
 
+def test_who_is_one_for_the_night_bids_at_night():
+    registry = AgentRegistry(SPACE, [agent("say: x", "requires: clock.hour >= 22")])
+    registry.apply_registration(["a"], [1], [""])
+
+    def reasons(hour: int) -> list[str]:
+        clock = lambda: LocalTime(hour=hour, weekday="monday")  # noqa: E731
+        declined = registry.bids_for(scene(age=3), clock=clock).declined
+        return [one.reason for one in declined.values()]
+
+    assert reasons(21) == ["needs clock.hour >= 22"]
+    assert reasons(22) == []
+    assert reasons(21) == ["needs clock.hour >= 22"]
+    assert [one.reason for one in registry.bids_for(scene(age=3)).declined.values()] == [
+        "needs clock.hour >= 22, but clock.hour is missing"
+    ]
+
+
 def test_what_a_scene_lacks_is_told_apart_from_other_reasons_not_to_bid():
     registry = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     registry.apply_registration(["a"], [1], [""])
@@ -37,6 +55,16 @@ def test_what_a_scene_lacks_is_told_apart_from_other_reasons_not_to_bid():
     assert registry.bids_for(scene(age=2)).declined == {
         "a": Decline(f"needs {unmet}", unmet=unmet)
     }
+
+
+def test_a_requirement_that_cannot_be_decided_is_told_apart_from_one_that_a_scene_lacks():
+    registry = AgentRegistry(SPACE, [agent("say: x", "requires: 1 / (scene.age - 3) > 0")])
+    registry.apply_registration(["a"], [1], [""])
+    answer = registry.bids_for(scene(age=3))
+    reason = "needs what cannot be decided: 1 / (scene.age - 3) > 0 ('/' by zero)"
+    assert answer.declined == {"a": Decline(reason, unmet="", undecided=True)}
+    assert answer.undecided == {"a": reason}
+    assert registry.bids_for(scene(age=2)).undecided == {}
 
 
 def test_an_agent_that_uses_a_skill_which_nobody_offers_does_not_bid_and_says_why():

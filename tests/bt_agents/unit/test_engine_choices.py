@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -159,6 +160,23 @@ def test_random_without_a_seed_takes_the_numbers_of_the_run() -> None:
         stage.tick(30)
     assert first.said == second.said
     assert first.said != third.said
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_without_repeats_takes_all_before_one_comes_again(seed: int) -> None:
+    tree = "repeat: 12\nrandom: {repeats: false, children: [say: a, say: b, say: c]}"
+    stage = Stage(tree, random=Random(seed))
+    stage.tick(50)
+    said = stage.said
+    assert [set(said[at : at + 3]) for at in (0, 3, 6, 9)] == [{"a", "b", "c"}] * 4
+    assert all(one != other for one, other in pairwise(said))
+
+
+def test_random_without_repeats_takes_the_only_one_again_and_again() -> None:
+    tree = "repeat: 3\nrandom: {repeats: false, children: [say: a, {say: b, weight: 0}]}"
+    stage = Stage(tree)
+    stage.tick(20)
+    assert stage.said == ["a", "a", "a"]
 
 
 def test_two_random_nodes_with_seeds_do_not_disturb_each_other() -> None:

@@ -227,15 +227,15 @@ def test_an_output_may_have_another_name_and_come_from_inside_a_json_text(
         ("word == 'yess'", " (word is 'yes')"),
         ("truth", ""),
         ("not scene.person", " (scene.person is true)"),
-        ("number > 4 or number < 1", " (number is 3.333)"),
+        ("third > 4 or third < 1", " (third is 3.333)"),
         ("scene.person and truth", " (scene.person is true, truth is false)"),
         ("long == 'x'", f" (long is '{'a' * 39}…')"),
-        ("number > 9 and live.age > 1", " (number is 3.333, live.age has no value)"),
+        ("third > 9 and live.age > 1", " (third is 3.333, live.age has no value)"),
         ("large == 1", " (large is 1e+300)"),
         ("1 > 2", ""),
         (
-            "scene.mood + number + large + live.mood + scene.familiarity < 0",
-            " (scene.mood is 3, number is 3.333, large is 1e+300, live.mood is 3, …)",
+            "scene.mood + third + large + live.mood + scene.familiarity < 0",
+            " (scene.mood is 3, third is 3.333, large is 1e+300, live.mood is 3, …)",
         ),
     ],
 )
@@ -243,7 +243,7 @@ def test_a_condition_that_is_not_true_says_what_its_names_are(condition: str, va
     stage = Stage(
         f"""
         sequence:
-          - set: {{word: yes, truth: false, number: '${{10 / 3}}', long: {"a" * 50}}}
+          - set: {{word: yes, truth: false, third: '${{10 / 3}}', long: {"a" * 50}}}
           - set: {{large: 1e300}}
           - check: {condition}
         """,
@@ -251,3 +251,33 @@ def test_a_condition_that_is_not_true_says_what_its_names_are(condition: str, va
     )
     assert stage.tick() == "failed"
     assert stage.message == f"not so: {condition}{values}"
+
+
+def test_a_name_without_a_value_yet_can_be_asked_for_and_replaced() -> None:
+    stage = Stage(
+        """
+        repeat: 3
+        sequence:
+          - when: known(tries)
+            say: again
+          - set: {tries: "${tries else 0 + 1}"}
+          - say: ${tries}
+        """
+    )
+    stage.tick(20)
+    assert stage.said == ["1", "again", "2", "again", "3"]
+
+
+def test_the_number_in_an_answer_is_set_or_the_node_fails_in_words() -> None:
+    tree = """
+        sequence:
+          - ask: How strong?
+          - set: {pain: "${number(answer)}"}
+          - say: It is ${pain + 1}.
+        """
+    told = Stage(tree, answers={"ask": [ScriptedReply(result={"answer": "about 4"})]})
+    assert told.tick() == "succeeded"
+    assert told.said == ["It is 5."]
+    not_told = Stage(tree, answers={"ask": [ScriptedReply(result={"answer": "no idea"})]})
+    assert not_told.tick() == "failed"
+    assert "found none in digits in the text 'no idea'" in not_told.message

@@ -265,3 +265,16 @@ def test_a_recording_of_format_1_is_replayed_equal_to_the_run_that_it_was_made_o
 def test_a_broken_entry_of_format_1_is_refused_in_words(entry: dict[str, Any]) -> None:
     with pytest.raises(Refused, match="the recording of a run cannot be replayed"):
         read_recording([json.dumps({"format": 1}), json.dumps({"turn": 1, **entry})])
+
+
+def test_the_local_time_is_recorded_when_it_changes() -> None:
+    stage = Recorded("wait_for: clock.hour == 14")
+    stage.tick()
+    stage.tick(10, 60.0)
+    assert [one["clock"]["hour"] for one in stage.entries if "clock" in one] == [12]
+    assert stage.after(3600.0) == "running"
+    assert stage.after(3600.0) == "succeeded"
+    assert [one["clock"]["hour"] for one in stage.entries if "clock" in one] == [12, 13, 14]
+    step = stage.again()[-1]
+    assert step.result is not None
+    assert step.result.outcome.value == "succeeded"

@@ -268,6 +268,15 @@ def test_a_roll_back_keeps_a_text_that_was_never_good(watched):
     assert watched.poll() == []
 
 
+def test_a_roll_back_of_a_broken_file_goes_to_the_version_in_force(watched):
+    good = agent("bob", "{say: bye}")
+    edit(watched, "bob", good)
+    edit(watched, "bob", "[")
+    assert watched.roll_back("bob")[0] == "report bob: version 2 stays"
+    assert (watched.folder / "agents" / "bob.yaml").read_text() == good
+    assert watched.versions.find("bob", 0).number == 1
+
+
 def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
     watched, monkeypatch
 ):

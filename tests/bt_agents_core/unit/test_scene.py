@@ -8,7 +8,15 @@ import math
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.scene import (
+    Origin,
+    SceneParameter,
+    SceneSpace,
+    SceneValue,
+    first_id,
+    follow_up_id,
+    origin_id,
+)
 
 NAN, INF = math.nan, math.inf
 
@@ -104,3 +112,22 @@ def test_clamping_moves_into_the_range_and_keeps_what_is_missing() -> None:
     low, high = SPACE.clamp((0.0, 9.0))
     assert (low, high) == (1.0, 5.0)
     assert math.isnan(SPACE.clamp((NAN, 3.0))[0])
+
+
+@pytest.mark.parametrize(
+    ("scene_id", "origin", "first"),
+    [
+        ("s1", "s1", "s1"),
+        ("s1+2", "s1", "s1"),
+        ("s1+again", "s1+again", "s1"),
+        ("s1+again+12", "s1+again", "s1"),
+        ("a+b", "a+b", "a+b"),
+        ("+", "+", "+"),
+        ("", "", ""),
+    ],
+)
+def test_the_id_of_a_scene_tells_which_one_it_goes_back_to(
+    scene_id: str, origin: str, first: str
+) -> None:
+    assert (origin_id(scene_id), first_id(scene_id)) == (origin, first)
+    assert origin_id(follow_up_id(origin, 3)) == origin

@@ -60,5 +60,5 @@ def test_numbers_have_few_digits_and_a_real_minus_sign():
     assert format_number(-1.23456789) == "−1.23457"
     assert format_number(-0.0) == "0"
     assert format_number(1.23456, 3) == "1.23"
-    assert format_known(1.23456) == "1.23"
+    assert format_known(1.23456) == "1.235"
     assert format_known(math.nan) == "–"

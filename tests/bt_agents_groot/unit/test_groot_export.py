@@ -87,6 +87,8 @@ def element(tree: str) -> str:
         ("check: scene.age % 2 == 0", '<check condition="scene.age % 2 == 0"/>'),
         ("random: [{weight: 2, say: Hi}, say: Hello]",
          '<random weights="json:[2, 1]"><Say text="Hi"/><Say text="Hello"/></random>'),
+        ("random: {repeats: false, children: [say: Hi, say: Hello]}",
+         '<random repeats="false"><Say text="Hi"/><Say text="Hello"/></random>'),
         ("publish: {topic: /lamp, type: std_msgs/msg/Bool, message: {data: true}}",
          '<publish topic="/lamp" type="std_msgs/msg/Bool" '
          'message="json:{&quot;data&quot;: true}"/>'),

@@ -91,6 +91,10 @@ def said(made: ImportedAgent, weight: RemarkLevel) -> str:
             f"<Control ID='random' _uid='7' _collapsed='true'>{S}{F}</Control>",
             "random: [check: true, check: false]",
         ),
+        (
+            f"<Control ID='random' repeats='false'>{S}{F}</Control>",
+            "random: {repeats: false, children: [check: true, check: false]}",
+        ),
         (HOT, "check: hot"),
         (COLD, "check: not hot"),
         (f"<IfThenElse>{HOT}{S}</IfThenElse>",

@@ -133,6 +133,7 @@ def test_counting_up_is_the_assignment_of_a_sum():
         ("not a == b", "!(a == b)"),
         ("a and b or c", "a && b || c"),
         ("scene.age >= 4", "scene__age >= 4"),
+        ("clock.hour >= 22", "clock__hour >= 22"),
         ("a between 1 and 2", "1 <= a && a <= 2"),
         ("a in [1, 'x']", "a == 1 || a == 'x'"),
         ("a not in [1]", "!(a == 1)"),
@@ -146,7 +147,16 @@ def test_an_expression_is_written_as_a_script(expression, script):
 
 
 @pytest.mark.parametrize(
-    "expression", ["max(a, b) > 1", "a % 2 == 0", """a == "it's" """, "a in []", "msg.data"]
+    "expression",
+    [
+        "max(a, b) > 1",
+        "a % 2 == 0",
+        """a == "it's" """,
+        "a in []",
+        "msg.data",
+        "a else 1 > 2",
+        "known(a)",
+    ],
 )
 def test_what_scripts_cannot_say_is_refused(expression):
     with pytest.raises(Untranslatable):

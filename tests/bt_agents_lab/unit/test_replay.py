@@ -41,6 +41,7 @@ STRATEGIES = {
     "softmax": {"temperature": 2.0},
     "epsilon_greedy": {"epsilon": 0.5},
     "ucb": {"c": 3.0},
+    "bounded_ucb": {"c": 0.4, "margin": 0.2},
     "thompson": {"sigma": 1.0},
 }
 

@@ -70,7 +70,9 @@ def test_each_run_goes_as_it_would_alone_to_the_last_digit(world, strategy, upda
         assert course.cancelled.any()
 
 
-@pytest.mark.parametrize("strategy", ["softmax", "epsilon_greedy", "thompson", "ucb"])
+@pytest.mark.parametrize(
+    "strategy", ["softmax", "epsilon_greedy", "thompson", "ucb", "bounded_ucb"]
+)
 def test_a_run_does_not_depend_on_which_others_are_played_with_it(strategy):
     arm = Arm(strategy=strategy)
     together = simulate(PERSONS, arm, draw(PERSONS, range(5), 30), 0.2)

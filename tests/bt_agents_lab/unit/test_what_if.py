@@ -33,7 +33,7 @@ def winners(found: CounterfactualResult) -> list[str]:
     return [case.now for case in found.rounds]
 
 
-@pytest.mark.parametrize("strategy", ["manhattan", "softmax", "ucb", "thompson"])
+@pytest.mark.parametrize("strategy", ["manhattan", "softmax", "ucb", "bounded_ucb", "thompson"])
 def test_without_a_change_everything_would_have_been_as_it_was(
     tmp_path: Path, strategy: str
 ) -> None:
@@ -45,7 +45,7 @@ def test_without_a_change_everything_would_have_been_as_it_was(
     assert (found.given, found.withheld) == (4, 0)
 
 
-@pytest.mark.parametrize("strategy", ["manhattan", "ucb"])
+@pytest.mark.parametrize("strategy", ["manhattan", "ucb", "bounded_ucb"])
 def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
     tmp_path: Path, strategy: str
 ) -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import EvaluationError, ValueKind
 from bt_agents_language.expression.expressions import MissingValue, parse_expression
+from bt_agents_language.expression.ranges import Range
 
 VALUES: dict[str, object] = {
     "n": 4, "scene.age": 2.5, "zero": 0, "big": 1e300, "numbers": (3, 1.5, -2),
@@ -253,6 +254,27 @@ def test_an_expression_means_the_same_as_its_tree(tree):
         assert ValueKind.of(value) is expression.kind
 
 
+RANGES = {
+    name: Range(value - 1, value + 1)
+    for name, value in VALUES.items()
+    if isinstance(value, int | float) and not isinstance(value, bool)
+}
+
+
+@settings(max_examples=400, deadline=None)
+@given(booleans | numbers)
+def test_what_an_expression_gives_lies_in_its_range(tree):
+    assume(not is_refused_by_design(tree))
+    text = written(tree)
+    assume(len(text) <= 1000)
+    lies_in = parse_expression(text, kind_of=KINDS.get, range_of=RANGES.get).range
+    try:
+        value = meaning(tree)
+    except Undefined:
+        return
+    assert lies_in is None or lies_in.low <= value <= lies_in.high
+
+
 PIECES = [
     "n", "t", "b", "l", "any.x", "1", "0", "2.5", "1e308", "'x'", '"', "'", "true", "null",
     "(", ")", "[", "]", ",", "-", "+", "*", "/", "%", "not", "and", "or", "in", "not in",
@@ -313,3 +335,12 @@ def test_values_of_any_kind_give_a_value_or_an_error_in_words(tree, values):
         case None if isinstance(tree, Tree):
             assert ValueKind.of(value) is expression.kind
             assert expression.kind is not ValueKind.NUMBER or math.isfinite(value)
+
+
+@settings(deadline=None)
+@given(text=st.text(alphabet=st.characters(codec="utf-8") | st.sampled_from("0123456789.,- ")))
+def test_the_number_in_any_text_is_finite_or_missing(text):
+    expression = parse_expression("number(text) else none_there")
+    found = expression.evaluate({"text": text, "none_there": None}.__getitem__)
+    assert found is None or math.isfinite(found)
+    assert found is None or any(sign.isdecimal() for sign in text)

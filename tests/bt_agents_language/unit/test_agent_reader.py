@@ -348,18 +348,18 @@ def test_a_message_is_known_in_its_condition_only():
     ("field", "name", "fits"),
     [
         ("wait: ${%s}", "time", True),
-        ("wait: ${%s}", "number", True),
+        ("wait: ${%s}", "amount", True),
         ("wait: ${%s}", "integer", True),
         ("wait: ${%s}", "text", False),
         ("wait: ${%s}", "flag", False),
         ("say: {text: x, rate: '${%s}'}", "time", True),
         ("say: {text: x, rate: '${%s}'}", "text", False),
         ("say: x\nretry: ${%s}", "integer", True),
-        ("say: x\nretry: ${%s}", "number", False),
+        ("say: x\nretry: ${%s}", "amount", False),
         ("light: {colour: red, blink: '${%s}'}", "flag", True),
         ("light: {colour: red, blink: '${%s}'}", "integer", False),
         ("say: ${%s}", "flag", True),
-        ("check: number > 1 and flag and text == 'x' and %s > 1", "time", True),
+        ("check: amount > 1 and flag and text == 'x' and %s > 1", "time", True),
         ("check: %s > 1", "text", False),
     ],
 )
@@ -367,7 +367,7 @@ def test_a_name_must_have_a_fitting_type(field, name, fits):
     head = """
     tunables:
       time: {default: 2 s}
-      number: {default: 2.0, min: 1, max: 3}
+      amount: {default: 2.0, min: 1, max: 3}
       integer: {default: 2, min: 1, max: 3}
       text: {default: x}
       flag: {default: true}
@@ -382,7 +382,7 @@ def test_a_name_must_have_a_fitting_type(field, name, fits):
 def test_set_gives_a_name_the_type_of_its_values():
     with pytest.raises(ReadError, match="expected a time such as '8 s', but 'a' is a text"):
         agent("sequence:\n  - set: {a: x}\n  - wait: ${a}")
-    agent("sequence:\n  - set: {a: x}\n  - set: {a: 2 s}\n  - wait: ${a}")
+    agent("sequence:\n  - set: {a: 1}\n  - set: {a: 2 s}\n  - wait: ${a}")
 
 
 def test_the_inputs_of_a_subtree_have_defaults():

@@ -14,7 +14,7 @@ KINDS = {"n": ValueKind.NUMBER, "t": ValueKind.TEXT, "b": ValueKind.BOOLEAN, "l"
 
 def refusal(text: str) -> ExpressionError:
     with pytest.raises(ExpressionError) as error:
-        parse_expression(text, kind_of=KINDS.get)
+        parse_expression(text, kind_of=KINDS.get, words_of={"d": ("saturday", "sunday")})
     return error.value
 
 
@@ -86,10 +86,20 @@ def marked(error: ExpressionError, text: str) -> str:
         ("1 if b else 2", 3, "if", "two nodes with 'when'"),
         ("b ? 1 : 2", 3, "?", "two nodes with 'when'"),
         ("n is 3", 3, "is", "write =="),
-        ("t contains 'a'", 3, "contains", "'word' in the_text"),
+        ("t contains 'a'", 3, "contains", "contains(the_text, 'word')"),
         ("n mod 2 == 0", 3, "mod", "write %"),
-        ("t == null", 6, "null", "is not true"),
-        ("t != None", 6, "None", "is not true"),
+        ("t == null", 6, "null", "known(x)"),
+        ("t != None", 6, "None", "x else 1"),
+        ("n > 3 else b", 5, "3", "(x > 1) else false"),
+        ("t > 3", 1, "t", "number(…)"),
+        ("number(n)", 8, "n", "leave 'number' out"),
+        ("known(4)", 7, "4", "known(scene.age)"),
+        ("contains(l, 'a')", 10, "l", "with 'in'"),
+        ("contains(t, '')", 13, "''", "what to look for"),
+        ("n Else 1", 3, "Else", "write else"),
+        ("d == 'Sunday'", 6, "'Sunday'", "write one of saturday, sunday"),
+        ("'sun' != d", 1, "'sun'", "write one of saturday, sunday"),
+        ("d in ['saturday', 'sun']", 19, "'sun'", "write one of saturday, sunday"),
     ],
 )
 def test_a_slip_is_refused_at_the_wrong_word(text, column, word, hint):
@@ -137,6 +147,12 @@ def test_a_slip_is_refused_at_the_wrong_word(text, column, word, hint):
         ("round(n, -1)", "-", "'round' keeps 0 to 15 digits, found the number -1"),
         ("len(n)", "n", "'len' needs a text or a list, found a number"),
         ("len(t, t)", "len", "'len' is given 2 values"),
+        ("number(b)", "b", "'number' needs a text, found true or false"),
+        ("lower(n)", "n", "'lower' needs a text, found a number"),
+        ("contains(t)", "contains", "'contains' is given one value"),
+        ("contains(t, n)", "n", "'contains' looks for texts, found a number"),
+        ("known()", "known", "'known' is given nothing"),
+        ("n else 'a'", "'a'", "'else' needs a number in place of a missing one, found a text"),
     ],
 )
 def test_kinds_that_do_not_fit_are_refused_at_the_wrong_value(text, word, message):
@@ -178,14 +194,17 @@ def test_the_usual_slips_with_ranges_lists_and_functions_are_known(text, column,
         ("Max(1, 2)", "Max", "did you mean 'max'?"),
         ("maxx(1, 2)", "maxx", "did you mean 'max'?"),
         ("minimum(1, 2)", "minimum", "did you mean 'min'?"),
-        ("int(n)", "int", "did you mean 'round'?"),
+        ("int(n)", "int", "the number in a text is number(text)"),
+        ("lowercase(t)", "lowercase", "did you mean 'lower'?"),
+        ("exists(n)", "exists", "did you mean 'known'?"),
+        ("default(n, 1)", "default", "write x else 1"),
         ("length(t)", "length", "did you mean 'len'?"),
         ("sum(1, 2)", "sum", "add with +"),
         ("str(n)", "str", "fit into a text as they are"),
         ("any(b, b)", "any", "'or'"),
         ("eval('1')", "eval", "possible are min, max, abs, round, len"),
         ("exec(n)", "exec", "possible are"),
-        ("t.lower() == 'a'", "t.lower", "t in ['yes', 'Yes']"),
+        ("t.lower() == 'a'", "t.lower", "write lower(t)"),
         ("t.startswith('a')", "t.startswith", "'word' in t"),
         ("l.__class__()", "l.__class__", "possible are"),
         ("scene.age.round()", "scene.age.round", "write round(scene.age)"),

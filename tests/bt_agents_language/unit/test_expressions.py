@@ -23,6 +23,8 @@ VALUES = {
     "endless": float("inf"),
     "undefined_reading": float("nan"),
     "many": ["x"] * 1_000_000,
+    "told": "About 4, I think.",
+    "digits": "9" * 400,
 }
 
 
@@ -192,6 +194,12 @@ def test_functions_give_numbers(text, expected):
         ("len(count)", "'len' needs a text or a list, found the number 3"),
         ("len(message)", "'len' needs a text or a list, found a mapping"),
         ("abs(scene.person)", "'abs' needs numbers, found true"),
+        ("number(scene.person)", "'number' needs numbers, found true"),
+        ("number(digits) > 1", "too large"),
+        ("lower(count)", "'lower' needs texts, found the number 3"),
+        ("contains(items, 'a')", "'contains' needs texts, found a list"),
+        ("contains(place, count)", "'contains' needs texts, found the number 3"),
+        ("(scene.person > 1) else true", "'>' needs numbers, found true"),
     ],
 )
 def test_values_that_do_not_fit_are_an_error_in_words(text, words):
@@ -199,6 +207,92 @@ def test_values_that_do_not_fit_are_an_error_in_words(text, words):
     with pytest.raises(EvaluationError) as error:
         expression.evaluate(lookup)
     assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("4", 4),
+        ("About 4, I think.", 4),
+        ("37.5 °C", 37.5),
+        ("37,5 °C", 37.5),
+        ("-3", -3),
+        ("gate-7", 7),
+        ("It is 5.", 5),
+        (".5", 0.5),
+        ("um...5", 5),
+        ("0.125", 0.125),
+        ("1000", 1000),
+        ("٤", 4),
+    ],
+)
+def test_a_number_is_found_in_a_text(text, expected):
+    found = parse_expression("number(answer)").evaluate(lambda _: text)
+    assert found == expected
+    assert type(found) is type(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("no idea", "needs one number, found none in digits in the text 'no idea'"),
+        ("", "found none in digits in the text ''"),
+        ("4 or 5", "found several in the text '4 or 5'"),
+        ("3-4", "found several"),
+        ("1e5", "found several"),
+        ("4/10", "found several"),
+        ("1,000", "found '1,000', which may be read in two ways, in the text '1,000'"),
+        ("1.000", "may be read in two ways"),
+        ("1.2.3", "may be read in two ways"),
+    ],
+)
+def test_a_text_without_one_clear_number_is_an_error_in_words(text, words):
+    with pytest.raises(EvaluationError) as error:
+        parse_expression("number(answer)").evaluate(lambda _: text)
+    assert words in str(error.value)
+    assert parse_expression("number(answer) else 0").evaluate(lambda _: text) == 0
+    assert parse_expression("known(number(answer))").evaluate(lambda _: text) is False
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("number(told) > 3", True),
+        ("number(count)", 3),
+        ("lower(told)", "about 4, i think."),
+        ("contains(told, 'no', 'think')", True),
+        ("contains(told, 'about')", False),
+        ("contains(lower(told), 'about', 'yes')", True),
+        ("contains(place, told)", False),
+    ],
+)
+def test_functions_look_into_texts(text, expected):
+    assert value(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("known(count)", True),
+        ("known(live.mood)", False),
+        ("known(count + live.mood)", False),
+        ("not known(live.mood)", True),
+        ("live.mood else 2", 2),
+        ("count else 2", 3),
+        ("live.mood else live.age else 1", 1),
+        ("live.mood else count > 2", True),
+        ("count + live.mood else 2", 5),
+        ("count - live.mood else -2 * 2", 7),
+        ("(live.mood > 2) else false", False),
+        ("count else (1 / 0)", 3),
+        ("number(place) else 0", 12),
+        ("'x' in live.items else ['x']", True),
+    ],
+)
+def test_a_missing_value_is_told_and_replaced(text, expected):
+    found = value(text)
+    assert found == expected
+    assert type(found) is type(expected)
 
 
 def test_a_missing_value_is_passed_on_unless_it_does_not_matter():
@@ -267,6 +361,12 @@ def test_an_unknown_name_is_refused_where_it_stands():
         ("[a]", ValueKind.LIST),
         ("max(unknown)", ValueKind.NUMBER),
         ("len(t)", ValueKind.NUMBER),
+        ("number(t)", ValueKind.NUMBER),
+        ("known(unknown)", ValueKind.BOOLEAN),
+        ("lower(unknown)", ValueKind.TEXT),
+        ("contains(t, unknown)", ValueKind.BOOLEAN),
+        ("a else 1", ValueKind.NUMBER),
+        ("unknown else 1", None),
         ("(t)", ValueKind.TEXT),
     ],
 )

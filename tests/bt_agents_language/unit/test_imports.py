@@ -94,6 +94,29 @@ def test_a_library_can_use_another_one(folder):
     assert found == ["6:17 unknown-subtree: there is no subtree 'greet'"]
 
 
+def test_what_a_library_declares_holds_in_it_and_for_those_that_import_it(folder):
+    tree = "{sequence: [{subtree: greet, with: {who: you}}, {check: reply >= 4}]}"
+    assert problems(folder, tree, "libraries/manners.yaml") == [
+        "6:63 bad-expression: 'check': '>=' needs a number on each side, found a text"
+    ]
+    library(
+        folder,
+        "pain",
+        """
+        imports: [libraries/manners.yaml]
+        subtrees:
+          measure:
+            outputs: {level: number}
+            tree: {subtree: greet, with: {who: you}, outputs: {level: reply}}
+        """,
+    )
+    [broken] = [one for one in read_trees(folder).broken if one.file.name == "pain.yaml"]
+    assert (
+        "output 'level': expected a number, but 'subtree' gives it a text"
+        in (broken.error.lines[0])
+    )
+
+
 def test_the_library_that_has_a_subtree_is_named_where_its_import_is_forgotten(folder):
     library(folder, "broken", "subtrees: {greet: 1}\n")
     with pytest.raises(ReadError) as caught:

@@ -279,3 +279,50 @@ def test_warnings_come_in_the_order_of_the_file():
         "busy-repeat 13:7",
         "never-reached 14:7",
     ]
+
+
+LONG = "say: Put your bag on the platform, wait until it is weighed, and take your receipt."
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        f"{LONG}\ntimeout: 2 s",
+        f"sequence: [{{say: Hello.}}, {{{LONG.replace(',', '')}}}]\ntimeout: 5 s",
+        "sequence: [{wait: 4 s}, {say: Hello.}]\ntimeout: 4 s",
+        "choose: [{name: a, when: live.person, sequence: [{wait: 4 s}, {say: Hi.}]}]\n"
+        "timeout: 4 s",
+    ],
+)
+def test_speech_that_its_time_limit_cuts_off_is_warned_about(tree):
+    assert warnings_of(tree) == ["cut-speech"]
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        f"{LONG}\ntimeout: 20 s",
+        "wait: 4 s\ntimeout: 2 s",
+        f"parallel: [{{{LONG.replace(',', '')}}}, {{wait: 4 s}}]\ntimeout: 6 s",
+        "selector: [{say: Hello.}, {wait: 10 s}]\ntimeout: 4 s",
+    ],
+)
+def test_speech_that_has_the_time_it_takes_is_not_warned_about(tree):
+    assert "cut-speech" not in warnings_of(tree)
+
+
+def test_what_is_said_after_a_cancel_fits_into_the_time_for_it():
+    text = "I am sorry that this did not help you, and I leave you alone now."
+    (warning,) = lint(agent("wait: 1 s", f"on_cancel: {{say: '{text}'}}"))
+    assert warning.code == "cut-speech"
+    assert warning.message == (
+        "'on_cancel' ends after 3 s, but what it holds takes about 4.3 s with 'say' in line 6"
+    )
+    assert warnings_of("wait: 1 s", "on_cancel: {say: Good-bye.}") == []
+
+
+def test_a_text_is_as_fast_as_the_tunable_that_sets_its_rate():
+    head = "tunables: {{rate: {{default: {}, min: 0.1, max: 3.0}}}}\n"
+    tree = 'say: {text: "Put your bag on the platform.", rate: "${rate}"}\ntimeout: 3 s'
+    assert warnings_of(tree, head.format(1.0)) == []
+    assert warnings_of(tree, head.format(0.5)) == ["cut-speech"]

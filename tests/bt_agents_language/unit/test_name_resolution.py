@@ -7,6 +7,8 @@ import math
 
 import pytest
 
+from bt_agents_core.local_time import LocalTime
+from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.expressions import MissingValue, StaleValue, parse_expression
 from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 
@@ -15,10 +17,12 @@ LIVE = SceneFacts(person=False, values={"age": 4.0, "mood": 2.0})
 STALE = SceneFacts(person=False, values=LIVE.values, stale_s=2.0)
 
 
+NIGHT = LocalTime(hour=23, weekday="sunday")
+
+
 def value(name: str, live: SceneFacts = LIVE) -> object:
-    return resolve(
-        name, AWARDED, lambda: live, lambda seen: seen.get("mood") - 3.0, {"age": 5.0}.__getitem__
-    )
+    change, profile = lambda seen: seen.get("mood") - 3.0, {"age": 5.0}.__getitem__
+    return resolve(name, AWARDED, lambda: live, change, profile, lambda: NIGHT)
 
 
 @pytest.mark.parametrize(
@@ -31,6 +35,8 @@ def value(name: str, live: SceneFacts = LIVE) -> object:
         ("live.stale", False),
         ("mood.change", -1.0),
         ("profile.age", 5.0),
+        ("clock.hour", 23),
+        ("clock.weekday", "sunday"),
     ],
 )
 def test_a_name_means_the_same_in_every_condition(name, expected):
@@ -53,7 +59,9 @@ def test_a_stale_live_scene_has_no_values_but_says_that_it_is_stale(name):
     assert value("live.stale", STALE) is True
 
 
-@pytest.mark.parametrize("name", ["live.age", "live.stale", "mood.change", "profile.age"])
+@pytest.mark.parametrize(
+    "name", ["live.age", "live.stale", "mood.change", "profile.age", "clock.hour"]
+)
 def test_a_condition_about_a_scene_alone_knows_nothing_else(name):
     with pytest.raises(MissingValue):
         resolve(name, AWARDED)
@@ -66,9 +74,20 @@ def test_a_condition_about_a_scene_alone_knows_nothing_else(name):
         ("scene.age > 3", False),
         ("scene.mood > 1", False),
         ("not scene.mood > 1", False),
-        ("1 / (scene.age - 3) > 0", False),
-        ("scene.age", False),
     ],
 )
-def test_what_cannot_be_worked_out_is_not_surely_true(text, expected):
+def test_what_misses_a_value_is_not_surely_true(text, expected):
     assert surely_true(parse_expression(text), value) is expected
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("1 / (scene.age - 3) > 0", "'/' by zero"),
+        ("scene.age", "it is the number 3, expected true or false"),
+    ],
+)
+def test_what_is_neither_true_nor_false_is_told_apart_from_what_is_false(text, why):
+    with pytest.raises(Undecided) as undecided:
+        surely_true(parse_expression(text), value)
+    assert str(undecided.value) == f"cannot be decided: {text} ({why})"

@@ -149,7 +149,8 @@ def test_parameters_have_weights_and_rules_for_what_is_missing():
 
 
 def test_a_scene_without_anybody_has_declared_values():
-    assert scene(more="no_person: {mood: 3}").no_person == {"mood": 3.0}
+    spec = scene(more="no_person: {mood: 3}")
+    assert [parameter.unattended for parameter in spec.space.parameters] == [3.0, None]
 
 
 def test_persons_are_tracked_known_and_addressed_by_declared_rules():

@@ -9,6 +9,7 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.local_time import LocalTime
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import (
@@ -62,6 +63,7 @@ def test_a_case_says_everything_that_a_rehearsal_needs() -> None:
           scene: {age: 4, mood: 3}
           person: true
           tunables: {patience: 3 s}
+          clock: {hour: 22, weekday: sunday}
           seed: 7
           answers:
             ask: [yes, {gives: 7, after: 2 s}, {fails: silence, after: 1 min}]
@@ -79,6 +81,7 @@ def test_a_case_says_everything_that_a_rehearsal_needs() -> None:
     ).cases
     said = case.scenario
     assert (said.scene, said.person, said.seed) == ({"age": 4.0, "mood": 3.0}, True, 7)
+    assert said.clock == LocalTime(hour=22, weekday="sunday")
     assert said.tunables == {"patience": 3.0}
     assert [rule.key for rule in said.answers] == ["ask", "tree/2.drive", "service"]
     assert said.answers[0].answers == (
@@ -169,6 +172,9 @@ def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
         ("scene: {agee: 4}", "[unknown-name]: there is no scene parameter 'agee'"),
         ("scene: old", "[wrong-type]: 'scene'"),
         ("seed: -1", "[out-of-range]"),
+        ("clock: {hour: 24}", "[out-of-range]: 'hour' is 24, expected 0 to 23"),
+        ("clock: {weekday: sun}", "[bad-choice]: 'weekday' is 'sun'"),
+        ("clock: 22:30", "[wrong-type]: 'clock'"),
         ("replace: {tree/0.say: skip}", "[bad-choice]: what stands in for it is 'skip'"),
         ("replace: {tree/0.say: {sya: a}}", "a.test.yaml:5:28: error[unknown-node]: there is no"),
         ("replace: {tree/0.say: {wait: 3 m}}", "[bad-duration]"),

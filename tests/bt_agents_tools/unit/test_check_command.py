@@ -28,7 +28,7 @@ BROKEN = GOOD.replace("say", "sya")
 
 @pytest.fixture(autouse=True)
 def _without_ros(monkeypatch):
-    monkeypatch.setattr(check_module, "_installed", lambda: None)
+    monkeypatch.setattr(check_module, "installed_types", lambda: None)
 
 
 @pytest.fixture
@@ -313,6 +313,18 @@ def test_an_unused_input_of_a_library_is_a_warning_and_agents_may_import_it(tree
     write("agents/two.yaml", GOOD.replace("{{say: Hello.}}", tree).format("two"))
     assert found() == ["trees/libraries/manners.yaml:3 unused-input"]
     assert found("trees/agents") == []
+
+
+def test_conditions_that_are_never_true_are_warned_about_in_libraries_and_market_rules(trees):
+    write(
+        "libraries/manners.yaml",
+        "format: 1\nsubtrees:\n  greet: {tree: {say: Hello., when: scene.age > 7}}\n",
+    )
+    write("market.yaml", "format: 1\nrules:\n  - {when: scene.age > 7, agents: [one]}\n")
+    assert found() == [
+        "trees/market.yaml:3 constant-condition",
+        "trees/libraries/manners.yaml:3 constant-condition",
+    ]
 
 
 def test_an_agent_that_is_imported_is_not_blamed_for_it(trees):

@@ -40,6 +40,12 @@ def test_an_unknown_command_is_refused_by_its_name() -> None:
     assert "No such command 'dance'" in result.output
 
 
+def test_sensing_nothing_is_refused_with_what_can_be_sensed() -> None:
+    result = CliRunner().invoke(bt_agents, ["sense"])
+    assert result.exit_code == 2
+    assert "--no-person" in result.output
+
+
 def test_a_misspelt_command_is_refused_with_the_nearest() -> None:
     result = CliRunner().invoke(bt_agents, ["statsu"])
     assert result.exit_code == 2
@@ -61,6 +67,7 @@ def test_the_version_is_told_without_loading_any_command() -> None:
             "bt_agents_ros.signals",
             "bt_agents_tools.cli",
             "bt_agents_tools.cli.main",
+            "bt_agents_tools.cli.terminal",
         ]
     )
 

@@ -18,10 +18,12 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.files.scene_reader import SCENE
+from bt_agents_language.files.script_reader import SCRIPT, read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.nodes.plugin_discovery import GROUP, read_plugins
 from bt_agents_language.tools.schema.generator import file_schema
+from bt_agents_language.yaml.field_tables import FileKind
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
@@ -93,6 +95,9 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
     if {"parameters", "sources"} <= keys.keys():
         assert read_scene_text(text, document).sources
         return
+    if "visits" in keys:
+        assert read_script(Source(document, text), SPACE).visits
+        return
     if "rules" in keys:
         assert read_market(Source(document, text), SPACE)
         return
@@ -122,8 +127,9 @@ def _check_test(text: str, document: str) -> None:
     assert not [failure(result) for result in results if not result.passed]
 
 
-def test_the_page_of_the_scene_names_every_key() -> None:
-    page = (ROOT / "docs" / "scene.md").read_text()
+@pytest.mark.parametrize(("document", "kind"), [("scene", SCENE), ("visitors", SCRIPT)])
+def test_the_page_of_a_kind_of_file_names_every_key(document: str, kind: FileKind) -> None:
+    page = (ROOT / "docs" / f"{document}.md").read_text()
 
     def keys(schema: object) -> set[str]:
         if isinstance(schema, list):
@@ -133,8 +139,8 @@ def test_the_page_of_the_scene_names_every_key() -> None:
         below = {key for part in schema.values() for key in keys(part)}
         return below | set(schema.get("properties", ()))
 
-    missing = {key for key in keys(file_schema(SCENE, SPACE)) if f"`{key}`" not in page}
-    assert missing == {"format"}
+    missing = {key for key in keys(file_schema(kind, SPACE)) if f"`{key}`" not in page}
+    assert not missing - {"format", *SPACE.names}
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("console"))

@@ -72,8 +72,8 @@ def test_an_auction_shows_each_bid_each_refusal_and_the_reason() -> None:
         refused=[Message(agent="b", reason="needs scene.person")],
     )
     assert told(("scene", scene()), ("auction", awarded))[1:] == [
-        "    bid 2  a                       1.00 = |4−3|",
-        "    bid 2  b                        –   needs scene.person",
+        "    bid 2  a                      1.0 = |4−3|",
+        "    bid 2  b                      –  needs scene.person",
         "    award  a wins  a 1.0 = |4−3|",
     ]
 
@@ -133,20 +133,20 @@ def test_a_host_that_stops_its_run_without_the_market_is_said_to() -> None:
 
 def test_scenes_are_called_by_their_labels_not_by_their_ids() -> None:
     stopped = run_event(2, message="preempted by scene 's2': b 0.5, s1 has 'none'")
-    lost = Message(code="LOST", message="asked again as scene 's1+again'")
+    lost = Message(code="LOST", message="asked again as scene 's1+again'", scene_id="s1")
     assert told(
         ("scene", scene(label="Anna")), ("scene", scene(scene_id="s2", label="Ben")),
         ("run", stopped), ("end", lost),
     )[2:] == [
         "      run  stopping a: preempted by scene 'Ben': b 0.5, s1 has 'none'",
-        "    scene  lost: asked again as scene 'Anna'",
+        "    scene  'Anna' lost: asked again as scene 'Anna'",
     ]  # fmt: skip
 
 
 def test_a_scene_without_a_label_is_called_by_what_is_known_of_it() -> None:
-    refused = Message(code="BUSY", message="scene 's1' is under way")
+    refused = Message(code="BUSY", message="scene 's1' is under way", scene_id="s2")
     assert told(("scene", scene()), ("end", refused))[1:] == [
-        "    scene  busy: scene 'age 1, mood 3' is under way"
+        "    scene  's2' busy: scene 'age 1, mood 3' is under way"
     ]
 
 
@@ -187,11 +187,12 @@ def test_each_tuning_is_told_once_and_none_of_before_the_start() -> None:
 
 def test_the_end_of_a_scene_is_told_when_no_run_has_told_it() -> None:
     assert told(
-        ("end", Message(code="QUEUE_FULL", message="10 wait, at most 10 may")),
+        ("scene", scene(label="Anna")),
+        ("end", Message(code="QUEUE_FULL", message="10 wait, at most 10 may", scene_id="s1")),
         ("end", Message(code="PREEMPTED", message="a cancelled: preempted by scene 's2'")),
         ("end", Message(code="SUCCEEDED", message="a succeeded: done")),
         ("end", Message(code="NO_BIDS", message="no agents are registered")),
-    ) == ["    scene  queue full: 10 wait, at most 10 may"]
+    )[1:] == ["    scene  'Anna' queue full: 10 wait, at most 10 may"]
 
 
 def test_a_run_ends_with_its_outcome_in_words() -> None:

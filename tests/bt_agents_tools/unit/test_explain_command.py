@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+import re
 import shutil
 
 import pytest
@@ -110,8 +111,8 @@ def test_a_topic_is_explained_by_its_tables():
     assert "  length  mm, cm, m or km, for example 1.5 m; a bare number is in m\n" in (
         explained("units")
     )
-    assert "\n  round(x) or round(x, 2) for two digits behind the point\n" in (
-        explained("expressions")
+    assert "  lower(text)  the text in small letters\n" in (
+        re.sub(" {3,}", "  ", explained("expressions"))
     )
     assert "live.mood  live.person  live.stale  the others have no value\n" in explained("names")
 
@@ -155,6 +156,22 @@ def test_a_key_of_several_files_has_each_meaning():
     assert "seed  key below 'cases' of a test file" in text
     assert "seed  key of an experiment" in text
     assert "whole number, 0 or more" in text
+
+
+@pytest.mark.parametrize(
+    ("word", "headings"),
+    [
+        ("publish", ["publish  leaf", "publish  key below 'during' of a test file"]),
+        ("scene", ["scene  file", "scene  key below 'visits' of a script"]),
+        ("format", ["format  key of every file"]),
+        ("contains", ["contains  key below 'says'"]),
+        ("until", ["until  key of wait_for", "until  key of repeat"]),
+        ("choices", ["choices  key of ask"]),
+    ],
+)
+def test_a_word_of_several_places_has_a_page_for_each(word, headings):
+    text = page(word)
+    assert [heading for heading in headings if heading not in text] == []
 
 
 @pytest.mark.parametrize("word", file_words())

@@ -11,9 +11,10 @@ from bt_agents.engine.run import TreeOutcome
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.testing.scenarios import ScriptedEvent
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_robot.acts import Ask
 from bt_agents_tools.rehearsal.events import EventKind
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
-from file_texts import read_agent_text, read_skills_text
+from file_texts import read_agent_text, read_scene_text, read_skills_text
 from rehearsal_harness import events_of, rehearsed, scenario, spoken_texts
 from tree_harness import SPACE, SYMBOLS, agent
 
@@ -93,6 +94,24 @@ def test_words_that_are_no_choice_do_not_count_as_an_answer() -> None:
 def test_capitals_do_not_matter_among_choices() -> None:
     result = rehearsed("ask: {text: Which?, choices: [bag]}", "answers: {ask: Bag}")
     assert result.outcome is TreeOutcome.SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("choices", "typed", "later"), [(["Yes", "no"], " yES ", "Yes"), ([], " Both ", "Both")]
+)
+def test_later_nodes_get_an_answer_as_the_robot_gives_it(
+    choices: list[str], typed: str, later: str
+) -> None:
+    act = Ask("Sure?", choices, 9.0, pace=1.0, voice=None)
+    act.begin(0.0)
+    assert act.receive(typed)
+    tree = f"""
+        sequence:
+          - ask: {{text: Sure?, choices: {choices}}}
+          - say: ${{answer}}
+    """
+    result = rehearsed(tree, f"answers: {{ask: '{typed}'}}")
+    assert [act.answer, spoken_texts(result)[1]] == [later, later]
 
 
 def test_an_empty_answer_fails_as_the_skill_says() -> None:
@@ -285,6 +304,35 @@ def test_a_missing_value_stays_missing() -> None:
     assert "'scene.age' has no value" in result.message
 
 
+SCENE_WITH_DEFAULTS = """
+format: 1
+parameters:
+  age: {min: 1, max: 5, default: 3, missing: default}
+  familiarity: {min: 1, max: 5, default: 2}
+  mood: {min: 1, max: 5, default: 3}
+mood: mood
+no_person: {age: 1}
+"""
+
+
+def test_what_is_not_known_is_as_the_scene_layer_has_it() -> None:
+    space = read_scene_text(SCENE_WITH_DEFAULTS, "scene.yaml").space
+    spec = agent("sequence: [check: scene.age == 3, check: scene.familiarity > 0]")
+    result = rehearse(spec, space, scenario(spec, "scene: {mood: 4}"))
+    assert "'scene.familiarity' has no value" in result.message
+
+
+def test_nobody_has_the_values_of_no_person_until_somebody_comes() -> None:
+    space = read_scene_text(SCENE_WITH_DEFAULTS, "scene.yaml").space
+    spec = agent(
+        "sequence: [check: scene.age == 1 and live.age == 1, wait: 2 s, check: live.age == 3]"
+    )
+    comes_and_goes = "during: [{after: 1 s, person: true}, {after: 1.5 s, person: false}]"
+    said = scenario(spec, f"scene: {{person: false}}\n{comes_and_goes}")
+    result = rehearse(spec, space, said)
+    assert result.outcome is TreeOutcome.SUCCEEDED, result.message
+
+
 def test_replaced_nodes_are_not_rehearsed() -> None:
     tree = """
         sequence:
@@ -458,3 +506,25 @@ def test_what_happens_at_a_wait_is_asked_again_until_nothing_does() -> None:
     assert result.outcome is TreeOutcome.SUCCEEDED
     assert moods == []
     assert result.duration_s == pytest.approx(6.2, abs=0.21)
+
+
+def test_the_time_of_day_goes_on_from_where_the_rehearsal_begins() -> None:
+    late = rehearsed(
+        """
+        sequence:
+          - wait_for: clock.weekday == 'monday'
+          - when: clock.hour < 6
+            say: Good night.
+        """,
+        "clock: {hour: 22, weekday: sunday}",
+    )
+    assert spoken_texts(late) == ["Good night."]
+    assert events_of(late, EventKind.BEGINS) == [(7200.0, "say")]
+    assert spoken_texts(rehearsed("{when: clock.hour < 6, say: Good night.}")) == []
+
+
+def test_who_is_one_for_the_night_bids_at_night() -> None:
+    spec = agent("say: x", "requires: clock.hour >= 22 or clock.hour < 6")
+    for hour, bids in ((21, False), (22, True), (5, True), (6, False)):
+        case = scenario(spec, f"clock: {{hour: {hour}}}")
+        assert (rehearse(spec, SPACE, case).outcome is not None) is bids

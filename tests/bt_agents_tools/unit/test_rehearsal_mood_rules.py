@@ -24,6 +24,14 @@ def test_a_rule_with_a_cooldown_fires_each_time_it_has_held_again_after_it():
     assert [at for at, _ in fired] == pytest.approx([3.0, 25.0, 47.0], abs=0.01)
 
 
+def test_a_rule_that_cannot_be_decided_is_told():
+    head = "feedback: [{give: positive, when: 1 / (live.mood - 4) > 0}]\n"
+    result = rehearsed("wait: 9 s", "during: [{after: 2 s, mood: 4}]\n", head=head)
+    assert events_of(result, EventKind.LOGS) == [
+        (2.0, "error: the mood rule cannot be decided: 1 / (live.mood - 4) > 0 ('/' by zero)")
+    ]
+
+
 def test_a_rule_with_a_release_waits_until_the_mood_has_been_back():
     fired = feedback(
         f"{BETTER}, release: mood.change < 0.2",

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bt_agents_language.nodes.node_type import Mark
 from bt_agents_tools.rehearsal.assertions import AssertionFailure, aligned
 from bt_agents_tools.rehearsal.coverage import coverage
 from bt_agents_tools.rehearsal.suite import failure, run_case
@@ -91,6 +92,31 @@ def test_a_scene_for_which_the_agent_does_not_bid_fails_a_test_that_does_not_say
     [finding] = found(TWO, "ends: succeeded", "person: false,", head)
     assert "it needs scene.person" in finding.message
     assert "'bids: false'" in finding.message
+
+
+UNDECIDED = """
+selector:
+  - sequence:
+      - subtree: level_of_pain
+      - say: I call a nurse.
+        when: level >= 4
+  - say: Rest well.
+"""
+LEVEL = "subtrees: {level_of_pain: {outputs: {level: any}, tree: {set: {level: four}}}}"
+
+
+def test_a_condition_that_cannot_be_decided_fails_a_test_that_does_not_say_so() -> None:
+    [finding] = found(UNDECIDED, "ends: succeeded", head=LEVEL)
+    assert finding.message.startswith("cannot be decided: level >= 4 (")
+    assert finding.message.endswith("; mend it, or expect 'because: cannot be decided'")
+    assert found(UNDECIDED, "because: cannot be decided", head=LEVEL) == []
+
+
+def test_a_condition_that_cannot_be_decided_is_told_and_covers_nothing() -> None:
+    result = rehearsed(UNDECIDED, head=LEVEL)
+    assert "≡ error: cannot be decided: level >= 4 (" in transcript(result.events, width=200)
+    [path] = [path for path in result.marks if path.endswith("@when")]
+    assert result.marks[path] == {Mark.TICKED}
 
 
 def test_a_failure_shows_both_sides_and_what_happened() -> None:
@@ -279,6 +305,25 @@ def test_inputs_stand_with_commas_between_them() -> None:
     assert "▶ light blue, blink true" in transcript(
         rehearsed("light: {colour: blue, blink: true}").events
     )
+
+
+def test_all_that_is_shown_with_a_text_is_told() -> None:
+    shown = transcript(rehearsed("show: {text: Put it here., clip: hand, duration: 3 s}").events)
+    assert '▶ show "Put it here.", clip hand' in shown
+
+
+def test_a_message_is_lost_where_no_node_waits_for_it() -> None:
+    tree = """
+        sequence:
+          - wait: 2 s
+          - wait_for: {topic: bell, type: std_msgs/msg/Bool%s}
+            timeout: 1 s
+    """
+    rings = "during: [{after: 1 s, publish: {topic: bell, message: {data: true}}}]"
+    early = transcript(rehearsed(tree % "", rings).events)
+    assert "1.0 s  ◇ message on bell: data true – lost, no node waits for it" in early
+    assert "◆ message" in transcript(rehearsed(tree % ", latched: true", rings).events)
+    assert "◆ message" in transcript(rehearsed(tree % "", rings.replace("1 s", "2.5 s")).events)
 
 
 def test_a_node_that_is_stopped_is_marked() -> None:

@@ -51,6 +51,7 @@ def test_everything_can_be_said_by_options() -> None:
     result = rehearse(
         "silent_text",
         *("--scene", "mood=2"),
+        *("--clock", "hour=22", "--clock", "weekday=sunday"),
         *("--tune", "patience=20s"),
         *("--at", "1s mood=3.5"),
         *("--at", "3s buttons/confirm data=true"),
@@ -60,6 +61,7 @@ def test_everything_can_be_said_by_options() -> None:
         *("--seed", "3"),
     )
     for line in (
+        "sunday at 22 h",
         "patience 20 s",
         "1.0 s  ◆ mood 3.5",
         "2.0 s  ★ feedback positive: mood.change >= 0.5 held 1 s: mood 2 → 3.5",
@@ -137,6 +139,8 @@ def test_whoever_types_can_let_something_happen_when_nothing_else_does() -> None
         (("attentive_guide", "--at", "cancle"), "did you mean 'cancel'?"),
         (("silent_text", "--at", "x"), "possible here: cancel, buttons/confirm"),
         (("attentive_guide", "--at", "2s mood=bad"), "[bad-number]"),
+        (("silent_text", "--at", "2s buttons/confirm data=ja"), "'data' is 'ja', expected true"),
+        (("silent_text", "--at", "2s buttons/confirm dta=true"), "no field 'dta'"),
         (("attentive_guide", "--answer", "drive=yes"), "it gives nothing back"),
         (("attentive_guide", "--answer", "ask={broken"), "an option cannot be understood"),
         (("attentive_guide", "--script", f"{GUIDE}.test.yaml:xyz"), "no case has 'xyz'"),

@@ -207,6 +207,18 @@ def test_the_events_of_another_run_change_nothing():
     assert room.teaching.watching
 
 
+def test_a_rule_that_cannot_be_decided_is_a_problem_of_its_agent():
+    rule = restore_mood_rule(SPACE, when="1 / (live.mood - 3) > 0", give=2)
+    room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
+    room.teaching.on_run_started(run())
+    [outcome] = room.teaching.receive(scene(5.0, 3.0))
+    assert outcome.problem == (
+        "guide: the mood rule cannot be decided: 1 / (live.mood - 3) > 0 ('/' by zero)"
+    )
+    assert (outcome.change, outcome.stop) == (None, None)
+    assert room.teaching.receive(scene(5.0, 3.0)) == ()
+
+
 def test_a_replayed_run_whose_end_follows_teaches_nothing_even_without_a_hold():
     eager = replace(WORSE, hold_s=0.0)
     room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(eager,)),)))

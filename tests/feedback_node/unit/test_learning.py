@@ -70,7 +70,7 @@ def test_negative_feedback_stops_at_the_edge_of_the_range():
 @pytest.mark.parametrize(
     ("made", "text"),
     [
-        (negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5), "no direction leads away"),
+        (negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5), "negative feedback moves nothing"),
         (positive((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5), "it is there already"),
         (direct((3.0, 2.0, 4.0), (5.0, 5.0, 5.0), 0.0), "the learning rate is 0"),
         (negative((5.0, 5.0, 5.0), (1.0, 1.0, 1.0), 0.5), "at the edge"),

@@ -96,6 +96,21 @@ def test_a_condition_that_holds_long_enough_fires_with_its_reason():
     assert story.tick(1.0) == [(0, "mood.change <= -1.0 held 1 s: mood 4 → 2.5")]
 
 
+def test_a_condition_that_cannot_be_decided_does_not_fire_and_is_told_once():
+    story = Story(rule("1 / (live.mood - 3) > 0"))
+    story.see(0.0, scene(4.0))
+    assert story.watch.take_undecided() == ()
+    assert story.see(0.5, scene(3.0)) == []
+    assert story.see(0.6, scene(3.0)) == []
+    assert story.watch.take_undecided() == (
+        "the mood rule cannot be decided: 1 / (live.mood - 3) > 0 ('/' by zero)",
+    )
+    story.see(0.7, scene(4.0))
+    assert story.tick(1.6) == []
+    assert len(story.tick(1.7)) == 1
+    assert story.watch.take_undecided() == ()
+
+
 def test_a_rule_fires_once_in_a_run():
     story = Story(rule(WORSE, 0.0))
     assert len(story.see(0.0, scene(2.0))) == 1

@@ -147,6 +147,18 @@ def test_uncertainty_never_brings_a_bid_nearer(of: RoundArrays) -> None:
     assert (found.score >= scored("manhattan", of).score - 1e-12).all()
 
 
+@given(of=fields((3,)), margin=st.floats(0.0, 1.0), c=st.floats(0.0, 10.0))
+def test_nobody_further_than_the_margin_from_the_nearest_ever_wins(
+    of: RoundArrays, margin: float, c: float
+) -> None:
+    scores = scored("bounded_ucb", of, margin=margin, c=c)
+    allowed = margin * (of.widths * ~np.isnan(of.scene)).sum(axis=-1)
+
+    for row in range(3):
+        further = scores.distance[row, scores.score[row].argmin()] - scores.distance[row].min()
+        assert further <= allowed[row] + 1e-9
+
+
 @pytest.mark.parametrize("name", [name for name in NAMES if STRATEGIES[name].lines])
 @few
 @given(of=fields(), shift=st.integers(0, 4))

@@ -131,6 +131,16 @@ def seldom() -> Decision:
     return of(strategy="ucb", options={"c": 2.0}, runs=runs, last_run=runs, rounds_run=5)
 
 
+def explored() -> Decision:
+    runs = {CHILD: 4, EXPRESS: 1}
+    return of(strategy="bounded_ucb", runs=runs, last_run=runs, rounds_run=5)
+
+
+def explored_in_vain() -> Decision:
+    runs = {CHILD: 1, GUIDE: 1}
+    return of(strategy="bounded_ucb", runs=runs, last_run=runs, rounds_run=2)
+
+
 def nobody() -> Decision:
     ladder = replace(AS_GIVEN, person=False, label="a ladder")
     return of(ladder, agents={}, refused=(declined(GUIDE), declined(CHILD)))
@@ -144,7 +154,7 @@ DECISIONS: dict[str, Callable[[], Decision]] = {
     make.__name__: make
     for make in (
         estimated, tie, drawn, by_rule, outside_is_late, outside_ranks, pinned, weighted, seldom,
-        nobody, stopped,
+        explored, explored_in_vain, nobody, stopped,
     )
 }  # fmt: skip
 

@@ -181,7 +181,7 @@ def test_after_the_awarded_run_is_lost_anybody_may_take_over(market: Driver) -> 
 def test_an_award_waits_in_line_like_a_scene(market: Driver) -> None:
     market.run()
     words = market.operate(OperatorAction.AWARD, EXPRESS)
-    assert words.endswith("; scene 's1' is under way")
+    assert words.endswith("; it waits, number 1 in line: scene 's1' is under way")
     assert market.status.queued == 1
     market.end()
     market.collect()
@@ -193,7 +193,10 @@ def test_an_award_waits_in_line_like_a_scene(market: Driver) -> None:
 def test_an_award_stops_the_run_where_scenes_preempt() -> None:
     market = Driver(on_new_scene="preempt")
     market.run()
-    market.operate(OperatorAction.AWARD, EXPRESS)
+    words = market.operate(OperatorAction.AWARD, EXPRESS)
+    assert words.endswith(
+        "; scene 's1' is under way and may be stopped for it, otherwise it waits"
+    )
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)}, round=2)
 
     assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS

@@ -122,6 +122,31 @@ def test_the_bonus_of_ucb_falls_with_the_runs_of_an_agent_and_grows_with_those_o
     assert bonus(1, 100) > bonus(1, 10)
 
 
+def test_the_bonus_of_bounded_ucb_is_that_of_ucb_up_to_the_margin() -> None:
+    def bonus(runs: int, rounds: int, *scene: float) -> float:
+        seen = field(scene or (3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
+        return float(scored("bounded_ucb", seen, c=0.5, margin=0.4).bonus[0])
+
+    assert bonus(0, 0) == 0.0
+    assert bonus(3, 7) == pytest.approx(6.0 * math.sqrt(math.log(8) / 4))
+    assert bonus(0, 7) == pytest.approx(4.8)
+    assert bonus(0, 7, 3.0, NAN, 3.0) == pytest.approx(3.2), "shares of what is known"
+    assert bonus(0, 7, NAN, NAN, NAN) == 0.0
+
+
+def test_within_the_margin_everybody_gets_a_turn_and_beyond_it_nobody() -> None:
+    runs = [0, 0, 0]
+    for round_number in range(2_000):
+        seen = field((1.0, 1.0), [(1.0, 1.0), (2.5, 2.0), (3.0, 2.3)], runs=runs,
+                     rounds=round_number)  # fmt: skip
+        runs[int(scored("bounded_ucb", seen, c=0.5, margin=0.4).score.argmin())] += 1
+
+    nearest, within, beyond = runs
+    assert nearest > 1_900
+    assert within > 0
+    assert beyond == 0
+
+
 def test_thompson_comes_to_manhattan_as_an_agent_runs_again_and_again() -> None:
     def spread(runs: int) -> float:
         many = field(np.tile((3.0, 3.0, 3.0), (2_000, 1)), [GUIDE], runs=[runs])
@@ -177,12 +202,8 @@ def test_every_strategy_says_what_it_does_and_what_can_be_set() -> None:
         assert spec.values({}) == {option.name: option.default for option in spec.options}
 
 
-def test_the_market_takes_the_recommended_parameters() -> None:
-    folder = Path(__file__).parents[3] / "bt_agents_bringup" / "params"
-    text = (folder / "recommended.yaml").read_text()
-    given = yaml.safe_load(text)["/**/marketplace"]["ros__parameters"]
-    options = {name: value for name, value in given.items() if "." in name}
-    rest = {name: value for name, value in given.items() if "." not in name}
-    settings = Settings(options=options, **rest)
-    assert settings.strategy == "ucb"
-    assert settings.options_of("ucb") == {"c": 6.0}
+def test_out_of_the_box_exploration_is_bounded() -> None:
+    file = Path(__file__).parents[3] / "bt_agents_bringup" / "params" / "system.yaml"
+    launched = yaml.safe_load(file.read_text())["/**/marketplace"]["ros__parameters"]
+
+    assert launched["strategy"] == Settings().strategy == "bounded_ucb"

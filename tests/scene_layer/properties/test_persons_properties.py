@@ -17,7 +17,7 @@ from bt_agents_language.model.scene_specs import (
     PersonsSpec,
     TrackedSpec,
 )
-from scene_layer.memory import Memory, Running, from_text, ignorance, to_text
+from scene_layer.memory import Memory, Running, from_text, to_text
 from scene_layer.persons import NOBODY, Persons
 
 HOLD_S = 1.0
@@ -121,7 +121,7 @@ def test_the_uncertainty_of_an_estimate_never_falls_with_its_age(measured, age_s
     running = Running()
     for value, std, weight in measured:
         running = running.after(value, std, weight, 0.0)
-    young, old = (running.std(ignorance(AGE), age) for age in (age_s, age_s + more_s))
+    young, old = (running.std(AGE.ignorance, age) for age in (age_s, age_s + more_s))
     assert 0.0 < young <= old + 1e-12
 
 
@@ -131,9 +131,7 @@ def test_equal_measurements_are_estimated_as_they_are(value, count):
     for _ in range(count):
         running = running.after(value, 0.0, 1.0, 0.0)
     assert abs(running.mean - value) < 1e-9
-    assert (
-        running.std(ignorance(AGE), 0.0) <= ignorance(AGE) / math.sqrt(running.weight + 1) + 1e-9
-    )
+    assert running.std(AGE.ignorance, 0.0) <= AGE.ignorance / math.sqrt(running.weight + 1) + 1e-9
 
 
 names = st.text(min_size=1, max_size=20)

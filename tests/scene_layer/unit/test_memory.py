@@ -9,7 +9,7 @@ import numpy
 import pytest
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from scene_layer.memory import DRIFT_S, FADES, Memory, Running, ignorance
+from scene_layer.memory import DRIFT_S, FADES, Memory, Running
 
 AGE = SceneParameter(name="age", minimum=1.0, maximum=5.0, default=3.0)
 IGNORANCE = 4.0 / math.sqrt(12.0)
@@ -52,7 +52,7 @@ def test_what_sensors_doubt_is_in_the_estimate():
 
 
 def test_of_the_range_alone_the_deviation_is_that_of_any_value_of_it():
-    assert ignorance(AGE) == IGNORANCE
+    assert AGE.ignorance == IGNORANCE
 
 
 def test_what_is_kept_is_not_changed_by_what_comes_later():

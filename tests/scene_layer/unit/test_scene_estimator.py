@@ -137,6 +137,32 @@ def test_adopting_a_known_scene_keeps_what_was_given_since():
     assert lab.values(4.0) == ["missing", "given 2"]
 
 
+@pytest.mark.parametrize("follow_up", ["s+1", "s+12", "s+again", "s+again+1"])
+def test_what_was_given_holds_in_follow_up_rounds_until_something_newer_is_measured(follow_up):
+    lab = Lab(PERSON)
+    lab.estimate.begin("s", "words", {"age": 4.0, "mood": 4.0}, True, 1.0)
+    awarded = lab.scene(1.0).with_id(follow_up)
+    lab.read(MOOD, 2.0, 2.0)
+    lab.estimate.adopt(awarded, 3.0)
+    scene = lab.scene(3.5, follow_up)
+    assert (scene.scene_id, scene.label, scene.person) == (follow_up, "words", True)
+    assert lab.values(3.5, follow_up) == ["given 4", "measured 2"]
+    lab.estimate.give(follow_up, {"mood": 1.0}, None, 4.0)
+    assert lab.values(4.5, "s+2")[1] == "given 1", "the round after it is of the same interaction"
+    lab.read(PERSON, False, 5.0)
+    assert not lab.scene(5.5, follow_up).person
+
+
+def test_the_person_of_a_foreign_scene_is_there_until_anything_is_measured_here():
+    lab = Lab(PERSON)
+    missing = tuple(SceneValue.missing(name) for name in SPACE.names)
+    lab.estimate.adopt(Scene(scene_id="s", label="", person=True, values=missing), 1.0)
+    assert lab.scene(100.0).person
+    lab.read(PERSON, True, 101.0)
+    assert lab.scene(102.0).person
+    assert not lab.scene(110.0).person, "the sensor lived, and has fallen silent"
+
+
 def test_old_interactions_are_forgotten_one_by_one():
     lab = Lab()
     for number in range(MAX_INTERACTIONS + 1):

@@ -16,13 +16,20 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class RandomChoice(ChooseOne):
-    """Ticks one child, drawn at each start, the more often the larger its weight."""
+    """Ticks one child, drawn at each start, the more often the larger its weight.
+
+    Without repeats, those that had their turn are left out until all have had theirs; the last one
+    does not come twice in a row even then.
+    """
 
     def __init__(
         self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
     ) -> None:
         super().__init__(spec, context, scope, build)
         seed = self.fields.constant("seed")
+        self._repeats = bool(self.fields.constant("repeats", True))
+        self._had: set[Weight] = set()
+        self._last: Weight | None = None
         self._random = Random(seed) if isinstance(seed, int) else context.random
 
     def pick(self) -> Behaviour:
@@ -33,11 +40,23 @@ class RandomChoice(ChooseOne):
                 weights[child] = weight
         if not weights:
             raise Refused("NO_WEIGHT", "all weights are 0, expected at least one larger number")
+        if not self._repeats:
+            weights = self._not_had(weights)
         # Scaled, so that the sum of large weights is finite.
         shares = [weight / max(weights.values()) for weight in weights.values()]
         [picked] = self._random.choices(list(weights), shares)
+        self._had.add(picked)
+        self._last = picked
         self.feedback_message = f"picked '{picked.decorated.name}'"
         return picked
+
+    def _not_had(self, weights: dict[Weight, float]) -> dict[Weight, float]:
+        left = {child: weight for child, weight in weights.items() if child not in self._had}
+        if left:
+            return left
+        self._had.clear()
+        others = {child: weight for child, weight in weights.items() if child is not self._last}
+        return others or weights
 
 
 BEHAVIOURS = {"random": RandomChoice}

@@ -7,12 +7,13 @@ from py_trees.common import Status
 
 from bt_agents.engine.light_behaviour import SUCCESS
 from bt_agents.engine.loops import Loop
+from bt_agents_language.expression.expressions import MissingValue
 
 
 class Repeat(Loop):
     """SUCCESS after so many rounds in all, or when a condition is true at the end of one.
 
-    A FAILURE of the child ends it. A condition that cannot be evaluated is not true yet.
+    A FAILURE of the child ends it. A condition with a missing value is not true yet.
     """
 
     def ended(self, status: Status) -> Status:
@@ -28,7 +29,7 @@ class Repeat(Loop):
     def _is_over(self) -> bool:
         try:
             return "until" in self.fields and self.fields.is_true("until")
-        except Exception:
+        except MissingValue:
             return False
 
 

@@ -17,6 +17,7 @@ from bt_agents.host.environment.goal import GoalDeadlines, GoalTrack, RosGoalRun
 from bt_agents.host.environment.subscriptions import Heartbeats, LatchedTopic, open_inbox
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.local_time import LocalTime, local_time
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import Binding, NodeSpec
@@ -101,6 +102,10 @@ class RosEnvironment:
         self._publishers: dict[tuple[str, str], Any] = {}
         self._latched: dict[tuple[str, str], LatchedTopic] = {}
         self._feedback: FeedbackRequests | None = None
+
+    def local_time(self) -> LocalTime:
+        """Return the local time of the node's clock."""
+        return local_time(self._node.get_clock().now().nanoseconds * 1e-9)
 
     def prepare(self, spec: NodeSpec) -> None:
         """Create what a node will use ahead of its first use, so that discovery is over by then.

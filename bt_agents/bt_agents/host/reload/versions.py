@@ -165,7 +165,10 @@ class AgentVersions:
         return self.histories[name]
 
     def find(self, name: str, number: int) -> Version:
-        """Return a version to roll back to; for the number 0 the one before the current.
+        """Return a version to roll back to.
+
+        For the number 0 it is the one before the current, but the newest good one while the file
+        is broken, so that the file is as it was before.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_VERSION``, ``SAME_VERSION``, or ``NO_FILE``.
@@ -177,7 +180,9 @@ class AgentVersions:
                 f"{name} leaves at the end of its run ({history.removal_reason}); put it back",
             )
         known = [one.number for one in history.versions]
-        if number == 0:
+        if number == 0 and history.problems:
+            number = history.newest.number
+        elif number == 0:
             number = max((n for n in known if n < history.current.number), default=0)
             if not number:
                 raise Refused(

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
+from bt_agents_core.local_time import NOON, WEEKDAYS, LocalTime
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.interfaces import read_ros_name
@@ -24,7 +25,7 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedEvent,
 )
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, SkillSpec
-from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.nodes.catalogue import NODE_TYPES, type_of
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.field_tables import (
     ANY,
@@ -84,15 +85,23 @@ _HAPPENING = KeyTable(
         FieldDecl("cancel", TEXT, "The run is cancelled, for this reason."),
     ),
 )
+_CLOCK = KeyTable(
+    what="'clock'",
+    fields=(
+        FieldDecl("hour", integer(0, 23), "Hour of the day.", default=NOON.hour),
+        FieldDecl("weekday", WordChoice(WEEKDAYS), "Day of the week.", default=NOON.weekday),
+    ),
+)
 SCENARIO = KeyTable(
     what="a rehearsal",
     fields=(
         FieldDecl(
             "scene",
             SceneValues(person="Whether a person is there."),
-            "The scene as awarded; the rest is missing.",
+            "The scene as awarded; the rest is as scene.yaml says of what is missing.",
         ),
         FieldDecl("person", BOOLEAN, "Whether a person is there."),
+        FieldDecl("clock", _CLOCK, "The local time at the start, on the hour."),
         FieldDecl(
             "tunables", Entries(ANY, "names and values"), "Values that differ from the defaults."
         ),
@@ -126,6 +135,7 @@ class ScenarioReader:
     def __init__(self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable) -> None:
         self._reading = reading
         self._space = symbols.space
+        self._interfaces = symbols.interfaces
         self._nodes = tuple(nodes_of(agent))
         self._tunables = {tunable.name: tunable for tunable in agent.tunables}
         self.skills: dict[str, SkillSpec] = {}
@@ -160,11 +170,22 @@ class ScenarioReader:
         return Scenario(
             scene=values,
             person=True if person is None else person,
+            clock=self._clock(fields.get("clock")),
             tunables=self._tuned(fields.entries("tunables")),
             seed=fields.integer("seed", maximum=2**63 - 1) or 0,
             answers=tuple(one for one in rules if one is not None),
             replace=tuple(one for one in replacements if one is not None),
             during=tuple(one for one in happenings if one is not None),
+        )
+
+    def _clock(self, node: Node | None) -> LocalTime:
+        fields = None if node is None else self._reading.keys(node, _CLOCK)
+        if fields is None:
+            return NOON
+        hour = fields.integer("hour")
+        return LocalTime(
+            hour=NOON.hour if hour is None else hour,
+            weekday=fields.choice("weekday") or NOON.weekday,
         )
 
     def path(self, node: Node, what: str, *, skills: bool = False) -> str | None:
@@ -365,7 +386,24 @@ class ScenarioReader:
             self._reading.wrong_type(
                 written, "'message'", "a mapping such as {data: true}", Shape.MAPPING
             )
-        return topic, message if isinstance(message, Mapping) else {}
+        if not isinstance(message, Mapping):
+            return topic, {}
+        self._refuse_misfit(written or topic_node, topic, message)
+        return topic, message
+
+    def _refuse_misfit(self, node: Node, topic: str, message: Mapping[str, Plain]) -> None:
+        """Report a message that a type with which the agent waits on a topic cannot hold."""
+        known = self._interfaces
+        if known is None:
+            return
+        waited = (type_of(one).resources(one).topic for one in self._nodes)
+        types = dict.fromkeys(one[1] for one in waited if one is not None and one[0] == topic)
+        for name in types:
+            if known.type_problem(BindingKind.TOPIC, name):
+                continue
+            problem = known.value_problem(BindingKind.TOPIC, name, "message", message)
+            if problem:
+                self._reading.error("wrong-value", node, f"{name}: {problem}")
 
     def _refuse_unused_topic(self, node: Node, topic: str) -> None:
         topics = [one.fields["topic"] for one in self._nodes if "topic" in one.fields]

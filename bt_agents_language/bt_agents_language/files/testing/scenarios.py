@@ -10,6 +10,7 @@ from enum import Enum
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
+from bt_agents_core.local_time import NOON, LocalTime
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 REPLACED = "replaced"
@@ -89,7 +90,8 @@ class Scenario:
     """One interaction to rehearse.
 
     Attributes:
-        scene: Values of scene parameters as awarded; the others are missing.
+        scene: Values of scene parameters as awarded; the others are not known.
+        clock: Local time at the start.
         tunables: Values that differ from the defaults.
         answers: Those of paths count before those of skills, else the first that fits.
         replace: The first that fits a node counts.
@@ -98,6 +100,7 @@ class Scenario:
 
     scene: Mapping[str, float] = field(default_factory=dict)
     person: bool = True
+    clock: LocalTime = NOON
     tunables: Mapping[str, Plain] = field(default_factory=dict)
     seed: int = 0
     answers: tuple[AnswerRule, ...] = ()

@@ -26,6 +26,7 @@ from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.folder_reader import SUFFIXES
 from bt_agents_language.tools.folder_check import Checked, check_folder
 from bt_agents_tools.cli.formatting import counted
+from bt_agents_tools.rehearsal.installed_types import installed_types
 
 
 @click.command()
@@ -50,7 +51,7 @@ def check(paths: tuple[str, ...], form: str, strict: bool, watch: bool) -> None:
     """
     show = _SHOW[form]
     if not watch:
-        checked = check_paths(paths, _installed())
+        checked = check_paths(paths, installed_types())
         show(checked)
         fails = count(checked.problems, Severity.ERROR) or (strict and checked.problems)
         sys.exit(1 if fails else 0)
@@ -101,7 +102,7 @@ def watched(
 
     ``sleep`` waits so many seconds; it raises ``KeyboardInterrupt`` to end.
     """
-    interfaces = _installed()
+    interfaces = installed_types()
     folders = {_located(Path(path))[0] for path in paths} or {find_trees()}
     # Looked at before it is checked: a change during the check must not be missed.
     seen = changes(lambda: poll(folders, SUFFIXES), sleep)
@@ -170,12 +171,3 @@ _SHOW: Mapping[str, Callable[[Checked], None]] = {
     "json": _show_json,
     "github": _show_annotations,
 }
-
-
-def _installed() -> Interfaces | None:
-    """Return the installed ROS types; None without ROS, where types stay unchecked."""
-    try:
-        from bt_agents_ros.installed import InstalledInterfaces
-    except ImportError:
-        return None
-    return InstalledInterfaces()

@@ -26,7 +26,7 @@ from bt_agents_tools.launcher.domain_lock import reserve_domain
 @click.option("--tags", default="airport", show_default=True, help="Agents with these tags.")
 @journal_option
 def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> None:
-    """Show a morning at an airport, in a minute."""
+    """Show a morning at an airport, in a minute; or the visits of another script, to its end."""
     interrupt = Interrupt()
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())

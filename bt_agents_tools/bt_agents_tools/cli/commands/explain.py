@@ -47,9 +47,9 @@ Part = Text | Table | Padding
 def explain(word: str, directory: str) -> None:
     """Explain a word of the language or a code of an error; without one, list them all.
 
-    WORD is a node, a skill, a decorator, a kind of file or a key of one, a subtree of a library,
-    or one of units, expressions and names. CODE stands in brackets in a report of 'bt-agents
-    check': error[unknown-node].
+    WORD is a node, a skill, a decorator, a kind of file, a key of a file or node, a subtree of a
+    library, or one of units, expressions and names. CODE stands in brackets in a report of
+    'bt-agents check': error[unknown-node].
     """
     console = Console(highlight=False)
     symbols = _symbols(directory)
@@ -82,27 +82,45 @@ def explanation(word: str, symbols: SymbolTable) -> Iterable[Part]:
     plain = word.strip().rstrip(":")
     if plain.endswith("]"):
         plain = plain[:-1].rpartition("[")[2]
-    if plain in codes():
-        return _code(codes()[plain])
-    page = node_page(plain, symbols)
-    if page is not None:
-        return _node(page)
-    about = topic(plain, symbols.space)
-    if about is not None:
-        return _topic(about)
     subtrees = list(_subtrees(symbols))
-    pages = [subtree_page(library, one) for library, one in subtrees if one.name == plain]
+    pages = list(_pages(plain, symbols, subtrees))
     if pages:
-        return (part for one in pages for part in _node(one))
-    in_files = file_pages(plain)
-    if in_files:
-        return (part for one in in_files for part in _file(one))
+        # With an empty line between two of them.
+        return (part for one in pages for part in (Text(), *one)[one is pages[0] :])
     # A misspelt node is likelier than a misspelt key or code.
-    names = [one.key for one in node_pages(symbols)] + [*TOPICS]
-    names += (one.name for _, one in subtrees)
-    near = next(filter(None, (nearest(plain, of) for of in (names, file_words(), codes()))), None)
+    nodes = node_pages(symbols)
+    names = [one.key for one in nodes] + [*TOPICS] + [one.name for _, one in subtrees]
+    keys = [*file_words(), *(field.name for one in nodes for field in one.fields)]
+    near = next(filter(None, (nearest(plain, of) for of in (names, keys, codes()))), None)
     hint = f"did you mean '{near}'?" if near else "'bt-agents explain' lists all"
     raise BtAgentsError(f"there is no word or code {quote(plain)}; {hint}")
+
+
+def _pages(
+    word: str, symbols: SymbolTable, subtrees: Iterable[tuple[str, SubtreeSpec]]
+) -> Iterator[Iterable[Part]]:
+    """Yield all pages of a word: a node may be called like a key of a file or of a node."""
+    if word in codes():
+        yield _code(codes()[word])
+    page = node_page(word, symbols)
+    if page is not None:
+        yield _node(page)
+    about = topic(word, symbols.space)
+    if about is not None:
+        yield _topic(about)
+    for library, one in subtrees:
+        if one.name == word:
+            yield _node(subtree_page(library, one))
+    for in_file in file_pages(word):
+        yield _file(in_file)
+    for node in node_pages(symbols):
+        for field in (field for field in node.fields if field.name == word):
+            where = f"key of {node.key}"
+            yield _file(
+                FilePage(
+                    key=word, where=where, description=field.description, expected=field.expected
+                )
+            )
 
 
 def _subtrees(symbols: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:

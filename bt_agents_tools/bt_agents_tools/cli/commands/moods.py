@@ -8,14 +8,14 @@ import time
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.text import format_known
+from bt_agents_core.text import DIGITS, format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import SOON_S
+from bt_agents_tools.cli.formatting import fitted_console
 
 
 @click.command()
@@ -47,7 +47,7 @@ def moods(agent: str, round_number: int) -> None:
         when = time.strftime("%H:%M:%S", time.localtime(trace.stamp.sec))
         who = f" with {trace.person_id}" if trace.person_id else ""
         click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
-        Console().print(mood_table(trace, _names(trees, trace.agent)))
+        fitted_console().print(mood_table(trace, _names(trees, trace.agent)))
 
 
 def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
@@ -69,7 +69,7 @@ def mood_table(trace: Any, names: dict[str, str]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("node", overflow="fold")
     for heading in ("time", "mood", "change"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", overflow="fold")
     table.add_column("path", style="dim", overflow="fold")
     for leaf, seconds, mean, change in zip(
         trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
@@ -87,4 +87,4 @@ def mood_table(trace: Any, names: dict[str, str]) -> Table:
 def _change(value: float) -> Text:
     if math.isnan(value) or value == 0.0:
         return Text(format_known(value))
-    return Text(f"{value:+.3g}", style="green" if value > 0 else "red")
+    return Text(f"{value:+.{DIGITS}g}", style="green" if value > 0 else "red")

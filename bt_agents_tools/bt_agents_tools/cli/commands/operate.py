@@ -64,7 +64,7 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
     """Give AGENT the run for a scene, whoever else is nearer.
 
     Without values it is the last scene. With values, what is not named is as in the last scene,
-    or missing.
+    or as scene.yaml says of what is missing.
     """
     with connect() as observer:
         given, names = {}, names_of_scenes(last_decisions(observer))
@@ -86,7 +86,7 @@ def preview(values: Assignments, strategy: str, person: bool | None) -> None:
     """Say who would win, without giving anybody a run.
 
     For example: bt-agents preview age=4 mood=2 --strategy ucb. What is not named is as in the last
-    scene, or missing.
+    scene, or as scene.yaml says of what is missing.
     """
     with connect() as observer:
         given = {}

@@ -38,9 +38,14 @@ def preset(context: click.Context) -> None:
 @preset.command()
 @click.argument("name")
 @click.argument("agents", nargs=-1, metavar="[AGENT]...")
-def save(name: str, agents: tuple[str, ...]) -> None:
+@click.option("--replace", is_flag=True, help="Do not ask before a preset is overwritten.")
+def save(name: str, agents: tuple[str, ...], replace: bool) -> None:
     """Keep the tunables and learning rates of AGENTs, or of all, under a NAME."""
     with connect() as observer:
+        values = sum(len(one.names) for one in _presets(observer) if one.name == name)
+        if values and not replace:
+            what = f"preset '{name}' has {counted(values, 'value')} already"
+            click.confirm(f"{what}; replace it? (--replace does not ask)", abort=True)
         by_host: dict[str, list[str]] = {}
         for agent in agents:
             by_host.setdefault(find_host(observer, agent), []).append(agent)

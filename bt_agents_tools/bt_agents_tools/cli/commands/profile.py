@@ -12,22 +12,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import format_known
 from bt_agents_language.expression.quantities import QuantityError, quantity
 from bt_agents_tools.cli.commands.tune import user
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 from bt_agents_tools.cli.formatting import KINDS, counted
+from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_NO_TERMINAL = 10_000
-_FOLDED = ("agent", "for", "what", "from", "change", "why")
 _DAY_S = 86_400.0
 _MAX_PROBLEMS = 20
 
@@ -39,7 +36,12 @@ _reason = click.option("--reason", default="", help="Why, in words.")
 
 
 class _ProfileGroup(click.Group):
-    """A group whose first argument may be the name of an agent instead of a command."""
+    """A group whose first argument may be an agent or an option of `show`, not a command."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        is_option = bool(args) and args[0].startswith("-")
+        shows = is_option and args[0] not in self.get_help_option_names(ctx)
+        return super().parse_args(ctx, ["show", *args] if shows else args)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -60,58 +62,60 @@ def profile(ctx: click.Context) -> None:
 
 @profile.command()
 @click.argument("agent", required=False, default="")
-def show(agent: str) -> None:
+@table_options
+def show(agent: str, form: TableForm) -> None:
     """Show the profiles of an AGENT, or of all: everybody's, and those of persons and places."""
     with connect() as observer:
         answer = _manage(observer, "EXPORT" if agent else "HISTORY", agent=agent)
     profiles = json.loads(answer.document)["profiles"]
     if not profiles:
-        click.echo("no agent is known to the feedback node yet")
-        return
+        click.echo("no agent is known to the feedback node yet", err=True)
     names = list(dict.fromkeys(name for one in profiles for name in one["values"]))
-    table = _table("agent", "for", "revision", "feedbacks", "changed", "seem wrong", *names)
-    last = ""
+    columns = (
+        Column(key="agent"),
+        Column(key="layer", title="for", text=lambda layer: layer or "everybody"),
+        *(Column(key=name, text=format_known, right=True) for name in names),
+        Column(key="revision", right=True),
+        Column(key="feedbacks", right=True),
+        Column(key="changed", text=lambda stamp: _when(stamp, "%m-%d %H:%M")),
+        Column(key="seem_wrong", title="seem wrong", text="{:.0%}".format, right=True),
+    )
+    rows = []
     for one in profiles:
-        wrong = "" if one["false_rate"] is None else f"{one['false_rate']:.0%}"
-        values = [format(one["values"][n], ".4g") if n in one["values"] else "" for n in names]
-        table.add_row(
-            _plain(one["agent"]) if one["agent"] != last else "",
-            _plain(one["layer"]) or "everybody",
-            str(one["revision"]),
-            str(one["changes"]),
-            _when(one["stamp"], "%m-%d %H:%M"),
-            wrong,
-            *values,
-        )
-        last = one["agent"]
-    _print(table)
+        values = [one["values"].get(name) for name in names]
+        counts = (one["revision"], one["changes"], one["stamp"], one["false_rate"])
+        rows.append((one["agent"], one["layer"], *values, *counts))
+    print_table(columns, rows, form)
 
 
 @profile.command()
 @click.argument("agent")
 @_layer
-@click.option("--json", "as_json", is_flag=True, help="As JSON, with everything that is known.")
-def history(agent: str, layer: str, as_json: bool) -> None:
+@table_options
+def history(agent: str, layer: str, form: TableForm) -> None:
     """List the revisions of an AGENT's profile, the oldest first, and why there is each."""
     with connect() as observer:
         answer = _manage(observer, "HISTORY", agent=agent, layer=layer)
-    if as_json:
-        click.echo(answer.document)
+    document = json.loads(answer.document)
+    if form is TableForm.JSON:
+        print_json(document)
         return
-    table = _table("revision", "when", "what", "from", "change", "why")
+    columns = (
+        Column(key="revision", right=True),
+        Column(key="when", text=_when),
+        Column(key="what"),
+        Column(key="from"),
+        Column(key="change"),
+        Column(key="why"),
+    )
     before: Mapping[str, float] = {}
-    for one in json.loads(answer.document)["revisions"]:
-        row = (
-            str(one["revision"]),
-            _when(one["stamp"]),
-            _cause(one),
-            one.get("source", ""),
-            _changes(before, one["values"]),
-            one.get("reason", ""),
-        )
-        table.add_row(*map(_plain, row))
+    rows = []
+    for one in document["revisions"]:
+        change = _changes(before, one["values"])
+        source, reason = one.get("source", ""), one.get("reason", "")
+        rows.append((one["revision"], one["stamp"], _cause(one), source, change, reason))
         before = one["values"]
-    _print(table)
+    print_table(columns, rows, form)
 
 
 @profile.command()
@@ -195,10 +199,12 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
             if not old:
                 click.echo("nothing to forget")
                 return
-            table = _table("agent", "for", "changed")
-            for one in old:
-                table.add_row(_plain(one["agent"]), _plain(one["layer"]), _when(one["stamp"]))
-            _print(table)
+            columns = (
+                Column(key="agent"),
+                Column(key="layer", title="for"),
+                Column(key="changed", text=_when),
+            )
+            print_table(columns, [(one["agent"], one["layer"], one["stamp"]) for one in old])
             click.confirm(f"forget {counted(len(old), 'profile')}, for ever?", abort=True)
         answer = _manage(
             observer, "EXPIRE", agent=agent, layer=kind or "", older_s=age, author=author
@@ -299,25 +305,6 @@ def _age(text: str) -> float:
         raise Refused("BAD_AGE", f"{option}: {error}; for example 90d or 12 h") from None
 
 
-def _plain(text: str) -> str:
-    """Return a text for a table, without markup and with control characters escaped."""
-    return escape("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text))
-
-
-def _table(*columns: str) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in columns:
-        table.add_column(column, overflow="fold", no_wrap=column not in _FOLDED)
-    return table
-
-
-def _print(table: Table) -> None:
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_NO_TERMINAL)
-    console.print(table, highlight=False)
-
-
 def _when(stamp: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
     return time.strftime(form, time.localtime(stamp))
 
@@ -330,7 +317,9 @@ def _cause(one: Mapping[str, Any]) -> str:
 
 def _changes(before: Mapping[str, float], after: Mapping[str, float]) -> str:
     changes = [
-        f"{name} {before[name]:.4g} → {value:.4g}" if name in before else f"{name} {value:.4g}"
+        f"{name} {format_known(before[name])} → {format_known(value)}"
+        if name in before
+        else f"{name} {format_known(value)}"
         for name, value in after.items()
         if before.get(name) != value
     ]

@@ -16,7 +16,8 @@ from rich.text import Text
 from bt_agents.engine.run import TreeOutcome
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.errors import BtAgentsError, ReadError
-from bt_agents_core.scene import SceneSpace
+from bt_agents_core.local_time import NOON
+from bt_agents_core.scene import Origin, SceneSpace
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
 from bt_agents_language.files.testing.scenarios import AgentTestCase, Scenario
@@ -28,6 +29,7 @@ from bt_agents_tools.cli.scenario_options import scenario_yaml
 from bt_agents_tools.rehearsal import rehearsal
 from bt_agents_tools.rehearsal.assertions import failed_assertions
 from bt_agents_tools.rehearsal.events import Event, Rehearsed
+from bt_agents_tools.rehearsal.installed_types import with_installed_types
 from bt_agents_tools.rehearsal.rehearsal_scenes import awarded
 from bt_agents_tools.rehearsal.suite import TreesFolders
 from bt_agents_tools.rehearsal.transcript import WIDTH, ending, lines, style_of, table, tuned_text
@@ -45,6 +47,7 @@ Examples:
 @click.argument("arguments", nargs=-1, metavar="AGENT")
 @click.option("--dir", "directory", default="", help="The trees folder in which AGENT is.")
 @click.option("--scene", multiple=True, metavar="NAME=VALUE ...", help="The scene: age=4 mood=3.")
+@click.option("--clock", multiple=True, metavar="hour=22", help="Local time; weekday=sunday.")
 @click.option("--script", metavar="FILE[:CASE]", default="", help="A case of a test file.")
 @click.option("--answer", multiple=True, metavar="SKILL=ANSWER", help="ask=yes, drive={fails: x}.")
 @click.option("--at", multiple=True, metavar="'TIME WHAT'", help="'2s mood=1.5', '5s cancel' …")
@@ -57,6 +60,7 @@ def rehearse(
     arguments: tuple[str, ...],
     directory: str,
     scene: tuple[str, ...],
+    clock: tuple[str, ...],
     script: str,
     answer: tuple[str, ...],
     at: tuple[str, ...],
@@ -78,25 +82,26 @@ def rehearse(
     if agent.partition(":")[0].endswith(TEST_SUFFIXES):
         agent, script = "", agent
     trees, spec, case = _material(agent, script, directory)
-    space = trees.scene.space
+    space, symbols = trees.scene.space, with_installed_types(trees.symbols)
     options = scenario_yaml(
         spec,
         # --scene takes only the first of its values; the others come as arguments.
         scene=(*scene, *(one for one in arguments if "=" in one)),
+        clock=clock,
         tunables=tune,
         answers=answer,
         events=at,
         seed=seed,
     )
     try:
-        from_options = read_scenario_text(options.text, "the options", spec, trees.symbols)
+        from_options = read_scenario_text(options.text, "the options", spec, symbols)
     except ReadError as error:
         explained = options.explained(error)
         raise BtAgentsError(f"an option cannot be understood\n{explained}") from None
     scenario = _joined(case.scenario if case is not None else None, from_options, seed)
     console = Console(highlight=False, soft_wrap=True)
     width = min(max(console.width, WIDTH), 120)
-    person = InteractiveAnswers(console, spec, trees.symbols) if interactive else None
+    person = InteractiveAnswers(console, spec, symbols) if interactive else None
     console.print(_heading(spec, scenario, space, case))
     rehearsed = rehearsal.rehearse(
         spec,
@@ -118,7 +123,7 @@ def _material(
     file, _, name = script.partition(":")
     path = Path(file)
     trees = read_trees(find_trees(directory)) if directory else TreesFolders().trees_of(path)
-    test = read_test(path, trees.agents, trees.symbols)
+    test = read_test(path, trees.agents, with_installed_types(trees.symbols))
     case = _chosen(test.cases, name, file)
     if not agent:
         return trees, test.agent, case
@@ -147,6 +152,7 @@ def _joined(first: Scenario | None, options: Scenario, seed: int | None) -> Scen
         first,
         scene={**first.scene, **options.scene},
         person=first.person and options.person,
+        clock=first.clock if options.clock == NOON else options.clock,
         tunables={**first.tunables, **options.tunables},
         seed=first.seed if seed is None else seed,
         answers=(*options.answers, *first.answers),
@@ -158,16 +164,25 @@ def _heading(
     spec: AgentSpec, scenario: Scenario, space: SceneSpace, case: AgentTestCase | None
 ) -> Text:
     parts = []
-    for parameter in space.parameters:
-        value = scenario.scene.get(parameter.name)
-        if value is None:
+    scene = awarded(space, scenario)
+    for parameter, value in zip(space.parameters, scene.values, strict=True):
+        if value.origin is Origin.MISSING:
             parts.append(f"{parameter.name} missing")
-        else:
-            label = parameter.labels.get(value, "")
-            parts.append(f"{parameter.name} {value:g}" + (f" ({label})" if label else ""))
+            continue
+        notes = (
+            parameter.labels.get(value.value, ""),
+            "default" if value.origin is Origin.DEFAULT else "",
+        )
+        known = ", ".join(filter(None, notes))
+        parts.append(f"{parameter.name} {value.value:g}" + (f" ({known})" if known else ""))
     about_person = spec.requires is not None and "scene.person" in spec.requires.names
     if about_person or not scenario.person:
         parts.append("a person is there" if scenario.person else "nobody is there")
+    about_time = spec.requires is not None and any(
+        name.startswith("clock.") for name in spec.requires.names
+    )
+    if about_time or scenario.clock != NOON:
+        parts.append(f"{scenario.clock.weekday} at {scenario.clock.hour} h")
     parts += [
         tuned_text(one, scenario.tunables[one.name])
         for one in spec.tunables
@@ -178,7 +193,7 @@ def _heading(
         heading.append(f" · {case.name}")
     heading.append(f"\n{', '.join(parts)}\n", style="not bold dim")
     tunables = {one.name: one.default for one in spec.tunables} | {**scenario.tunables}
-    decline = unmet(spec, space, awarded(space, scenario), spec.profile, tunables)
+    decline = unmet(spec, space, scene, spec.profile, tunables, lambda: scenario.clock)
     if decline is not None:
         note = f"The market would not call it: it does not bid, it {decline.reason}.\n"
         heading.append(note, style="not bold yellow")
@@ -208,4 +223,5 @@ def _close(console: Console, rehearsed: Rehearsed, case: AgentTestCase | None) -
     if case is not None and not failures:
         console.print(Text("✔ as the test expects", style="green"))
         return 0
-    return int(bool(failures) or rehearsed.outcome in (TreeOutcome.FAILED, None))
+    sound = rehearsed.outcome not in (TreeOutcome.FAILED, None) and not rehearsed.undecided
+    return int(bool(failures) or not sound)

@@ -52,7 +52,8 @@ def versions(agent: str) -> None:
 def roll_back(agent: str, version: int | None, now: bool) -> None:
     """Give an AGENT an earlier VERSION; without one, that before the current.
 
-    Its file is written back, so that the robot does what the file says.
+    Of a file that is broken it is the one in force. The file is written back, so that the robot
+    does what the file says.
     """
     with connect() as observer:
         host = find_host(observer, agent)

@@ -21,6 +21,7 @@ from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_tools.cli.connection import accepted, connect
+from bt_agents_tools.cli.formatting import fitted_console
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -68,9 +69,9 @@ def scene(watch: bool, as_json: bool, directory: str) -> None:
 
 def _print(message: Any, persons: Any, labels: Labels, as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps(as_document(message, persons), ensure_ascii=False))
+        click.echo(json.dumps(as_document(message, persons)))
     else:
-        Console().print(page(message, persons, labels))
+        fitted_console().print(page(message, persons, labels))
 
 
 def _labels(directory: str) -> Labels:
@@ -119,11 +120,11 @@ def _heading(message: Any) -> str:
 
 def _values(message: Any, labels: Labels) -> Table:
     table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("parameter", no_wrap=True)
+    table.add_column("parameter", overflow="fold")
     table.add_column("value", overflow="fold")
     table.add_column("is")
     for heading in ("age", "sure"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(heading, justify="right", overflow="fold")
     table.add_column("from", overflow="fold")
     for value in message.values:
         origin = Origin(value.origin)
@@ -141,7 +142,7 @@ def _values(message: Any, labels: Labels) -> Table:
 
 
 def _value(value: Any, labels: Labels) -> str:
-    text = f"{value.value:.3g}"
+    text = format_known(value.value)
     if value.std > 0.0:
         text += f" ± {value.std:.2g}"
     parameter = labels.get(value.name)
@@ -173,7 +174,7 @@ def _persons(persons: Any) -> Table:
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("person", overflow="fold")
     for value in persons.scenes[0].values:
-        table.add_column(Text(value.name), justify="right")
+        table.add_column(Text(value.name), justify="right", overflow="fold")
     for one in persons.scenes:
         mark = "* " if one.person_id == persons.addressee else "  "
         numbers = (

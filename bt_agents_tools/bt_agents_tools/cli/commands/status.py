@@ -4,35 +4,58 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import click
-from rich.console import Console
 
 from bt_agents.host.reload.host_card_diff import degraded_reason, problem_text
+from bt_agents_core.text import format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import (
     SOON_S,
     admission_text,
+    as_plain_data,
     disagreements,
     end_text,
+    last_decisions,
     last_end_received,
     names_of_scenes,
 )
-from bt_agents_tools.cli.formatting import STATES, constant_text, counted, print_line
+from bt_agents_tools.cli.formatting import (
+    STATES,
+    constant_text,
+    counted,
+    fitted_console,
+    print_line,
+)
+from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
 
 _ENDS_SHOWN = 3
 
 
 @click.command()
-def status() -> None:
+@table_options
+def status(form: TableForm) -> None:
     """Show what runs, all agents, and every problem."""
     with connect() as observer:
-        auctions, ends = observer.received("auctions"), observer.received("scene_ends")
+        scenes, ends = observer.received("scene"), observer.received("scene_ends")
+        auctions = last_decisions(observer)
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
+        for scene in scenes:  # of one that was refused there is no decision
+            names.add(scene)
+        cards = [card for _, card in sorted(observer.cards.items())]
+        if form is TableForm.JSON:
+            found = {"market": market, "hosts": cards, "ended": ends[-_ENDS_SHOWN:]}
+            print_json({name: as_plain_data(one) for name, one in found.items()})
+            return
+        if form is TableForm.CSV:
+            _print_agents(cards)
+            return
+        _print = partial(print_line, fitted_console(form))
         known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
         state = constant_text(market, market.state, STATES)
         if market.state != market.IDLE or not known:
@@ -50,7 +73,7 @@ def status() -> None:
             click.echo(f"host      {host}")
             for agent in card.agents:
                 values = zip(card.parameters, agent.current, strict=True)
-                profile = ", ".join(f"{name} {value:.4g}" for name, value in values)
+                profile = ", ".join(f"{name} {format_known(value)}" for name, value in values)
                 _print(
                     f"  {agent.name:<22} ",
                     f"{profile}  (revision {agent.revision}, "
@@ -90,5 +113,14 @@ def _version_text(agent: Any) -> str:
     return waiting + (f"; {reason}" if reason else "")
 
 
-def _print(head: str, text: str) -> None:
-    print_line(Console(), head, text)
+def _print_agents(cards: Sequence[Any]) -> None:
+    """Print a line of CSV for each agent of some hosts."""
+    parameters = list(dict.fromkeys(name for card in cards for name in card.parameters))
+    rows = []
+    for card in cards:
+        for agent in card.agents:
+            profile = dict(zip(card.parameters, agent.current, strict=True))
+            state = (agent.revision, agent.version, agent.waiting, degraded_reason(agent))
+            rows.append((agent.name, card.host, *map(profile.get, parameters), *state))
+    keys = ("agent", "host", *parameters, "revision", "version", "waiting", "degraded")
+    print_table([Column(key=key) for key in keys], rows, TableForm.CSV)

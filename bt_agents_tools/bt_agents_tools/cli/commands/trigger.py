@@ -71,13 +71,17 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
 
 
 @click.command()
-@click.argument("values", nargs=-1, required=True, callback=assignments)
+@click.argument("values", nargs=-1, callback=assignments)
 @click.option("--person/--no-person", default=None, help="Whether somebody is there.")
 def sense(values: Assignments, person: bool | None) -> None:
     """Change the live scene of a run.
 
-    For example: bt-agents sense mood=1.5.
+    For example: bt-agents sense mood=1.5, or bt-agents sense --no-person.
     """
+    if not values and person is None:
+        raise click.UsageError(
+            "nothing is sensed; name a value, such as mood=1.5, or write --person or --no-person"
+        )
     with connect() as observer:
         click.echo(_analyze(observer, values, person).message)
 

@@ -17,12 +17,14 @@ from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_language.expression.quantities import QuantityError, number
 from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from bt_agents_tools.cli.tune_table import table
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
     from bt_agents_tools.client.tuning import TunedProfile
 
+_TIME = "%Y-%m-%d %H:%M:%S"
 _PROFILE = re.compile(r"(?P<agent>[^.]+)\.profile\.(?P<parameter>.+)")
 
 
@@ -47,8 +49,15 @@ def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
 @click.option("--history", is_flag=True, help="Show the last changes, and who made them.")
 @click.option("--reason", default="", help="Why, in words.")
 @click.option("--author", default=user, show_default="you", help="Who makes the change.")
+@table_options
 def tune(
-    arguments: tuple[str, ...], undo: bool, redo: bool, history: bool, reason: str, author: str
+    arguments: tuple[str, ...],
+    undo: bool,
+    redo: bool,
+    history: bool,
+    reason: str,
+    author: str,
+    form: TableForm,
 ) -> None:
     """Change values of an AGENT while it runs, or show them.
 
@@ -75,15 +84,13 @@ def tune(
         )
     with connect() as observer:
         if history:
-            for host in _hosts(observer, agent):
-                _show_history(observer, host, agent)
+            _show_history(observer, agent, form)
         elif actions:
             _take_back(observer, agent, actions[0], author=author, reason=reason)
         elif values:
             _set(observer, agent, values, author=author, reason=reason)
         else:
-            for host in _hosts(observer, agent):
-                _show(observer, host, agent)
+            _show(observer, agent, form)
 
 
 def _split(arguments: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
@@ -191,30 +198,65 @@ def _by_host(
     return [(host, listed) for host in found]
 
 
-def _show(observer: Observer, host: str, agent: str) -> None:
+def _show(observer: Observer, agent: str, form: TableForm) -> None:
     from bt_agents_tools.client import tuning
 
-    states = tuning.parameters(observer, host, [agent] if agent else ())
+    hosts = _hosts(observer, agent)
+    states = {host: tuning.parameters(observer, host, [agent] if agent else ()) for host in hosts}
+    if form in (TableForm.JSON, TableForm.CSV):
+        keys = ("host", "agent", "name", "value", "default", "minimum", "maximum", "description")
+        rows = [
+            (
+                host,
+                of.agent,
+                of.name,
+                one.value,
+                of.default,
+                of.minimum,
+                of.maximum,
+                of.description,
+            )
+            for host, found in states.items()
+            for one, of in ((state, state.parameter) for state in found)
+        ]
+        print_table([Column(key=key) for key in keys], rows, form)
+        return
     # Output into a file or pipe is not wrapped.
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 10_000
-    for line in table(states, width):
-        click.echo(line)
+    fitted = form is TableForm.FITTED and sys.stdout.isatty()
+    width = shutil.get_terminal_size().columns if fitted else 10_000
+    for found in states.values():
+        for line in table(found, width):
+            click.echo(line)
 
 
-def _show_history(observer: Observer, host: str, agent: str) -> None:
+_HISTORY = (
+    Column(key="revision", right=True),
+    Column(
+        key="stamp", title="when", text=lambda stamp: time.strftime(_TIME, time.localtime(stamp))
+    ),
+    Column(key="name"),
+    Column(key="before"),
+    Column(key="after"),
+    Column(key="author", title="by"),
+    Column(key="reason", title="why"),
+)
+
+
+def _show_history(observer: Observer, agent: str, form: TableForm) -> None:
     from bt_agents_tools.client import tuning
 
-    tunings = tuning.tunings(observer, host)
-    for one in tunings.tunings:
-        if agent and not one.name.startswith(f"{agent}."):
-            continue
-        when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(one.stamp.sec))
-        reason = f": {one.reason}" if one.reason else ""
-        click.echo(
-            f"{one.revision:>5}  {when}  {one.name}: {one.before} → {one.after}  "
-            f"({one.author}{reason})"
-        )
-    profile = _undoable_profile(observer, host, agent)
-    undo = f"the last change of the profile of {profile.agent}" if profile else tunings.undo
-    click.echo(f"undo would be: {undo or 'nothing'}")
-    click.echo(f"redo would be: {tunings.redo or 'nothing'}")
+    found = {host: tuning.tunings(observer, host) for host in _hosts(observer, agent)}
+    rows = [
+        (one.revision, one.stamp.sec, one.name, one.before, one.after, one.author, one.reason)
+        for tunings in found.values()
+        for one in tunings.tunings
+        if not agent or one.name.startswith(f"{agent}.")
+    ]
+    print_table(_HISTORY, rows, form)
+    if form in (TableForm.JSON, TableForm.CSV):
+        return
+    for host, tunings in found.items():
+        profile = _undoable_profile(observer, host, agent)
+        undo = f"the last change of the profile of {profile.agent}" if profile else tunings.undo
+        click.echo(f"undo would be: {undo or 'nothing'}")
+        click.echo(f"redo would be: {tunings.redo or 'nothing'}")

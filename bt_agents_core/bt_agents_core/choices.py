@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Choices of a question, and the answers that count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def counted_answer(text: str, choices: Sequence[str]) -> str:
+    """Return an answer as it counts: spelt like its choice, or as given where there are none.
+
+    Capitals and blanks around do not matter. What is none of the choices counts as no answer,
+    which is empty.
+    """
+    answer = text.strip()
+    if not choices:
+        return answer
+    same = (choice for choice in choices if choice.strip().casefold() == answer.casefold())
+    return next(same, "") if answer else ""

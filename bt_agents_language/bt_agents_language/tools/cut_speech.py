@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Speech that is cut off: what takes longer, as rehearsals estimate it, than it may take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from bt_agents_core.diagnostic import Diagnostic, Severity
+from bt_agents_core.field_types import Plain
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.files.testing.default_answers import duration_s
+from bt_agents_language.files.testing.scenarios import SPOKEN
+from bt_agents_language.model.specs import (
+    CLEAN_UP_S,
+    AgentSpec,
+    Literal,
+    NodeSpec,
+    Reference,
+    Text,
+    Value,
+    iter_nodes,
+)
+from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.nodes.node_type import Role, Waits
+from bt_agents_language.nodes.timeout import TIMEOUT
+
+
+def cut_speech(agent: AgentSpec) -> Iterator[Diagnostic]:
+    """Yield a warning for each time limit within which what is said cannot be finished."""
+    defaults = {tunable.name: tunable.default for tunable in agent.tunables}
+    for root in filter(None, (agent.tree, agent.on_cancel)):
+        took: dict[int, float] = {}
+        for spec in reversed(list(iter_nodes(root))):
+            took[id(spec)] = _usual_s(spec, [took[id(child)] for child in spec.children], defaults)
+            if spec.kind == TIMEOUT.key:
+                limit_s = took[id(spec)]
+                yield from _cut(spec, f"'{spec.kind}'", took[id(spec.children[0])], limit_s)
+        if root is agent.on_cancel:
+            yield from _cut(root, "'on_cancel'", took[id(root)], CLEAN_UP_S)
+
+
+def _cut(spec: NodeSpec, what: str, takes_s: float, limit_s: float) -> Iterator[Diagnostic]:
+    speech = next((one for one in iter_nodes(spec) if _is_spoken(one)), None)
+    if speech is None or takes_s <= limit_s:
+        return
+    end = spec.position._replace(column=spec.position.column + len(spec.kind))
+    yield Diagnostic(
+        code="cut-speech",
+        position=spec.position,
+        message=f"{what} ends after {limit_s:g} s, but what it holds takes about {takes_s:.1f} s "
+        f"with '{speech.kind}' in line {speech.position.line}",
+        hint="say less" + (", or give it more time" if spec.kind == TIMEOUT.key else ""),
+        end=end,
+        severity=Severity.WARNING,
+    )
+
+
+def _usual_s(spec: NodeSpec, children: Sequence[float], defaults: Mapping[str, Plain]) -> float:
+    """Return how long a node takes when all goes well and all is done, other skills at once."""
+    node_type = type_of(spec)
+    if _is_spoken(spec):
+        inputs = {name: _plain(value, defaults) for name, value in spec.fields.items()}
+        return duration_s(spec, inputs, fails=False)
+    if node_type.waits is Waits.TIME:
+        return _seconds(_plain(spec.fields.get("duration"), defaults))
+    if not children:
+        return 0.0
+    if spec.kind == TIMEOUT.key:
+        return min(children[0], _seconds(_plain(spec.fields.get("limit"), defaults), children[0]))
+    if node_type.exclusive or node_type.concurrent:
+        return max(children)
+    if node_type.role is Role.COMPOSITE and node_type.continues_on is Outcome.SUCCESS:
+        return sum(children)
+    return children[0]
+
+
+def _is_spoken(spec: NodeSpec) -> bool:
+    return spec.skill is not None and spec.skill.name in SPOKEN
+
+
+def _seconds(value: Plain, otherwise: float = 0.0) -> float:
+    return float(value) if isinstance(value, int | float) else otherwise
+
+
+def _plain(value: Value | Expression | None, defaults: Mapping[str, Plain]) -> Plain:
+    """Return a value as far as it is known before a run, tunables at their defaults."""
+    match value:
+        case Literal(value=plain):
+            return plain
+        case Reference(name=name):
+            return defaults.get(name)
+        case Text(parts=parts):
+            return "".join(part for part in parts if isinstance(part, str))
+    return None

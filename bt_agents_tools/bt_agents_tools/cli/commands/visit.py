@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command `bt-agents visit`: the visitors of a script come to a running system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_ros.signals import Interrupt
+from bt_agents_tools.cli.connection import connect, find_hosts
+from bt_agents_tools.cli.decisions import SOON_S, end_text, names_of_scenes
+from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.supervisor import Supervisor
+
+_POLL_S = 0.2
+
+
+@click.command()
+@click.argument("script", type=click.Path(path_type=Path))
+def visit(script: Path) -> None:
+    """Have the visitors of a SCRIPT come, one after the other, until its end.
+
+    For example: bt-agents visit trees/scripts/airport_morning.yaml.
+    """
+    with connect() as observer:
+        trees = Path(observer.cards[find_hosts(observer)[0]].trees)
+        read_script(script, read_scene(trees / "scene.yaml").space)
+        if observer.is_visited():
+            raise BtAgentsError("visitors of a script are there already; wait until they are gone")
+        visitors, done = observer.received("visitors/current"), observer.received("visitors/done")
+        ends, auctions = observer.received("scene_ends"), observer.received("auctions")
+        observer.spin_until(lambda: False, SOON_S)
+        came, ended = 0, len(ends)
+        supervisor = Supervisor(components.new_log_folder())
+        interrupt = Interrupt()
+        try:
+            supervisor.start(components.visitors(trees, script.resolve(), pace=1.0))
+            while not (interrupt or done):
+                supervisor.poll()
+                observer.spin_until(lambda: bool(interrupt or done), _POLL_S)
+                for visitor in visitors[came:]:
+                    if visitor.data:  # empty for one who leaves
+                        click.echo(visitor.data)
+                names = names_of_scenes(auctions)
+                for end in ends[ended:]:
+                    click.echo(f"  {end_text(end, names)}")
+                came, ended = len(visitors), len(ends)
+        finally:
+            supervisor.stop()
+    click.echo("stopped" if interrupt else "all visits are over")

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Conditions that are neither true nor false: the node fails, and nobody overlooks it."""
+
+from __future__ import annotations
+
+import pytest
+
+from tree_harness import Stage, scene
+
+HEAD = """
+subtrees:
+  level_of_pain:
+    outputs: {level: any}
+    tree: {set: {level: four}}
+"""
+WHY = "cannot be decided: level >= 4 ('>=' needs numbers, found the text 'four')"
+
+
+def stage(node: str) -> Stage:
+    """Return a run in which the level of pain is a text where a number was meant."""
+    lines = node.strip().splitlines()
+    tree = "sequence:\n  - subtree: level_of_pain\n  - " + "\n    ".join(lines)
+    return Stage(tree, head=HEAD)
+
+
+CHOOSE = """
+choose:
+  children:
+    - name: pain
+      when: level >= 4
+      say: I call a nurse.
+  otherwise: {say: Rest well.}
+"""
+
+
+@pytest.mark.parametrize(
+    ("node", "place"),
+    [
+        ("say: I call a nurse.\nwhen: level >= 4", "say@when"),
+        (CHOOSE, "choose/0.pain@when"),
+        ("wait: 0 s\nrepeat: {until: level >= 4}", "wait@repeat"),
+        ("say: x\nwhile: level >= 4", "say@while"),
+        ("check: level >= 4", "check"),
+        ("wait_for: level >= 4", "wait_for"),
+    ],
+)
+def test_a_condition_that_cannot_be_decided_fails_its_node_with_reason_and_place(
+    node: str, place: str
+) -> None:
+    played = stage(node)
+    assert played.tick() == "failed"
+    assert played.said == []
+    assert played.message.startswith(f"{WHY} (tree/1.{place}, a.yaml:")
+    assert played.environment.logged == [("error", played.message)]
+
+
+@pytest.mark.parametrize("node", ["say: x\nwhen: level", "check: level", CHOOSE])
+def test_a_condition_that_is_a_text_is_not_taken_for_false(node: str) -> None:
+    played = stage(node.replace("level >= 4", "level"))
+    assert played.tick() == "failed"
+    assert "cannot be decided: level (it is the text 'four', expected true or false)" in (
+        played.message
+    )
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        "selector: [check: level >= 4, say: Rest well.]",
+        "check: level >= 4\nsucceed: true",
+        "check: level >= 4\ninvert: true",
+        "check: level >= 4\non_failure: {say: Rest well.}",
+    ],
+)
+def test_who_handles_the_failure_does_not_hide_it(node: str) -> None:
+    played = stage(node)
+    assert played.tick() == "succeeded"
+    [(level, told)] = played.environment.logged
+    assert level == "error"
+    assert told.startswith("cannot be decided: level >= 4 (")
+    assert played.run.result is not None
+    assert played.run.result.message == f"the tree succeeded; {told}"
+
+
+def test_it_is_told_once_however_often_it_is_looked_at() -> None:
+    played = stage("check: level >= 4\nretry: 5")
+    assert played.tick(5) == "failed"
+    assert len(played.environment.logged) == 1
+    assert played.run.result is not None
+    assert played.run.result.message.count("cannot be decided") == 1
+
+
+def test_a_missing_value_is_still_not_so() -> None:
+    played = Stage(CHOOSE.replace("level", "scene.age"), awarded=scene(mood=3))
+    assert played.tick() == "succeeded"
+    assert played.said == ["Rest well."]
+    assert played.environment.logged == []

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hints that are followed lead on: to a file that is read, or to the end of the matter."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from bt_agents_core.diagnostic import Diagnostic
+from bt_agents_core.errors import ReadError
+from bt_agents_language.expression.expression_hints import ABSENT_HINT
+from bt_agents_language.expression.expression_tokens import HINTS
+from bt_agents_language.expression.expressions import parse_expression
+from file_texts import read_agent_text
+from tree_harness import SYMBOLS
+
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+
+
+def problems(text: str) -> tuple[Diagnostic, ...]:
+    try:
+        read_agent_text(HEAD + text, "a.yaml", SYMBOLS)
+    except ReadError as error:
+        return error.diagnostics
+    return ()
+
+
+def hints(text: str) -> list[str]:
+    return [one.hint for one in problems(text)]
+
+
+def of_condition(condition: str) -> list[str]:
+    return hints(f"tree:\n  sequence:\n    - ask: Shall we?\n    - check: {condition}\n")
+
+
+@pytest.mark.parametrize(
+    "condition",
+    ["answer is missing", "answer is null", "answer == missing", "answer == null",
+     "scene.age is unknown", "scene.age == 'unknown'", "scene.age == unknown"],
+)  # fmt: skip
+def test_who_asks_whether_a_value_is_missing_is_told_that_this_need_not_be_asked(condition):
+    assert of_condition(condition) == [ABSENT_HINT]
+
+
+@pytest.mark.parametrize(
+    ("condition", "hint"),
+    [
+        ("scene.mood == happy", "'scene.mood' is a number: compare it with a number"),
+        ("live.person == yes", "'live.person' is true or false: compare it with true or false"),
+        ("answer == happy", "if it is meant as a text, put it in quotation marks: 'happy'"),
+        ("answer is not 'happy'", "write !="),
+    ],
+)
+def test_only_what_can_be_a_text_is_to_be_put_in_quotation_marks(condition, hint):
+    assert of_condition(condition) == [hint]
+
+
+def test_a_word_for_a_comparison_becomes_one_that_is_read():
+    condition, seen = "answer is not happy", []
+    for _ in range(4):
+        seen.append(condition)
+        found = problems(f"tree:\n  sequence:\n    - ask: Shall we?\n    - check: {condition}\n")
+        if not found:
+            break
+        write = re.search(r"write (!=|==)", found[0].hint)
+        condition = (
+            condition.replace("is not", write[1])
+            if write
+            else condition.replace("happy", found[0].hint.rpartition(": ")[2])
+        )
+    assert seen == ["answer is not happy", "answer != happy", "answer != 'happy'"]
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [(word, hint) for word, hint in HINTS["operators"].items() if hint.startswith("write ")],
+)
+def test_what_is_to_be_written_for_a_word_of_another_language_is_read(word, hint):
+    sign = hint.removeprefix("write ")
+    between = " and c" if sign == "between" else ""
+    parse_expression(sign if " " in sign else f"a {sign} b{between}")
+
+
+def test_everything_that_does_not_fit_in_one_condition_is_told():
+    found = problems("tree: {say: Hello., when: scene.age > 'old' and live.person == 1 and x}\n")
+    assert [one.code for one in found] == ["bad-expression", "bad-expression", "unknown-name"]
+
+
+def test_a_mood_rule_is_about_the_mood_as_it_is_now():
+    assert hints("feedback: [{when: mood < 2, give: negative}]\ntree: {say: Hello.}") == [
+        "did you mean 'live.mood'?"
+    ]
+    assert of_condition("mood < 2") == ["did you mean 'scene.mood'?"]
+
+
+@pytest.mark.parametrize(
+    ("tree", "wanted"),
+    [
+        ("{if: live.person, then: {say: Hello.}}", ["'when: …'", "its node itself"]),
+        ("{say: Hello., unless: live.person}", ["'when: not (…)'"]),
+        ("{sequence: [{say: Hello.}, {stop: true}]}", ["check: false"]),
+        ("{random: [Hello., Good day.]}", ["'say: Hello.'", "'say: Good day.'"]),
+        ("{say: [Hello., Good day.]}", ["'random'"]),
+        ("{choose: [{otherwise: {say: Hello.}}]}", ["'choose: {children: …, otherwise: …}'"]),
+        (
+            "{choose: [{name: a, when: live.person, say: Hi.}], otherwise: {say: Hello.}}",
+            ["'choose: {children: [ … ], otherwise: … }'"],
+        ),
+    ],
+)
+def test_a_word_of_another_language_is_answered_with_the_word_for_it_here(tree, wanted):
+    found = hints(f"tree: {tree}")
+    assert len(found) == len(wanted)
+    assert all(word in hint for word, hint in zip(wanted, found, strict=True)), found
+
+
+def test_a_rule_that_is_to_stop_the_run_is_told_the_word():
+    rule = "feedback: [{when: live.mood < 2, for: 2 s, give: negative, then: stop}]\n"
+    assert hints(rule + "tree: {say: Hello.}") == ["did you mean 'cancel'?"]
+
+
+def test_a_quantity_in_quotation_marks_is_mended_in_one_step():
+    text = "tunables:\n  pause: {{default: {}}}\ntree: {{wait: '${{pause}}'}}\n"
+    for written, hint in (
+        ("'2 s'", "write it without quotes: 2 s"),
+        ("'-5 s'", "a time cannot be negative, found '-5 s'"),
+        (
+            "1 parsec",
+            "'parsec' is no unit; the units are ms, s, min, h, mm, cm, m, km, deg and rad",
+        ),
+    ):
+        spec_text = HEAD + text.format(written).replace("'${pause}'", "1 s")
+        (warning,) = read_agent_text(spec_text, "a.yaml", SYMBOLS).warnings
+        assert (warning.code, warning.hint) == ("quantity-as-text", hint)

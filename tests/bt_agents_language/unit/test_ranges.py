@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the declared ranges of names say about a condition before any run."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents_language.expression.expressions import parse_expression
+from bt_agents_language.expression.ranges import Range
+from bt_agents_language.tools.lint import lint
+from file_texts import read_agent_text
+from tree_harness import SYMBOLS
+
+RANGES = {"age": Range(1, 5), "gain": Range(-2, 2)}
+
+
+def decided(text: str) -> list[tuple[str, bool]]:
+    """Return the comparisons that the ranges decide, each with whether it is always true."""
+    found = parse_expression(text, range_of=RANGES.get).foregone
+    return [(text[one.column - 1 : one.column - 1 + one.width], one.always) for one in found]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "age > 5",
+        "age >= 5.5",
+        "age < 1",
+        "7 < age",
+        "age == 6",
+        "age between 6 and 9",
+        "age in [6, 7]",
+        "age + gain > 7",
+        "age * gain < -10",
+        "-age > -1",
+        "age / 2 > 2.5",
+        "abs(gain) > 2",
+        "max(age, 3) < 3",
+        "min(age, gain, 0) > 0",
+    ],
+)
+def test_a_comparison_outside_of_the_ranges_is_never_true(text):
+    assert decided(text) == [(text, False)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "age >= 1",
+        "age <= 5",
+        "age != 0",
+        "age not in [6, 7]",
+        "gain between -2 and 2",
+        "age > gain - 2",
+    ],
+)
+def test_a_comparison_that_holds_in_the_whole_ranges_is_always_true(text):
+    assert decided(text) == [(text, True)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "age > 4.9",
+        "age >= 5",
+        "age < gain",
+        "other > 100",
+        "age + other > 100",
+        "1 / gain > 100",
+        "age % 2 > 100",
+        "round(age) > 100",
+        "1 < 2",
+        "age > 3 and gain < 0",
+        "age in [0, 3, 9]",
+        "age == 3",
+    ],
+)
+def test_what_a_run_has_to_show_is_left_open(text):
+    assert decided(text) == []
+
+
+def test_the_comparison_is_named_that_is_decided_and_not_the_whole():
+    assert decided("other and not age > 7 or gain < 3") == [("age > 7", False), ("gain < 3", True)]
+
+
+def test_a_whole_condition_is_decided_by_one_side_of_and():
+    assert parse_expression("age > 7 and other", range_of=RANGES.get).range == Range(0, 0)
+    assert parse_expression("age < 7 or other", range_of=RANGES.get).range == Range(1, 1)
+
+
+def told(text: str) -> list[str]:
+    spec = read_agent_text(
+        "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n" + text, "a", SYMBOLS
+    )
+    return [one.message for one in lint(spec)]
+
+
+def test_the_warning_says_what_the_range_is():
+    assert told("tree: {say: Hello., when: live.person and scene.age > 7}") == [
+        "'scene.age > 7' is never true: scene.age is 1 to 5"
+    ]
+    assert told("requires: scene.age >= 1\ntree: {say: Hello.}") == [
+        "'scene.age >= 1' is always true: scene.age is 1 to 5"
+    ]
+
+
+def test_a_change_of_mood_is_at_most_as_large_as_its_range():
+    (message,) = told("feedback: [{when: mood.change <= -5, give: negative}]\ntree: {wait: 1 s}")
+    assert message == "'mood.change <= -5' is never true: mood.change is -4 to 4"
+
+
+@pytest.mark.parametrize(
+    ("when", "hasty"),
+    [
+        ("mood.change > 0", True),
+        ("mood.change < 0", True),
+        ("mood.change != 0", True),
+        ("mood.change >= 0", True),
+        ("mood.change <= 0.5", True),
+        ("live.person and mood.change > 0", True),
+        ("mood.change >= 0.5", False),
+        ("mood.change <= -1 or live.mood < 2", False),
+        ("not mood.change < 1", False),
+        ("mood.change between 1 and 3", False),
+        ("live.mood < 2", False),
+    ],
+)
+def test_a_rule_that_fires_at_the_smallest_change_of_the_mood_needs_a_time(when, hasty):
+    rule = "feedback: [{{when: {}{}, give: positive}}]\ntree: {{wait: 1 s}}"
+    expected = [
+        "this fires at the smallest change of the mood, even where it is only measured anew"
+    ]
+    assert told(rule.format(when, "")) == expected * hasty
+    assert told(rule.format(when, ", for: 2 s")) == []

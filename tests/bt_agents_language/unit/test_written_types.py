@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Types of what nodes write: as a subtree declares them, and of one kind for one name."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from tree_harness import agent
+
+
+def report(tree: str, subtree: str = "") -> str:
+    """Return what is said about an agent, and the subtree that it calls."""
+    with pytest.raises(ReadError) as error:
+        agent(tree, f"subtrees: {{measure: {{{subtree}}}}}" if subtree else "")
+    assert len(error.value.lines) == 1
+    return error.value.report
+
+
+def test_an_output_that_is_declared_as_a_number_cannot_be_an_answer():
+    text = report(
+        "subtree: measure",
+        "outputs: {level: {type: number}}, tree: {ask: x, outputs: {level: answer}}",
+    )
+    assert "output 'level': expected a number, but 'ask' gives it a text" in text
+    assert "declare it as it is, {level: text}, or give it another value" in text
+
+
+def test_nor_can_it_be_the_output_of_another_subtree():
+    inner = "inner: {outputs: {level: text}, tree: {set: {level: four}}}"
+    with pytest.raises(ReadError, match="expected a number, but 'subtree' gives it a text"):
+        agent(
+            "subtree: measure",
+            "subtrees: {measure: {outputs: {level: number}, tree: {subtree: inner}}, "
+            f"{inner}}}",
+        )
+
+
+@pytest.mark.parametrize(
+    ("output", "value", "found", "hint"),
+    [
+        ("number", "four", "'level': expected a number, found 'four'", ""),
+        ("boolean", "flase", "'level': expected true or false, found 'flase'", "write false"),
+        ("boolean", "'${1 + 1}'", "expected true or false, but '1 + 1' gives a number", ""),
+        ("duration", "3 m", "'level'", ""),
+    ],
+)
+def test_what_is_set_is_read_as_the_output_is_declared(output, value, found, hint):
+    text = report(
+        "subtree: measure", f"outputs: {{level: {output}}}, tree: {{set: {{level: {value}}}}}"
+    )
+    assert found in text
+    assert hint in text
+
+
+def test_a_number_that_is_set_where_a_text_is_declared_is_a_text():
+    spec = agent(
+        "subtree: measure", "subtrees: {measure: {outputs: {a: text}, tree: {set: {a: 12}}}}"
+    )
+    assert spec.tree.children[0].fields["a"].value == "12"
+
+
+def test_a_name_that_gets_two_kinds_of_value_is_refused_at_the_second():
+    text = report("sequence: [set: {came: false}, set: {came: flase}]")
+    assert "'came' gets a text here, but true or false from 'set' in line 8" in text
+    assert "did you mean 'false'?" in text
+    text = report("sequence:\n  - set: {answer: 1}\n  - ask: x\n")
+    assert "'answer' gets a text here, but a number from 'set' in line 9" in text
+
+
+def test_a_name_that_copies_an_answer_is_a_text():
+    text = report("sequence: [ask: x, set: {level: '${answer}'}, check: level >= 4]")
+    assert "'>=' needs a number on each side, found a text" in text
+
+
+def test_skills_may_use_one_name_for_outputs_of_different_kinds():
+    agent("sequence: [ask: x, {drive: x, outputs: {answer: remaining}}]")

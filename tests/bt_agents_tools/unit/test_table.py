@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of commands: no width cuts anything, and programs get the values as they are."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+
+import click
+import pytest
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_lines, table_options
+
+COLUMNS = (
+    Column(key="agent"),
+    Column(key="age", text="{:.1f}".format, right=True),
+    Column(key="seem_wrong", title="seem wrong", text="{:.0%}".format, right=True),
+    Column(key="why"),
+)
+ROWS = (
+    ("attentive_guide", 4.25, 0.5, "she smiled at the second picture"),
+    ("express", 3.0, None, ""),
+)
+
+words = st.text(st.characters(categories=["L", "N"]), min_size=1, max_size=30)
+
+
+def test_without_a_width_each_row_is_one_line_and_numbers_stand_below_each_other() -> None:
+    assert list(table_lines(COLUMNS, ROWS, None)) == [
+        "agent            age  seem wrong  why",
+        "attentive_guide  4.2         50%  she smiled at the second picture",
+        "express          3.0",
+    ]
+
+
+def test_columns_beyond_the_width_stand_below_their_row_with_their_headings() -> None:
+    assert list(table_lines(COLUMNS, ROWS, 30)) == [
+        "agent            age",
+        "attentive_guide  4.2",
+        "    seem wrong 50% · why she",
+        "    smiled at the second",
+        "    picture",
+        "express          3.0",
+    ]
+
+
+@given(rows=st.lists(st.tuples(words, words, words), max_size=4), width=st.integers(20, 90))
+def test_in_every_width_every_cell_is_there_and_only_a_single_word_is_wider(
+    rows: list[tuple[str, str, str]], width: int
+) -> None:
+    columns = [Column(key=key) for key in ("one", "two", "three")]
+    lines = list(table_lines(columns, rows, width))
+    shown = " ".join(lines).split()
+    for row in rows:
+        assert all(cell in shown for cell in row)
+
+
+def test_a_character_that_would_change_the_terminal_is_escaped() -> None:
+    assert list(table_lines([Column(key="a")], [("x\n\x1b[2J",)], None))[1] == r"x\n\x1b[2J"
+
+
+def test_programs_get_values_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [*ROWS, ("Zoë", math.nan, None, 'a "quote", and more')]
+    print_table(COLUMNS, rows, TableForm.CSV)
+    header, first, _, last = csv.reader(io.StringIO(capsys.readouterr().out))
+    assert header == ["agent", "age", "seem_wrong", "why"]
+    assert first == ["attentive_guide", "4.25", "0.5", ROWS[0][3]]
+    assert last == ["Zoë", "nan", "", 'a "quote", and more']
+    print_table(COLUMNS, rows, TableForm.JSON)
+    out = capsys.readouterr().out
+    assert out.isascii()
+    assert json.loads(out)[2] == {
+        "agent": "Zoë",
+        "age": None,
+        "seem_wrong": None,
+        "why": 'a "quote", and more',
+    }
+
+
+def test_two_forms_of_one_table_are_refused() -> None:
+    @click.command()
+    @table_options
+    def command(form: TableForm) -> None:
+        click.echo(form.name)
+
+    assert CliRunner().invoke(command, ["--wide"]).output == "WIDE\n"
+    refused = CliRunner().invoke(command, ["--json", "--csv"])
+    assert (refused.exit_code, "--json and --csv do not go together" in refused.output) == (
+        2,
+        True,
+    )
