@@ -55,6 +55,7 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "up": (str(TREES), "--no-voice"),
     "versions": ("attentive_guide",),
     "veto": ("attentive_guide",),
+    "visit": (str(TREES / "scripts" / "airport_morning.yaml"),),
 }
 """What a command is given; nothing where it needs nothing."""
 

@@ -58,7 +58,7 @@ def test_the_demo_tells_the_whole_morning_and_its_journal_does_itself_again(
     ):
         assert f"{winner} wins" in chapter
         assert f"{winner} succeeded" in chapter
-        bids = re.findall(r"bid \d+ +(\w+) +(\d+\.\d\d) = ", chapter)
+        bids = re.findall(r"bid \d+ +(\w+) +(\d+\.\d+) = ", chapter)
         assert len(bids) == 4
         assert bids[0][0] == winner
         assert "✔" in chapter

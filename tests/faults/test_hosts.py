@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents_interfaces.msg import Auction, Run, TreeStatus
+from bt_agents_interfaces.msg import Auction, MarketHeartbeat, Run, TreeStatus
 from bt_agents_ros import qos
 from processes import BEATS_A_SECOND, NodeProcess, Pulse, SilentHost, System, write_trees
 
@@ -178,8 +178,12 @@ def test_a_host_that_is_killed_between_bid_and_goal_is_replaced_by_the_next_best
     system.until_ready(hosts=3, agents=3)
     pulse = system.pulse("agents_b")
     system.until(lambda: pulse.count, "a heartbeat")
+    beats = system.ros.collect(MarketHeartbeat, "/marketplace/heartbeat", qos.EVENTS)
     old_person(system, "s1")
     system.until(lambda: system.has_bid("/agents_a", 1), "the bid of leo")
+    # The market has the bid when its executor has turned twice after the probe had it.
+    seen = len(beats)
+    system.until(lambda: len(beats) > seen + 1, "two heartbeats of the market")
     host.kill()
     killed_at = pulse.count
     system.until(system.started, "a start")
