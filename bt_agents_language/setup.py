@@ -18,6 +18,7 @@ setup(
             "reference/*.md",
             "reference/*.yaml",
             "tools/templates/*.yaml",
+            "tools/templates/patterns/*.yaml",
         ]
     },
     data_files=[

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 
+from patterns_page import patterns_page
+
 from bt_agents_groot.catalogue import with_table
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.nodes.symbols import SymbolTable
@@ -35,6 +37,7 @@ GENERATED: Mapping[str, Callable[[], str]] = {
     "docs/errors.md": codes_page,
     "docs/groot.md": _groot_page,
     "docs/nodes.md": lambda: reference_page(shipped()),
+    "docs/patterns.md": lambda: patterns_page(ROOT / "trees"),
     **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in FILE_KINDS},
 }
 """File → what stands in it."""

@@ -10,6 +10,9 @@ from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
 
+SHIPPED = "shipped"
+"""Name by which the trees folder of the installation is asked for."""
+
 
 def find_trees(explicit: str = "") -> Path:
     """Return the trees folder: ``explicit``, else this one, ``./trees`` or the installed one.
@@ -17,6 +20,8 @@ def find_trees(explicit: str = "") -> Path:
     Raises:
         BtAgentsError: There is no such folder, or it has no ``scene.yaml``.
     """
+    if explicit == SHIPPED:
+        return _find("/nowhere", "", "bt_agents_trees", "scene.yaml")
     if not explicit and Path("scene.yaml").is_file():
         return Path()
     return _find("trees", explicit, "bt_agents_trees", "scene.yaml")

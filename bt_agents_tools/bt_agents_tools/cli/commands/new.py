@@ -8,15 +8,20 @@ from pathlib import Path
 
 import click
 
-from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import find_trees
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_core.trees_folder import SHIPPED, find_trees
+from bt_agents_language.files.agent_file import read_agent_file
 from bt_agents_language.files.agent_reader import read_agent
-from bt_agents_language.files.folder_reader import SUFFIXES, read_trees
+from bt_agents_language.files.folder_reader import SUFFIXES, Trees, read_trees
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.tools.templates.agent_copies import pattern_file, renamed, tests_beside
 from bt_agents_language.tools.templates.first_files import new_agent, new_library, new_test
-from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_language.yaml.typed_reader import MAX_NAME
+from bt_agents_tools.cli.named_agent import named_agent
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
+_SCHEMA_LINE = re.compile(r"^# yaml-language-server:.*\n", re.MULTILINE)
 
 
 @click.command()
@@ -36,11 +41,18 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
     show_default=True,
     help="An agent with its test, or a library of subtrees.",
 )
-def new(name: str, directory: Path, kind: str) -> None:
+@click.option("--like", default="", metavar="AGENT", help="Start from this agent and its test.")
+@click.option("--pattern", "of_pattern", default="", metavar="P", help="Start from a pattern.")
+def new(name: str, directory: Path, kind: str, like: str, of_pattern: str) -> None:
     """Write a first file for a new agent NAME, with comments, to be changed.
 
-    Nothing that is there is overwritten.
+    It starts from a short agent that greets, from a pattern, or from an agent like which it is to
+    be; what that imports comes along. Nothing that is there is overwritten.
     """
+    if like and of_pattern:
+        raise BtAgentsError("--like and --pattern are two things to start from; give one of them")
+    if kind != "agent" and (like or of_pattern):
+        raise BtAgentsError(f"--like and --pattern start an agent, and this is a {kind}")
     _check_name(name)
     files = _names(name, directory, kind)
     for file in files:
@@ -51,17 +63,53 @@ def new(name: str, directory: Path, kind: str) -> None:
     skills = trees.symbols.skills
     if kind == "library":
         _write(files[0], _schema(directory, kind) + new_library(name, skills))
+        _next_steps(name, directory, kind)
+        return
+    taken = next((agent for agent in trees.agents if agent.name == name), None)
+    if taken is not None:
+        raise BtAgentsError(f"there is an agent '{name}' already: {taken.file}")
+    if like or of_pattern:
+        origin, file = _origin(like, of_pattern, trees)
+        texts = _copies(name, origin, file, directory)
+        trees = read_trees(directory)
     else:
-        taken = next((agent for agent in trees.agents if agent.name == name), None)
-        if taken is not None:
-            raise BtAgentsError(f"there is an agent '{name}' already: {taken.file}")
-        text = new_agent(name, str(directory), str(files[0]), trees.scene, skills)
-        # Fails for a scene so odd that the new file would have errors.
-        read_agent(Source(str(files[0]), text), trees.symbols)
-        _write(files[0], _schema(directory, kind) + text)
-        test = new_test(name, str(files[1]), trees.scene, skills)
-        _write(files[1], _schema(directory, "test") + test)
+        texts = (
+            new_agent(name, str(directory), str(files[0]), trees.scene, skills),
+            new_test(name, str(files[1]), trees.scene, skills),
+        )
+    try:
+        read_agent(Source(str(files[0]), texts[0]), trees.symbols)
+    except ReadError as error:
+        raise BtAgentsError(
+            f"it does not fit the scene and the skills of '{directory}':\n{error}"
+        ) from None
+    for path, text, of_kind in zip(files, texts, ("agent", "test"), strict=True):
+        if text:
+            _write(path, _schema(directory, of_kind) + text)
     _next_steps(name, directory, kind)
+
+
+def _origin(like: str, of_pattern: str, trees: Trees) -> tuple[Trees, Path]:
+    """Return the file that a new agent is copied from, and the folder of what it imports."""
+    if of_pattern:
+        return read_trees(find_trees(SHIPPED)), pattern_file(of_pattern)
+    folder = str(trees.folder) if like in {agent.name for agent in trees.agents} else SHIPPED
+    origin, agent = named_agent(like, "" if like.endswith(SUFFIXES) else folder)
+    return origin, Path(agent.file)
+
+
+def _copies(name: str, origin: Trees, file: Path, directory: Path) -> tuple[str, str]:
+    """Return the texts of an agent and of its tests under another name; copy what it imports."""
+    read = read_agent_file(file, FolderLibraries(origin.folder, origin.symbols), cause="copy")
+    if read.agent is None or read.text is None:
+        raise BtAgentsError(str(read.error))
+    for path in sorted(read.imports):
+        if not (directory / path).exists():
+            _write(directory / path, read_source(origin.folder / path).text)
+    tests = tests_beside(file)
+    texts = (read.text, read_source(tests).text if tests.exists() else "")
+    agent, test = (renamed(_SCHEMA_LINE.sub("", text), read.agent.name, name) for text in texts)
+    return agent, test
 
 
 def _check_name(name: str) -> None:
@@ -90,7 +138,7 @@ def _make_folder(directory: Path) -> None:
             f"'{directory}' has no scene.yaml, so it is no trees folder; name one, or a folder "
             "that is empty"
         )
-    shipped = find_trees()
+    shipped = find_trees(SHIPPED)
     for source in (shipped / "scene.yaml", *sorted((shipped / "skills").iterdir())):
         if source.suffix in SUFFIXES:
             _write(directory / source.relative_to(shipped), source.read_text(encoding="utf-8"))

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Agents to start from: patterns, and copies of other agents."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents_language.tools.templates.agent_copies import pattern_names, renamed
+from bt_agents_tools.cli.main import bt_agents
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(bt_agents, words, catch_exceptions=False)
+
+
+def test_there_are_twelve_patterns() -> None:
+    assert len(pattern_names()) == 12
+
+
+@pytest.mark.parametrize("pattern", pattern_names())
+def test_a_pattern_is_an_agent_without_remarks_whose_every_test_passes(pattern: str) -> None:
+    made = run("new", "mine", "--pattern", pattern)
+    assert made.exit_code == 0, made.output
+    checked = run("check", "trees")
+    assert (checked.exit_code, checked.stdout) == (0, "1 agent is fine\n")
+    assert run("fmt", "--check", "trees/agents").exit_code == 0
+    tested = run("test", "trees")
+    assert tested.exit_code == 0, tested.output
+
+
+def test_a_copy_has_another_name_the_same_tests_and_what_it_imports(here: Path) -> None:
+    assert run("new", "carrier", "--like", "polite_carrier").exit_code == 0
+    assert (here / "trees/libraries/manners.yaml").exists()
+    assert run("new", "other", "--like", "carrier").exit_code == 0
+    assert run("new", "third", "--like", "trees/agents/other.yaml").exit_code == 0
+    for name in ("carrier", "other", "third"):
+        agent = (here / f"trees/agents/{name}.yaml").read_text()
+        assert f"agent: {name}\n" in agent
+        assert "yaml-language-server" not in agent
+        assert f"test: {name}\n" in (here / f"trees/agents/{name}.test.yaml").read_text()
+    assert run("test").exit_code == 0
+
+
+def test_what_an_agent_is_to_start_from_is_said_once_and_exists() -> None:
+    for words, found in (
+        (("--like", "attentive_guide", "--pattern", "small_talk"), "give one of them"),
+        (("--kind", "library", "--pattern", "small_talk"), "this is a library"),
+        (("--pattern", "smal_talk"), "did you mean 'small_talk'?"),
+        (("--like", "nobody"), "there is no agent 'nobody'"),
+    ):
+        with pytest.raises(Exception, match=found.replace("?", r"\?")):
+            run("new", "mine", *words)
+    assert not Path("trees/agents").exists()
+
+
+def test_a_copy_that_does_not_fit_the_scene_is_refused_with_the_reason(here: Path) -> None:
+    assert run("new", "first").exit_code == 0
+    scene = here / "trees" / "scene.yaml"
+    scene.write_text(scene.read_text().replace("familiarity", "closeness"))
+    with pytest.raises(Exception, match="does not fit the scene") as refused:
+        run("new", "mine", "--pattern", "small_talk")
+    assert "familiarity" in str(refused.value)
+    assert not (here / "trees/agents/mine.yaml").exists()
+
+
+def test_only_the_name_of_the_agent_is_replaced() -> None:
+    text = (
+        "# bt-agents test trees/agents/guide.test.yaml\nagent: guide\ntitle: guide\nsay: guide\n"
+    )
+    assert renamed(text, "guide", "host") == (
+        "# bt-agents test trees/agents/host.test.yaml\nagent: host\ntitle: guide\nsay: guide\n"
+    )
