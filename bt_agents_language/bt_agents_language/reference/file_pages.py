@@ -76,8 +76,13 @@ _FORMAT = FilePage(
 
 @cache
 def _key_pages() -> tuple[FilePage, ...]:
-    pages = (page for kind in FILE_KINDS.values() for page in _pages(kind, kind, ""))
+    pages = (page for kind in FILE_KINDS.values() for page in key_pages(kind))
     return tuple(dict.fromkeys([_FORMAT, *pages]))
+
+
+def key_pages(kind: FileKind) -> Iterator[FilePage]:
+    """Yield the pages of all keys of a kind of file, those of a mapping after its own key."""
+    return _pages(kind, kind, "")
 
 
 def _pages(table: KeyTable, kind: FileKind, above: str) -> Iterator[FilePage]:
