@@ -168,7 +168,6 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def here(tmp_path: Path, kept: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder to work in, with the trees, as the documents suppose it."""
     shutil.copytree(TREES, tmp_path / "trees")
-    shutil.copytree(ROOT / "schema", tmp_path / "schema")
     shutil.copy(kept, tmp_path)
     (tmp_path / "patrol.xml").write_text(PATROL)
     monkeypatch.chdir(tmp_path)
