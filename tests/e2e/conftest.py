@@ -27,11 +27,11 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 @pytest.fixture
 def start(environment: dict[str, str]) -> Iterator[Callable[..., Program]]:
-    """Start ``bt-agents`` with arguments."""
+    """Start ``bt-agents`` with arguments, in the checkout or another folder."""
     programs: list[Program] = []
 
-    def start_one(*arguments: str) -> Program:
-        programs.append(Program(arguments, environment))
+    def start_one(*arguments: str, folder: Path = ROOT) -> Program:
+        programs.append(Program(arguments, environment, folder))
         return programs[-1]
 
     try:

@@ -22,7 +22,9 @@ HANG_S = 60.0
 class Program:
     """One ``bt-agents`` process whose lines a test waits for."""
 
-    def __init__(self, arguments: tuple[str, ...], environment: dict[str, str]) -> None:
+    def __init__(
+        self, arguments: tuple[str, ...], environment: dict[str, str], folder: Path = ROOT
+    ) -> None:
         self.output = ""
         self._lines: queue.Queue[str] = queue.Queue()
         self.process = subprocess.Popen(
@@ -32,7 +34,7 @@ class Program:
             stderr=subprocess.STDOUT,
             text=True,
             env=environment,
-            cwd=ROOT,
+            cwd=folder,
             start_new_session=True,
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
