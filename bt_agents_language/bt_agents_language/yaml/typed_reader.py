@@ -223,8 +223,11 @@ class TypedReader:
             # A key that is there but misspelt is not missing, and is read as the one meant.
             meant = nearest(word, [key for key in known if key not in nodes])
             above = _left_empty(node, entry, nodes)
+            cut = _cut_by_comma(node, entry)
             hint = did_you_mean(word, known)
-            if word in beside:
+            if cut is not None:
+                hint = f"a comma ends a text: put all that stands behind '{cut}:' in quotes"
+            elif word in beside:
                 hint = f"'{word}' stands beside {what}, not in it"
             elif meant is not None:
                 missing = [key for key in missing if key != meant]
@@ -590,6 +593,22 @@ def _name_meant(text: str) -> str:
 def _without_value(entry: MappingEntry) -> bool:
     start, end = entry.value.span
     return isinstance(entry.value, Scalar) and entry.value.plain and start == end
+
+
+def _cut_by_comma(node: Mapping, entry: MappingEntry) -> str | None:
+    """Return the key before an entry that seems to be the rest of its text, as in {a: b, c}."""
+    place = node.entries.index(entry)
+    before = node.entries[place - 1] if place else None
+    if (
+        before is None
+        or not _without_value(entry)
+        or ":" in entry.key.source.text[entry.key.end :][:1]
+    ):
+        return None
+    value = before.value
+    between = entry.key.source.text[value.end : entry.key.start]
+    cut = isinstance(value, Scalar) and value.plain and not value.empty and between.strip() == ","
+    return before.key.text if cut else None
 
 
 def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> str | None:
