@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.stop_cause import StoppedBy
 from marketplace_node.effects import (
     AnnounceRun,
     Effect,
@@ -170,8 +171,9 @@ class Driver:
         scene: Scene | None = None,
         epoch: str = "",
         round_number: int = 0,
+        by: StoppedBy = StoppedBy.NOT_SAID,
     ) -> tuple[bool, str]:
-        stop = StopRequest(reason=reason, again=again, scene=scene)
+        stop = StopRequest(reason=reason, by=by, again=again, scene=scene)
         accepted, message, effects = self.market.cancel(epoch, round_number, stop, self.now)
         self.do(effects)
         return accepted, message

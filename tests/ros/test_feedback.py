@@ -390,6 +390,7 @@ def test_a_market_that_is_away_is_asked_for_the_cancel_when_it_is_back(scenario)
     room.start_market()
     room.ros.until(lambda: room.cancels)
     assert (room.cancels[0].round, room.cancels[0].again) == (1, True)
+    assert room.cancels[0].by == Run.MOOD_RULE
     assert room.cancels[0].scene == scene(2.5)
     room.ros.turns(150)
     assert len(room.cancels) == 1

@@ -325,6 +325,8 @@ def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
         event=int(effect.event),
         outcome=int(effect.outcome),
         stop_cause=int(effect.stop_cause),
+        stopped_by=int(effect.stopped_by),
+        stop_reason=effect.stop_reason,
         scene=scene_to_msg(effect.scene),
         agent=effect.goal.agent,
         agent_id=effect.goal.agent_id,

@@ -292,6 +292,32 @@ def test_tunables_can_be_set_from_the_start_and_changed_meanwhile() -> None:
     assert events_of(result, EventKind.TUNES) == [(2.0, "pause 30 s")]
 
 
+@pytest.mark.parametrize(
+    ("cancel", "says"),
+    [
+        ("it is late", "operator: it is late"),
+        ("{reason: somebody falls, by: other scene}", "other scene: somebody falls"),
+    ],
+)
+def test_a_clean_up_is_told_who_cancels_a_rehearsal_and_why(cancel: str, says: str) -> None:
+    result = rehearsed(
+        "wait: 1 min",
+        f"during: [{{after: 7 s, cancel: {cancel}}}]",
+        head="on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n",
+    )
+    assert spoken_texts(result) == [says]
+
+
+def test_a_mood_rule_that_cancels_a_rehearsal_says_so() -> None:
+    result = rehearsed(
+        "wait: 1 min",
+        "during: [{after: 3 s, mood: 1.5}]",
+        head=RULES + "on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n",
+    )
+    [said] = spoken_texts(result)
+    assert said.startswith("mood rule: mood.change <= -1.0 held 2 s")
+
+
 def test_a_run_can_be_cancelled_from_outside() -> None:
     result = rehearsed("wait: 1 min", "during: [{after: 7 s, cancel: the operator}]")
     assert result.outcome is TreeOutcome.CANCELLED

@@ -171,6 +171,11 @@ def test_an_agent_outside_of_a_trees_folder_says_where_it_belongs(tmp_path: Path
             '{after: 4s, publish: {topic: bell, message: {data: "a, b", n: 1}}}',
         ),
         ("5s cancel", '{after: 5s, cancel: "cancelled by hand"}'),
+        (
+            "5s cancel by='other scene' she fell",
+            '{after: 5s, cancel: {by: other scene, reason: "she fell"}}',
+        ),
+        ("5s cancel by=host", '{after: 5s, cancel: {by: host, reason: "cancelled by hand"}}'),
     ],
 )
 def test_what_happens_is_written_as_in_a_test_file(typed: str, text: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.local_time import NOON, WEEKDAYS, LocalTime
+from bt_agents_core.stop_cause import STOPPERS, Cancellation
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.interfaces import read_ros_name
@@ -68,6 +69,13 @@ _MESSAGE = KeyTable(
         FieldDecl("message", FIELDS, "Its fields."),
     ),
 )
+_CANCEL = KeyTable(
+    what="'cancel'",
+    fields=(
+        FieldDecl("reason", TEXT, "Why, as 'cancel.reason' has it.", required=True),
+        FieldDecl("by", WordChoice(STOPPERS), "Who, as 'cancel.by' has it.", default=STOPPERS[0]),
+    ),
+)
 _HAPPENING = KeyTable(
     what="what happens",
     scene=True,
@@ -82,7 +90,11 @@ _HAPPENING = KeyTable(
         ),
         FieldDecl("publish", _MESSAGE, "A message arrives."),
         FieldDecl("tune", Entries(ANY, "names and values"), "Tunable → new value."),
-        FieldDecl("cancel", TEXT, "The run is cancelled, for this reason."),
+        FieldDecl(
+            "cancel",
+            Either((TEXT, _CANCEL)),
+            "The run is cancelled, by an operator and for this reason unless it says more.",
+        ),
     ),
 )
 _CLOCK = KeyTable(
@@ -358,8 +370,18 @@ class ScenarioReader:
             tunables=self._tuned(fields.entries("tune")),
             topic=topic,
             message=message,
-            cancel=fields.text("cancel"),
+            cancel=self._cancel(fields.get("cancel")),
         )
+
+    def _cancel(self, node: Node | None) -> Cancellation | None:
+        if not isinstance(node, MappingNode):
+            reason = None if node is None else self._reading.text(node, "'cancel'")
+            return None if reason is None else Cancellation(by=STOPPERS[0], reason=reason)
+        fields = self._reading.keys(node, _CANCEL)
+        if fields is None:
+            return None
+        by = fields.choice("by") or STOPPERS[0]
+        return Cancellation(by=by, reason=fields.text("reason"))
 
     def _values(self, fields: MappingReader, names: Iterable[str]) -> dict[str, float]:
         entries = tuple(
