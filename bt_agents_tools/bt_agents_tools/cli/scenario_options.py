@@ -70,6 +70,7 @@ def scenario_yaml(
     answers: Iterable[str] = (),
     events: Iterable[str] = (),
     seed: int | None = None,
+    picks: Iterable[str] = (),
 ) -> TypedYaml:
     """Return the options of a rehearsal as YAML, which is read like any other file.
 
@@ -83,6 +84,8 @@ def scenario_yaml(
     lines += _section("answers", "--answer", answers, "ask=yes")
     if seed is not None:
         lines.append((f"seed: {seed}", f"--seed {seed}"))
+    paths = [(f"  - {_value(path)}", _option("--pick", path)) for path in picks]
+    lines += [("picks:", ""), *paths] if paths else []
     during = [(f"  - {event_yaml(agent, text)}", _option("--at", text)) for text in events]
     lines += [("during:", ""), *during] if during else []
     return _with_origins(lines)

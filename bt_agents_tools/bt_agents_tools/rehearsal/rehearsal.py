@@ -31,7 +31,12 @@ from bt_agents_language.nodes.node_type import Mark, Waits
 from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
-from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
+from bt_agents_tools.rehearsal.instrument import (
+    replaced,
+    with_open_bindings,
+    with_picks,
+    with_replacements,
+)
 from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
 from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLiveScene, awarded, change_text
 from bt_agents_tools.rehearsal.tick_analysis import add_marks, at_rest, limit_of, running_leaves
@@ -135,7 +140,7 @@ class _Rehearsal:
         self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
         self._tunables |= scenario.tunables
         self._run = Run(
-            with_open_bindings(agent),
+            with_picks(with_open_bindings(agent), scenario.picks),
             space=space,
             scene=self._scene,
             profile=agent.profile,

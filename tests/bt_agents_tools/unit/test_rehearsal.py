@@ -381,6 +381,34 @@ def test_the_same_seed_gives_the_same_picks() -> None:
     assert first != other
 
 
+GREETS = """
+repeat: 4
+sequence:
+  - random: [{say: hi, weight: 0}, {say: hello}, {say: hey, timeout: 9 s}]
+  - random: {seed: 1, children: [say: one, say: two]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("picks", "said"),
+    [
+        ("'**/0.random/0.say'", ["hi"] * 4),
+        ("['**/0.random/2.say', '**/0.random/1.say']", ["hey", "hello", "hello", "hello"]),
+        ("['**/0.random/1.say', '**/0.random/2.*']", ["hello", "hey", "hey", "hey"]),
+    ],
+)
+def test_a_test_says_which_child_a_random_takes(picks: str, said: list[str]) -> None:
+    assert spoken_texts(rehearsed(GREETS, f"picks: {picks}"))[::2] == said
+
+
+def test_each_random_takes_its_own_picks_and_the_others_draw_as_before() -> None:
+    drawn = spoken_texts(rehearsed(GREETS))
+    picked = spoken_texts(rehearsed(GREETS, "picks: '**/0.random/0.say'"))
+    assert picked[1::2] == drawn[1::2]
+    both = "picks: ['**/1.random/1.say', '**/0.random/0.say', '**/1.random/0.say']"
+    assert spoken_texts(rehearsed(GREETS, both))[:4] == ["hi", "two", "hi", "one"]
+
+
 def test_an_agent_that_does_not_bid_does_not_run_unless_it_is_told_to() -> None:
     spec = agent("say: Hello.", "requires: scene.person")
     nobody = scenario(spec, "person: false")

@@ -47,6 +47,12 @@ def test_no_line_is_wider_than_80_columns_and_there_is_no_colour() -> None:
     assert "\x1b" not in output
 
 
+@pytest.mark.parametrize(("place", "said"), [(0, "Tomorrow is another day."), (1, "Micro chips")])
+def test_an_option_says_which_child_a_random_takes(place: int, said: str) -> None:
+    result = rehearse("evening_round", "--answer", "ask=bad", "--pick", f"**.random/{place}.*")
+    assert said in result.output
+
+
 def test_everything_can_be_said_by_options() -> None:
     result = rehearse(
         "silent_text",

@@ -15,7 +15,13 @@ from bt_agents_language.fields.interfaces import read_ros_name
 from bt_agents_language.fields.scene_values import read_values
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.fields.values import is_plain, plain, read_value
-from bt_agents_language.files.testing.path_patterns import is_path, matches, nodes_of, path_hint
+from bt_agents_language.files.testing.path_patterns import (
+    branches_of,
+    is_path,
+    matches,
+    nodes_of,
+    path_hint,
+)
 from bt_agents_language.files.testing.replacement_reader import AT_ONCE, ReplacementReader
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,
@@ -119,6 +125,11 @@ SCENARIO = KeyTable(
         ),
         FieldDecl("seed", integer(0), "Makes everything random the same each time."),
         FieldDecl(
+            "picks",
+            Several(TEXT),
+            "Paths of children of 'random' nodes, which these take in turn, the last for ever.",
+        ),
+        FieldDecl(
             "answers",
             Entries(
                 Several(Either((TEXT, _ANSWER))), "skills or paths, and answers", keys=Key.ANY
@@ -185,10 +196,31 @@ class ScenarioReader:
             clock=self._clock(fields.get("clock")),
             tunables=self._tuned(fields.entries("tunables")),
             seed=fields.integer("seed", maximum=2**63 - 1) or 0,
+            picks=self._picks(fields.get("picks")),
             answers=tuple(one for one in rules if one is not None),
             replace=tuple(one for one in replacements if one is not None),
             during=tuple(one for one in happenings if one is not None),
         )
+
+    def _picks(self, node: Node | None) -> tuple[str, ...]:
+        if node is None:
+            return ()
+        branches = [path for one in self._nodes for path in branches_of(one)]
+        picks: list[str] = []
+        for item in node.items if isinstance(node, Sequence) else (node,):
+            text = self._reading.text(item, "'picks'")
+            if text is None:
+                continue
+            if any(matches(text, path) for path in branches):
+                picks.append(text)
+                continue
+            hint = (
+                path_hint(text, branches) if branches else "the agent has no 'random'; remove it"
+            )
+            self._reading.error(
+                "unknown-path", item, f"no child of a 'random' has the path {quote(text)}", hint
+            )
+        return tuple(picks)
 
     def _clock(self, node: Node | None) -> LocalTime:
         fields = None if node is None else self._reading.keys(node, _CLOCK)

@@ -95,6 +95,7 @@ class Scenario:
         clock: Local time at the start.
         tunables: Values that differ from the defaults.
         answers: Those of paths count before those of skills, else the first that fits.
+        picks: Paths of children of ``random`` nodes, each node takes its own in turn.
         replace: The first that fits a node counts.
         during: What happens, in any order.
     """
@@ -104,6 +105,7 @@ class Scenario:
     clock: LocalTime = NOON
     tunables: Mapping[str, Plain] = field(default_factory=dict)
     seed: int = 0
+    picks: tuple[str, ...] = ()
     answers: tuple[AnswerRule, ...] = ()
     replace: tuple[Replacement, ...] = ()
     during: tuple[ScriptedEvent, ...] = ()
