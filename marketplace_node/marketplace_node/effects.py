@@ -12,7 +12,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_core.stop_cause import StopCause, StoppedBy
 from marketplace_node.registry import HostEntry
-from marketplace_node.round.decision import Decision
+from marketplace_node.round.decision import Decision, UndecidedRule
 
 
 class State(IntEnum):
@@ -226,6 +226,7 @@ class StatusChanged(Effect):
     pinned: str
     vetoed: tuple[str, ...]
     starved: tuple[str, ...]
+    undecided: tuple[UndecidedRule, ...]
     message: str
 
 

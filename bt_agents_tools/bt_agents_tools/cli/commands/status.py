@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -32,6 +32,9 @@ from bt_agents_tools.cli.formatting import (
 )
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
 
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
 _ENDS_SHOWN = 3
 
 
@@ -44,12 +47,18 @@ def status(form: TableForm) -> None:
         auctions = last_decisions(observer)
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
+        observer.spin_until(lambda: observer.profiles is not None, SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
         for scene in scenes:  # of one that was refused there is no decision
             names.add(scene)
         cards = [card for _, card in sorted(observer.cards.items())]
         if form is TableForm.JSON:
-            found = {"market": market, "hosts": cards, "ended": ends[-_ENDS_SHOWN:]}
+            found = {
+                "market": market,
+                "hosts": cards,
+                "ended": ends[-_ENDS_SHOWN:],
+                "mood_rule_problems": _rule_problems(observer),
+            }
             print_json({name: as_plain_data(one) for name, one in found.items()})
             return
         if form is TableForm.CSV:
@@ -69,6 +78,8 @@ def status(form: TableForm) -> None:
         )
         for line in _ranking_lines(market, auctions[-1] if auctions else None):
             _print("          ", line)
+        for problem in market.problems:
+            _print("  problem: ", problem_text(problem))
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
             for agent in card.agents:
@@ -81,6 +92,8 @@ def status(form: TableForm) -> None:
                 )
             for problem in card.problems:
                 _print("  problem: ", problem_text(problem))
+        for problem in _rule_problems(observer):
+            _print("  problem: ", problem_text(problem))
         for end in ends[-_ENDS_SHOWN:]:
             when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
             place = f"round {end.round}, " if end.round else ""
@@ -88,6 +101,11 @@ def status(form: TableForm) -> None:
                 "ended     ",
                 f"{when}, {place}'{names.name_of(end.scene_id)}', {end_text(end, names)}",
             )
+
+
+def _rule_problems(observer: Observer) -> Sequence[Any]:
+    """Return the mood rules that could not be decided, where the feedback node has said so."""
+    return () if observer.profiles is None else observer.profiles.problems
 
 
 def _ranking_lines(market: Any, last: Any) -> Iterator[str]:
