@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
@@ -379,6 +382,20 @@ def test_the_same_seed_gives_the_same_picks() -> None:
     first, same, other = (spoken_texts(rehearsed(tree, f"seed: {seed}")) for seed in (7, 7, 8))
     assert first == same
     assert first != other
+
+
+@pytest.mark.parametrize(("after", "shown_s"), [("5 s", 5.0), ("3 min", 120.0)])
+def test_a_text_is_shown_until_a_button_is_pressed_as_the_language_page_says(
+    after: str, shown_s: float
+) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
+    examples = re.findall(r"```yaml\ntree:\n(.*?)```", page, re.DOTALL)
+    [example] = [one for one in examples if "when you have it" in one]
+    press = "publish: {topic: buttons/confirm, message: {data: true}}"
+    result = rehearsed(textwrap.dedent(example), f"during: [{{after: {after}, {press}}}]")
+    ended = events_of(result, EventKind.STOPS, EventKind.SUCCEEDS)
+    assert ended[0] == (shown_s, "show")
+    assert result.outcome is TreeOutcome.SUCCEEDED
 
 
 GREETS = """
