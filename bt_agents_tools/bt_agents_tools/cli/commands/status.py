@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -32,9 +32,6 @@ from bt_agents_tools.cli.formatting import (
 )
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
 
-if TYPE_CHECKING:
-    from bt_agents_tools.client.observer import Observer
-
 _ENDS_SHOWN = 3
 
 
@@ -57,7 +54,7 @@ def status(form: TableForm) -> None:
                 "market": market,
                 "hosts": cards,
                 "ended": ends[-_ENDS_SHOWN:],
-                "mood_rule_problems": _rule_problems(observer),
+                "rule_problems": rule_problems(market, observer.profiles),
             }
             print_json({name: as_plain_data(one) for name, one in found.items()})
             return
@@ -78,7 +75,7 @@ def status(form: TableForm) -> None:
         )
         for line in _ranking_lines(market, auctions[-1] if auctions else None):
             _print("          ", line)
-        for problem in market.problems:
+        for problem in rule_problems(market, observer.profiles):
             _print("  problem: ", problem_text(problem))
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
@@ -92,8 +89,6 @@ def status(form: TableForm) -> None:
                 )
             for problem in card.problems:
                 _print("  problem: ", problem_text(problem))
-        for problem in _rule_problems(observer):
-            _print("  problem: ", problem_text(problem))
         for end in ends[-_ENDS_SHOWN:]:
             when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
             place = f"round {end.round}, " if end.round else ""
@@ -103,9 +98,12 @@ def status(form: TableForm) -> None:
             )
 
 
-def _rule_problems(observer: Observer) -> Sequence[Any]:
-    """Return the mood rules that could not be decided, where the feedback node has said so."""
-    return () if observer.profiles is None else observer.profiles.problems
+def rule_problems(market: Any, profiles: Any) -> Sequence[Any]:
+    """Return the rules of the market and of moods that could not be decided.
+
+    The profiles are None where the feedback node has published none.
+    """
+    return [*market.problems, *(profiles.problems if profiles is not None else ())]
 
 
 def _ranking_lines(market: Any, last: Any) -> Iterator[str]:
