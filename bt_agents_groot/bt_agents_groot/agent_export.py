@@ -22,6 +22,7 @@ from bt_agents_language.yaml.yaml_reader import Mapping, Node
 
 _NOT_IN_TREES = (
     "profile", "learning_rate", "learning", "weights", "requires", "tunables", "feedback", "tags",
+    "on_cancel_within",
 )  # fmt: skip
 
 

@@ -10,9 +10,9 @@ from functools import cached_property
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, Vector
-from bt_agents_core.stop_cause import StopCause
+from bt_agents_core.stop_cause import StopCause, StoppedBy
 from marketplace_node.registry import HostEntry
-from marketplace_node.round.decision import Decision
+from marketplace_node.round.decision import Decision, UndecidedRule
 
 
 class State(IntEnum):
@@ -162,6 +162,8 @@ class AnnounceRun(Effect):
     scene: Scene
     message: str
     stop_cause: int = StopCause.NOT_STOPPED
+    stopped_by: StoppedBy = StoppedBy.NOT_SAID
+    stop_reason: str = ""
     orphans: tuple[str, ...] = ()
     ticks: int = 0
     overruns: int = 0
@@ -224,6 +226,7 @@ class StatusChanged(Effect):
     pinned: str
     vetoed: tuple[str, ...]
     starved: tuple[str, ...]
+    undecided: tuple[UndecidedRule, ...]
     message: str
 
 

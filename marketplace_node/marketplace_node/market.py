@@ -376,5 +376,6 @@ class Market:
             pinned=self._market_state.overrides.pinned,
             vetoed=self._market_state.overrides.vetoed,
             starved=self._market_state.starved(),
+            undecided=self._market_state.undecided(),
             message=interaction.state_text() if interaction else self._last_text,
         )

@@ -24,8 +24,8 @@ from marketplace_node.effects import (
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.registry import HostEntry, Registry
-from marketplace_node.round.decision import Decision, Terms
-from marketplace_node.settings import Settings
+from marketplace_node.round.decision import Decision, Terms, UndecidedRule
+from marketplace_node.settings import RULES, Settings
 from marketplace_node.statistics import MarketStatistics, counts
 
 PREVIEWS = 2**31
@@ -73,6 +73,7 @@ class MarketState:
     ) -> None:
         self.space = space
         self.epoch = epoch
+        self._undecided: tuple[UndecidedRule, ...] = ()
         self.settings = settings
         self.registry = Registry(space.names, settings.host_lease_s)
         self.overrides = OperatorOverrides()
@@ -153,7 +154,22 @@ class MarketState:
     def publish(self, decision: Decision, reason_fn: Callable[[], str]) -> None:
         """Count a decision and have it published, with the line that ``reason_fn`` formats."""
         self.record.take(decision)
+        self._take_undecided(decision)
         self.effects.append(self.outcome(decision, reason_fn))
+
+    def _take_undecided(self, decision: Decision) -> None:
+        """Store the rules that could not be decided, where a round has looked at them."""
+        looked_at = RULES in (decision.terms.strategy, decision.terms.shadow)
+        if not looked_at or not decision.ranked.bidders:
+            return
+        before, self._undecided = self._undecided, decision.ranked.undecided
+        new = (one for one in self._undecided if one not in before)
+        self.effects += [Alarm(message=one.message) for one in new]
+
+    def undecided(self) -> tuple[UndecidedRule, ...]:
+        """Return the rules that could not be decided when they were last looked at, if any is."""
+        in_force = RULES in (self.settings.strategy, self.settings.shadow_strategy)
+        return self._undecided if in_force else ()
 
     def starved(self) -> tuple[str, ...]:
         """Return the registered agents that bid again and again and never run."""

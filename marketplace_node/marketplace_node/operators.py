@@ -9,6 +9,7 @@ from functools import partial
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
+from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.diagnostics.collection import did_you_mean
 from marketplace_node.effects import PreviewEnded, State
 from marketplace_node.explanation.reason import reason_of
@@ -79,7 +80,10 @@ class OperatorCommands:
             return ""
         stopping = interaction.state is State.CANCELLING
         stop = StopRequest(
-            reason=f"{command.who} vetoes it{command.because}", again=True, code=VETOED
+            reason=f"{command.who} vetoes it{command.because}",
+            by=StoppedBy.OPERATOR,
+            again=True,
+            code=VETOED,
         )
         _, message = interaction.stop(stop, now)
         return f"; {message}" + ("" if stopping else ", and the others are asked")

@@ -55,7 +55,7 @@ class Settings:
     bid_deadline_s: float = 0.5
     host_lease_s: float = 0.8
     goal_deadline_s: float = 2.0
-    cancel_deadline_s: float = 6.5
+    cancel_deadline_s: float = 14.0
     collect_deadline_s: float = 2.0
     on_new_scene: str = "queue"
     queue_limit: int = 10

@@ -93,9 +93,10 @@ class Market:
         """Give none any more."""
         self._beats.cancel()
 
-    def announce(self, round_number: int, agent: str, event: int = Run.ENDED) -> None:
+    def announce(self, round_number: int, agent: str, event: int = Run.ENDED, **more: Any) -> None:
         """Say what has become of a run."""
-        self._runs.publish(Run(epoch=self.epoch, round=round_number, agent=agent, event=event))
+        run = Run(epoch=self.epoch, round=round_number, agent=agent, event=event, **more)
+        self._runs.publish(run)
 
     def call(self, round_number: int = 1, **changes: Any) -> None:
         """Call for bids."""

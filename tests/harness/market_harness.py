@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.stop_cause import StoppedBy
+from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
     AnnounceRun,
     Effect,
@@ -73,10 +75,10 @@ def registration(
 class Driver:
     """Drives one market, by the paper's rule unless told otherwise, and keeps every effect."""
 
-    def __init__(self, **settings: Any) -> None:
+    def __init__(self, rules: tuple[MarketRule, ...] = (), **settings: Any) -> None:
         self.now = 100.0
         settings = {"strategy": "manhattan"} | settings
-        self.market = Market(SPACE, "epoch", Settings(**settings))
+        self.market = Market(SPACE, "epoch", Settings(**settings), rules)
         self.effects: list[Effect] = []
         self.ids: dict[str, dict[str, int]] = {}
         self.busy: dict[str, int] = {}
@@ -170,8 +172,9 @@ class Driver:
         scene: Scene | None = None,
         epoch: str = "",
         round_number: int = 0,
+        by: StoppedBy = StoppedBy.NOT_SAID,
     ) -> tuple[bool, str]:
-        stop = StopRequest(reason=reason, again=again, scene=scene)
+        stop = StopRequest(reason=reason, by=by, again=again, scene=scene)
         accepted, message, effects = self.market.cancel(epoch, round_number, stop, self.now)
         self.do(effects)
         return accepted, message

@@ -334,6 +334,20 @@ def test_an_agent_learns_by_the_rule_of_its_card(scenario):
     assert list(answer.feedback.rates) == [0.25, 0.5, 0.0]
 
 
+def test_a_mood_rule_that_cannot_be_decided_stands_beside_the_profiles(scenario):
+    room = scenario()
+    room.introduce(MoodRule(when="1 / (live.mood - 3) > 0", give=MoodRule.NEGATIVE))
+    room.run()
+    room.ros.until(lambda: room.live.get_subscription_count() == 1)
+    room.live.publish(scene(3.0))
+    room.ros.until(lambda: room.profiles[-1].problems)
+    [problem] = room.profiles[-1].problems
+    assert (problem.agent, problem.message) == (
+        "guide",
+        "the mood rule cannot be decided: 1 / (live.mood - 3) > 0 ('/' by zero)",
+    )
+
+
 def test_a_mood_that_falls_teaches_the_agent_and_asks_the_market_again(scenario):
     room = scenario()
     room.introduce(WORSE)
@@ -390,6 +404,7 @@ def test_a_market_that_is_away_is_asked_for_the_cancel_when_it_is_back(scenario)
     room.start_market()
     room.ros.until(lambda: room.cancels)
     assert (room.cancels[0].round, room.cancels[0].again) == (1, True)
+    assert room.cancels[0].by == Run.MOOD_RULE
     assert room.cancels[0].scene == scene(2.5)
     room.ros.turns(150)
     assert len(room.cancels) == 1

@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Run
 from bt_agents_ros.spinner import STOP_LIMIT_S
 from fake_market import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
@@ -23,6 +24,10 @@ TALKER = (
     "profile: {age: 3, familiarity: 3, mood: 3}\ntree: {say: hello}\non_cancel: {say: good-bye}\n"
 )
 
+TELLER = TALKER.replace("talker", "teller").replace(
+    "say: good-bye", "say: \"${cancel.by else 'nobody'}: ${cancel.reason else 'no reason'}\""
+)
+
 
 @pytest.fixture
 def market(ros: Any) -> Market:
@@ -31,7 +36,7 @@ def market(ros: Any) -> Market:
 
 @pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
-    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER)))
+    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER, TELLER)))
     market.open()
     ros.until(lambda: node.registered)
     return node
@@ -86,3 +91,39 @@ def test_a_run_that_cannot_even_be_given_up_ends_and_the_next_one_runs(
     ros.until(lambda: len(mouth.goals) == 2)
     mouth.goals[1].finish()
     assert result(ros, again).outcome == RunAgent.Result.SUCCEEDED
+
+
+@pytest.mark.parametrize("news_first", [True, False])
+def test_a_clean_up_says_what_its_market_has_announced_before_or_after_the_cancel(
+    ros: Any, host: HostNode, market: Market, news_first: bool
+) -> None:
+    mouth = ScriptedServer(ros, script=Script(finish_s=None))
+    handle = market.send(market.goal(host, "teller"))
+    ros.until(lambda: mouth.goals)
+    news = {"event": Run.CANCELLING, "stopped_by": Run.MOOD_RULE, "stop_reason": "she frowns"}
+    if news_first:
+        market.announce(1, "teller", **news)
+        ros.until(lambda: host._runs._cancellation is not None)
+        handle.cancel_goal_async()
+    else:
+        handle.cancel_goal_async()
+        ros.until(lambda: host._runs._stop is not None)
+        market.announce(1, "teller", **news)
+    ros.until(lambda: len(mouth.goals) == 2)
+    assert mouth.goals[1].request.text == "mood rule: she frowns"
+    mouth.goals[1].finish()
+    assert result(ros, handle).outcome == RunAgent.Result.CANCELLED
+
+
+def test_a_clean_up_begins_soon_when_nobody_says_why_the_run_is_stopped(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    mouth = ScriptedServer(ros, script=Script(finish_s=None))
+    handle = market.send(market.goal(host, "teller"))
+    ros.until(lambda: mouth.goals)
+    market.announce(2, "teller", Run.CANCELLING, stop_reason="that is another run")
+    handle.cancel_goal_async()
+    ros.until(lambda: len(mouth.goals) == 2)
+    assert mouth.goals[1].request.text == "nobody: no reason"
+    mouth.goals[1].finish()
+    assert result(ros, handle).outcome == RunAgent.Result.CANCELLED

@@ -106,8 +106,11 @@ def test_a_second_host_of_the_same_name_takes_no_goals_and_the_first_goes_on(
     ros.turns(50)
     assert [run.event for run in system.runs] == [Run.STARTED]
     client = ros.node.create_client(CancelRun, "marketplace/cancel")
-    assert ros.call(client, CancelRun.Request(reason="enough")).accepted
+    assert ros.call(client, CancelRun.Request(reason="enough", by=Run.OPERATOR)).accepted
     ros.until(lambda: system.finished(scene_id))
+    assert [(run.stopped_by, run.stop_reason) for run in system.runs[1:]] == [
+        (Run.OPERATOR, "enough"), (Run.OPERATOR, "enough")
+    ]  # fmt: skip
     assert system.host.stopped()
     assert second.stopped()
 

@@ -23,7 +23,8 @@ from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticker import OnVisit, Tick, Ticker
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_language.model.specs import CLEAN_UP_S, AgentSpec, NodeSpec
+from bt_agents_core.stop_cause import Cancellation
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 _MOST_UNDECIDED = 20
 """Conditions that cannot be decided of which a run tells."""
@@ -87,19 +88,20 @@ class RunLimits:
     """Bounded waits at the end of a run, on the steady clock [s].
 
     Attributes:
-        clean_up_s: For the agent's ``on_cancel``.
-        settle_s: For the goals to be confirmed ended, after that.
+        explain_s: For the news who stopped it and why, where the agent's ``on_cancel`` names that.
+        settle_s: For the goals to be confirmed ended, after the agent's ``on_cancel``.
     """
 
-    clean_up_s: float = CLEAN_UP_S
+    explain_s: float = 0.1
     settle_s: float = 2.0
 
 
 class _Phase(Enum):
     TICKING = 1
-    CLEANING = 2
-    SETTLING = 3
-    ENDED = 4
+    HALTED = 2
+    CLEANING = 3
+    SETTLING = 4
+    ENDED = 5
 
 
 class Run:
@@ -162,6 +164,7 @@ class Run:
         self.overrun: Overrun | None = None
         self.changes: list[StatusChange] = []
         self.result: RunResult | None = None
+        self._scope = scope
         self._context = context(environment, scope, random or Random())
         self.deadlines = self._context.deadlines
         self._steady = steady
@@ -191,6 +194,8 @@ class Run:
         self.changes = []
         self.overrun = None
         self.deadlines.clear()
+        if self._phase is _Phase.HALTED and self._steady() >= self.deadline:
+            self._clean(None)
         match self._phase:
             case _Phase.TICKING:
                 self._tick(self._root)
@@ -208,15 +213,24 @@ class Run:
             self._try_end()
         return self.changes
 
-    def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
+    def cancel(
+        self, reason: str, *, clean_up: bool = True, cancellation: Cancellation | None = None
+    ) -> list[StatusChange]:
         """Stop every running leaf now; a run that is ending already goes on ending as it does.
 
         So does one whose tree has ended and only waits for goals: it keeps that outcome. A tree
         that was never ticked has begun nothing, and has nothing to clean up. Without ``clean_up``
-        the agent's ``on_cancel`` is left out, and stopped if it runs.
+        the agent's ``on_cancel`` is left out, and stopped if it runs. One that names who stopped
+        the run waits until a further call brings the ``cancellation``, for a bounded time.
         """
         self.changes = []
-        if self._phase is _Phase.CLEANING and not clean_up:
+        if self._phase is _Phase.HALTED:
+            if not clean_up:
+                self._settle()
+                self._try_end()
+            elif cancellation is not None:
+                self._clean(cancellation)
+        elif self._phase is _Phase.CLEANING and not clean_up:
             self._stop_cleaning()
         if self._phase is not _Phase.TICKING:
             return self.changes
@@ -226,10 +240,11 @@ class Run:
         if self.spec.on_cancel is None or not clean_up or not self.ticks:
             self._settle()
             self._try_end()
+        elif cancellation is None and self.spec.names_cancellation:
+            self._phase = _Phase.HALTED
+            self.deadline = self._steady() + self._limits.explain_s
         else:
-            self._clean_up = build(self.spec.on_cancel, self._context, self._plugins)
-            self._phase = _Phase.CLEANING
-            self.deadline = self._steady() + self._limits.clean_up_s
+            self._clean(cancellation)
         return self.changes
 
     def shorten_settling(self, settle_s: float) -> None:
@@ -257,6 +272,14 @@ class Run:
         else:
             self._end = (TreeOutcome.FAILED, _reason(self._root), self.tip)
         self._settle()
+
+    def _clean(self, cancellation: Cancellation | None) -> None:
+        """Begin with the agent's ``on_cancel``, whether it is known who stopped the run or not."""
+        assert self.spec.on_cancel is not None
+        self._scope.cancellation = cancellation
+        self._clean_up = build(self.spec.on_cancel, self._context, self._plugins)
+        self._phase = _Phase.CLEANING
+        self.deadline = self._steady() + self.spec.clean_up_s
 
     def _stop_cleaning(self) -> None:
         assert self._clean_up is not None

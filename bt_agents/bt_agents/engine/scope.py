@@ -13,6 +13,7 @@ from bt_agents_core.field_path import NoSuchField, item_of, value_at
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.local_time import LocalTime
 from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
+from bt_agents_core.stop_cause import Cancellation
 from bt_agents_core.text import quote
 from bt_agents_language.expression import quantities
 from bt_agents_language.expression.expression_values import EvaluationError, described
@@ -64,6 +65,7 @@ class RunScope:
         profile: The agent's own vector.
         tunables: Current values by name, shared with the host, which tunes them.
         clock: Returns the local time; None where nobody knows it.
+        cancellation: Who stopped the run and why; None while nobody has said.
         blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
             write is not there.
     """
@@ -74,6 +76,7 @@ class RunScope:
     profile: Vector
     tunables: Mapping[str, Plain]
     clock: Callable[[], LocalTime] | None = None
+    cancellation: Cancellation | None = None
     blackboard: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
@@ -91,6 +94,10 @@ class RunScope:
         """Return the value of a name that no node writes; see :class:`ValueSource`."""
         if name in self.tunables:
             return self.tunables[name]
+        if name == "cancel.by" and self.cancellation is not None:
+            return self.cancellation.by
+        if name == "cancel.reason" and self.cancellation is not None:
+            return self.cancellation.reason
         return resolve(name, self.scene, self.live, self._mood_change, self._own_value, self.clock)
 
     def _mood_change(self, live: Scene) -> float:

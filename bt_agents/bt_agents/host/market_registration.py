@@ -12,6 +12,7 @@ from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents.host.award_monitor import MarketLease, RunKey
+from bt_agents.host.run_messages import cancellation_from_msg
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.liveness import STALL_S
 from bt_agents_core.stop_cause import StopCause
@@ -127,7 +128,7 @@ class MarketRegistration:
         node.create_subscription(
             MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.SENSOR
         )
-        node.create_subscription(Run, "runs", self._unreported.on_run_event, qos.HISTORY)
+        node.create_subscription(Run, "runs", self._on_run_event, qos.HISTORY)
         runs.on_begin(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
         runs.on_end(self._on_run_end)
         steady_timer(node, _RETRY_S, self._retry)
@@ -186,6 +187,11 @@ class MarketRegistration:
         )
         if goal.epoch != self.epoch:
             self.refresh()
+
+    def _on_run_event(self, run: Run) -> None:
+        self._unreported.on_run_event(run)
+        if run.event == Run.CANCELLING:
+            self._runs.explain_stop(RunKey.of(run), cancellation_from_msg(run))
 
     def _on_heartbeat(self, heartbeat: MarketHeartbeat) -> None:
         now = time.monotonic()

@@ -11,10 +11,14 @@ from py_trees.common import Status
 
 from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
 from bt_agents_core.errors import Refused
+from bt_agents_core.stop_cause import Cancellation, StopCause, StoppedBy, stopper
+from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
 from bt_agents_interfaces.msg import TreeStatus
 
+_LONGEST_REASON = 500
 _STATUS = {status: getattr(StatusChangeMsg, status.name) for status in Status}
 
 
@@ -46,6 +50,13 @@ def run_result_to_msg(result: RunResult) -> RunAgent.Result:
     """Return the result of the action."""
     outcome = getattr(RunAgent.Result, result.outcome.name)
     return RunAgent.Result(**asdict(result) | {"outcome": outcome})
+
+
+def cancellation_from_msg(message: RunMsg) -> Cancellation:
+    """Return who stops a run and why, of the news that it is being stopped."""
+    by = stopper(StopCause.BY_MARKET, StoppedBy.of(message.stopped_by))
+    reason = ellipsize(printable_line(message.stop_reason), _LONGEST_REASON)
+    return Cancellation(by=by, reason=reason)
 
 
 def not_begun(error: Exception) -> RunResult:

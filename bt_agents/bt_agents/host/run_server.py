@@ -22,7 +22,7 @@ from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tr
 from bt_agents.host.run_records import RunRecords
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
-from bt_agents_core.stop_cause import StopCause
+from bt_agents_core.stop_cause import Cancellation, StopCause, stopper
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -51,6 +51,7 @@ class _Stop:
         cause: For the market.
         clean_up: False leaves the agent's ``on_cancel`` out.
         host_reason: True when the reason says more than that the market stopped it.
+        cancellation: For the agent's ``on_cancel``; None while the market has not said.
         begun: True once the run was cancelled with it.
     """
 
@@ -58,6 +59,7 @@ class _Stop:
     cause: StopCause
     clean_up: bool
     host_reason: bool
+    cancellation: Cancellation | None
     begun: bool = False
 
 
@@ -94,6 +96,7 @@ class RunServer:
         self._handle: Any = None
         self._scene: Any = None
         self._stop: _Stop | None = None
+        self._cancellation: Cancellation | None = None
         self._shutting_down = False
         self._withdrawing = False
         self._free_since = 0.0
@@ -187,18 +190,30 @@ class RunServer:
         if not self.busy:
             return
         if self._stop is None:
+            by_market = cause is StopCause.BY_MARKET
+            own = Cancellation(by=stopper(cause), reason=reason)
             self._stop = _Stop(
                 reason=reason,
                 cause=cause,
                 clean_up=clean_up,
-                host_reason=cause is not StopCause.BY_MARKET,
+                host_reason=not by_market,
+                cancellation=self._cancellation if by_market else own,
             )
         elif self._stop.clean_up and not clean_up:
             self._stop.clean_up = False
         else:
             return
-        self._scheduler.now(time.monotonic())
-        self._set_timer()
+        self._tick_soon()
+
+    def explain_stop(self, run: RunKey, cancellation: Cancellation) -> None:
+        """Handle the news of the market who stopped a run; it may come before the order itself."""
+        if not self.busy or run != RunKey.of(self.goal):
+            return
+        self._cancellation = cancellation
+        stop = self._stop
+        if stop is not None and stop.cancellation is None:
+            stop.cancellation = cancellation
+            self._tick_soon()
 
     def stop(self, reason: str) -> None:
         """Stop the running tree soon, without its clean-up, and reject later goals."""
@@ -206,8 +221,7 @@ class RunServer:
         self.cancel(reason, clean_up=False)
         if self._run is not None:
             self._run.shorten_settling(_STOP_SETTLE_S)
-            self._scheduler.now(time.monotonic())
-            self._set_timer()
+            self._tick_soon()
 
     def check_stall(self) -> None:
         """Detect a stall, and close after the farewell; called ten times a second."""
@@ -278,7 +292,7 @@ class RunServer:
         except Exception as error:
             result = not_begun(error)
         finally:
-            stop, self._stop = self._stop, None
+            stop, self._stop, self._cancellation = self._stop, None, None
             self.goal = self._run = self._handle = None
             self._free_since = time.monotonic()
         self._node.get_logger().info(
@@ -326,6 +340,10 @@ class RunServer:
         if self._run is not None:
             self._scheduler.request(time.monotonic())
             self._set_timer()
+
+    def _tick_soon(self) -> None:
+        self._scheduler.now(time.monotonic())
+        self._set_timer()
 
     def _set_timer(self) -> None:
         now = time.monotonic()
@@ -406,7 +424,7 @@ class RunServer:
             # A tree that was stopped before does not take the longer reason.
             stop.host_reason = stop.host_reason or not stop.begun
         stop.begun = True
-        return run.cancel(reason, clean_up=clean_up)
+        return run.cancel(reason, clean_up=clean_up, cancellation=stop.cancellation)
 
     def _hold_off_s(self, now: float) -> float:
         """Return how long not to tick, as the run may have been given away meanwhile [s]."""

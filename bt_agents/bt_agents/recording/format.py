@@ -19,7 +19,8 @@ before: ``format``, ``agent``, ``version``, ``file``, ``seed``, ``limits``, ``pa
 ``live``     what is new in the live scene that was read
 ``tunables`` all of them, when one has changed
 ``clock``    ``{"hour", "weekday"}``, when the local time was read and differs from before
-``calls``    what the host did besides: ``{"call": "cancel", "reason", "clean_up"}`` or
+``calls``    what the host did besides: ``{"call": "cancel", "reason", "clean_up"}``, with the
+             ``"cancellation"``: ``{"by", "reason"}`` where it is known who stopped it, or
              ``{"call": "shorten_settling", "settle_s"}`` each
 ``goals``    what is new about goals that were polled: ``{"goal", "field", "value"}`` each, with
              ``"after_cancel": true`` where only a cancel in the same step brought it out; goals

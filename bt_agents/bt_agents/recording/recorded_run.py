@@ -19,6 +19,7 @@ from bt_agents.recording.recorded_environment import (
 )
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, Vector
+from bt_agents_core.stop_cause import Cancellation
 from bt_agents_language.model.specs import AgentSpec
 
 MOST_CHARACTERS = 2_000_000
@@ -107,9 +108,14 @@ class RecordingRun(Run):
             steps.step += 1
         return changes
 
-    def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
-        self._record_call({"call": "cancel", "reason": reason, "clean_up": clean_up})
-        changes = super().cancel(reason, clean_up=clean_up)
+    def cancel(
+        self, reason: str, *, clean_up: bool = True, cancellation: Cancellation | None = None
+    ) -> list[StatusChange]:
+        call: Entry = {"call": "cancel", "reason": reason, "clean_up": clean_up}
+        if cancellation is not None:
+            call["cancellation"] = asdict(cancellation)
+        self._record_call(call)
+        changes = super().cancel(reason, clean_up=clean_up, cancellation=cancellation)
         self._changed += len(changes)
         return changes
 
@@ -211,7 +217,7 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
         tunables=environment.tunables,
         environment=environment,
         steady=environment.steady,
-        limits=RunLimits(**head["limits"]),
+        limits=_limits(head["limits"]),
         random=Random(head["seed"]),
         stopwatch=lambda: 0.0,
         plugins=environment.plugin,
@@ -224,7 +230,11 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
             if call["call"] == "shorten_settling":
                 run.shorten_settling(float(call["settle_s"]))
             else:
-                changes += run.cancel(str(call["reason"]), clean_up=bool(call["clean_up"]))
+                changes += run.cancel(
+                    str(call["reason"]),
+                    clean_up=bool(call["clean_up"]),
+                    cancellation=_cancellation(call.get("cancellation")),
+                )
         changes += run.tick()
         yield ReplayedStep(
             tick=run.ticks,
@@ -237,6 +247,17 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
         )
         if run.result is not None:
             return
+
+
+def _limits(fields: Mapping[str, float]) -> RunLimits:
+    """Return the limits of a run; those of earlier versions had that of the clean-up, too."""
+    return RunLimits(**{key: value for key, value in fields.items() if key != "clean_up_s"})
+
+
+def _cancellation(fields: Mapping[str, Any] | None) -> Cancellation | None:
+    if fields is None:
+        return None
+    return Cancellation(by=str(fields["by"]), reason=str(fields["reason"]))
 
 
 def _scene(fields: Mapping[str, Any]) -> Scene:

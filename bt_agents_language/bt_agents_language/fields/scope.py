@@ -12,6 +12,7 @@ from functools import lru_cache
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import WEEKDAYS
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.stop_cause import STOPPERS
 from bt_agents_language.diagnostics.collection import did_you_mean, nearest
 from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
@@ -23,7 +24,7 @@ from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.interfaces import MessageFields
 
 RESERVED = (
-    "scene", "live", "mood", "profile", "clock", "msg", "result",
+    "scene", "live", "mood", "profile", "clock", "cancel", "msg", "result",
     "true", "false", "null", *OPERATOR_WORDS, *FUNCTIONS,
 )  # fmt: skip
 """Words that no tunable, input or output may be called."""
@@ -213,7 +214,7 @@ def _parsed(
         text,
         kind_of=lambda name: KINDS.get(known.get(name) or FieldType.ANY),
         unit_of=lambda name: DIMENSIONS.get(known.get(name) or FieldType.ANY),
-        words_of={"clock.weekday": WEEKDAYS},
+        words_of={"clock.weekday": WEEKDAYS, "cancel.by": STOPPERS},
         range_of=dict(zip(words, ranges, strict=True)).get,
     )
 
@@ -235,6 +236,11 @@ def scene_names(
 def clock_names() -> dict[str, FieldType]:
     """Return the names of the local time."""
     return {"clock.hour": FieldType.INTEGER, "clock.weekday": FieldType.TEXT}
+
+
+def cancel_names() -> dict[str, FieldType]:
+    """Return the names that tell in ``on_cancel`` who stopped the run, and why."""
+    return {"cancel.by": FieldType.TEXT, "cancel.reason": FieldType.TEXT}
 
 
 def mood_names(space: SceneSpace) -> dict[str, FieldType]:

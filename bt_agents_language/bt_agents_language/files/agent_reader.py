@@ -21,11 +21,20 @@ from bt_agents_language.files.learning_reader import (
 )
 from bt_agents_language.files.mood_rule_reader import MOOD_RULE, read_mood_rules
 from bt_agents_language.files.tunable_reader import TUNABLE, read_tunable
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Tunable, iter_nodes
+from bt_agents_language.model.specs import (
+    CLEAN_UP_S,
+    MOST_CLEAN_UP_S,
+    SHORTEST_CLEAN_UP_S,
+    AgentSpec,
+    NodeSpec,
+    Tunable,
+    iter_nodes,
+)
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.trees_reader import SUBTREES, TreesReader
 from bt_agents_language.yaml.field_tables import (
     CONDITION,
+    DURATION,
     NAME,
     NODE,
     TEXT,
@@ -72,6 +81,12 @@ AGENT = FileKind(
         ),
         FieldDecl("tree", NODE, "What the agent does.", required=True),
         FieldDecl("on_cancel", NODE, "Clean-up after a run was stopped, bounded in time."),
+        FieldDecl(
+            "on_cancel_within",
+            DURATION,
+            f"Time that 'on_cancel' has, {MOST_CLEAN_UP_S:g} s at most.",
+            default=f"{CLEAN_UP_S:g} s",
+        ),
         SUBTREES,
     ),
 )
@@ -102,6 +117,7 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     title, description = fields.text("title"), fields.text("description")
     trees = _trees(reading, fields, symbols, tunables)
     tree, on_cancel = trees.trees(fields.get("tree"), fields.get("on_cancel"))
+    clean_up_s = _clean_up_s(reading, fields)
     reading.problems.raise_if_any()
     assert name is not None
     assert profile is not None
@@ -120,11 +136,37 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
         rules=rules,
         tree=tree,
         on_cancel=on_cancel,
+        clean_up_s=clean_up_s,
+        names_cancellation=trees.names_cancellation,
         file=reading.source.file,
         unoffered=_unoffered(tree, on_cancel),
         unused_inputs=tuple(trees.unused_inputs),
         warnings=reading.problems.warnings,
     )
+
+
+def _clean_up_s(reading: TypedReader, fields: MappingReader) -> float:
+    key, node = fields.keys.get("on_cancel_within"), fields.get("on_cancel_within")
+    if key is None or node is None:
+        return CLEAN_UP_S
+    if "on_cancel" not in fields.nodes:
+        reading.error(
+            "missing-key",
+            key,
+            "'on_cancel_within' is the time of 'on_cancel', which is missing",
+            "add 'on_cancel: …', or remove this",
+        )
+    seconds = fields.duration("on_cancel_within")
+    if seconds is None or not reading.in_range(
+        node,
+        "'on_cancel_within'",
+        seconds,
+        SHORTEST_CLEAN_UP_S,
+        MOST_CLEAN_UP_S,
+        FieldType.DURATION,
+    ):
+        return CLEAN_UP_S
+    return seconds
 
 
 def _tunables(reading: TypedReader, fields: MappingReader) -> dict[str, Tunable | None]:

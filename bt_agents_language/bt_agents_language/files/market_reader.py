@@ -61,11 +61,14 @@ class MarketRule:
     """Who wins when a condition holds: the first of the agents that bids.
 
     Attributes:
+        position: Place of the condition.
+        positions: Places of the agents.
         warnings: What is legal in it, but rarely meant.
     """
 
     condition: Expression
     agents: tuple[str, ...]
+    position: Position = field(compare=False)
     positions: tuple[Position, ...] = field(compare=False)
     warnings: tuple[Diagnostic, ...] = field(compare=False, default=())
 
@@ -115,11 +118,12 @@ def _rule(reading: TypedReader, node: Node, names: NameScope) -> MarketRule | No
             reading.error("duplicate-key", item, f"'{agent}' stands here twice", "name it once")
         elif agent is not None:
             agents[agent] = item.position
-    if condition is None or not agents:
+    if when is None or condition is None or not agents:
         return None
     return MarketRule(
         condition=condition,
         agents=tuple(agents),
+        position=when.position,
         positions=tuple(agents.values()),
         warnings=reading.problems.warnings[before:],
     )

@@ -20,7 +20,10 @@ NOTHING: Mapping[str, Any] = {}
 
 
 CLEAN_UP_S = 3.0
-"""Time that ``on_cancel`` of an agent has [s]."""
+"""Time that ``on_cancel`` of an agent has unless it says so itself [s]."""
+
+SHORTEST_CLEAN_UP_S, MOST_CLEAN_UP_S = 0.5, 10.0
+"""Least and most time that ``on_cancel`` of an agent may have [s]."""
 
 
 def _nothing() -> Mapping[str, Any]:
@@ -301,6 +304,8 @@ class AgentSpec:
         learning: How feedback moves the profile, with the learning rate as the usual step.
         weights: Parameter → how much it counts for this agent where distances are weighted;
             without an entry as much as the scene file says.
+        clean_up_s: Time that ``on_cancel`` has [s].
+        names_cancellation: Whether ``on_cancel`` names who stopped the run, or why.
         unoffered: The skills that it uses and no robot offers here, each with the reason; with
             one of them it does not bid.
         unused_inputs: Inputs of its own subtrees.
@@ -321,6 +326,8 @@ class AgentSpec:
     file: str
     learning: LearningRule = field(default_factory=LearningRule)
     weights: Mapping[str, float] = field(default_factory=dict)
+    clean_up_s: float = CLEAN_UP_S
+    names_cancellation: bool = False
     unoffered: tuple[str, ...] = ()
     unused_inputs: tuple[UnusedInput, ...] = ()
     warnings: tuple[Diagnostic, ...] = ()

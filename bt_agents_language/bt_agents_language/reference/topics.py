@@ -8,10 +8,17 @@ from dataclasses import dataclass
 
 from bt_agents_core.local_time import WEEKDAYS
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.stop_cause import STOPPERS
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, COMPARISON, PREFIXES
 from bt_agents_language.expression.units import DIMENSIONS
-from bt_agents_language.fields.scope import RESERVED, clock_names, mood_names, scene_names
+from bt_agents_language.fields.scope import (
+    RESERVED,
+    cancel_names,
+    clock_names,
+    mood_names,
+    scene_names,
+)
 
 Rows = tuple[tuple[str, str], ...]
 
@@ -125,6 +132,10 @@ def _names(space: SceneSpace) -> ReferenceTopic:
         (
             "  ".join(clock_names()),
             f"the hour of the day, 0 to 23, and the day of the week: {', '.join(WEEKDAYS)}",
+        ),
+        (
+            "  ".join(cancel_names()),
+            f"in 'on_cancel', who stopped the run ({', '.join(STOPPERS)}), and why",
         ),
         ("msg.data", "a field of the message that 'wait_for' waits for"),
         ("result.answer", "a field of the result that 'succeed_when' is about"),

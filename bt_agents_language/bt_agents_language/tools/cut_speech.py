@@ -11,7 +11,7 @@ from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.testing.default_answers import duration_s
 from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.model.specs import (
-    CLEAN_UP_S,
+    MOST_CLEAN_UP_S,
     AgentSpec,
     Literal,
     NodeSpec,
@@ -35,12 +35,17 @@ def cut_speech(agent: AgentSpec) -> Iterator[Diagnostic]:
             took[id(spec)] = _usual_s(spec, [took[id(child)] for child in spec.children], defaults)
             if spec.kind == TIMEOUT.key:
                 limit_s = took[id(spec)]
-                yield from _cut(spec, f"'{spec.kind}'", took[id(spec.children[0])], limit_s)
+                inner_s = took[id(spec.children[0])]
+                yield from _cut(spec, f"'{spec.kind}'", inner_s, limit_s, ", or give it more time")
         if root is agent.on_cancel:
-            yield from _cut(root, "'on_cancel'", took[id(root)], CLEAN_UP_S)
+            can_have_more = agent.clean_up_s < MOST_CLEAN_UP_S
+            hint = ", or give it more time with 'on_cancel_within'" if can_have_more else ""
+            yield from _cut(root, "'on_cancel'", took[id(root)], agent.clean_up_s, hint)
 
 
-def _cut(spec: NodeSpec, what: str, takes_s: float, limit_s: float) -> Iterator[Diagnostic]:
+def _cut(
+    spec: NodeSpec, what: str, takes_s: float, limit_s: float, hint: str
+) -> Iterator[Diagnostic]:
     speech = next((one for one in iter_nodes(spec) if _is_spoken(one)), None)
     if speech is None or takes_s <= limit_s:
         return
@@ -50,7 +55,7 @@ def _cut(spec: NodeSpec, what: str, takes_s: float, limit_s: float) -> Iterator[
         position=spec.position,
         message=f"{what} ends after {limit_s:g} s, but what it holds takes about {takes_s:.1f} s "
         f"with '{speech.kind}' in line {speech.position.line}",
-        hint="say less" + (", or give it more time" if spec.kind == TIMEOUT.key else ""),
+        hint=f"say less{hint}",
         end=end,
         severity=Severity.WARNING,
     )

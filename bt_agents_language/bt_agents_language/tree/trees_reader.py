@@ -12,6 +12,7 @@ from bt_agents_language.fields.inputs import INPUT, OUTPUT, read_inputs
 from bt_agents_language.fields.scope import (
     Assigned,
     NameScope,
+    cancel_names,
     clock_names,
     mood_names,
     scene_names,
@@ -54,6 +55,7 @@ class TreesReader:
 
     Attributes:
         unused_inputs: Inputs of the file's subtrees, as far as these have been read.
+        names_cancellation: Whether ``on_cancel`` names who stopped the run, or why.
     """
 
     def __init__(
@@ -66,6 +68,7 @@ class TreesReader:
         ranges: Mapping[str, Range] = NOTHING,
     ) -> None:
         self.unused_inputs: list[UnusedInput] = []
+        self.names_cancellation = False
         self._subtrees: dict[str, SubtreeSpec] = {}
         self._bodies: dict[str, NodeSpec] = {}
         self._of_trees: Mapping[str, Assigned] = {}
@@ -100,12 +103,25 @@ class TreesReader:
             for subtree, raw in bodies.items()
             for name in (self._reader.assigned.below(raw) if raw is not None else ())
         }
+        only_there = dict.fromkeys(cancel_names(), "only 'on_cancel' knows why a run was stopped")
         names = NameScope(
-            self._types, self._of_trees, hidden=hidden, lenient=self._lenient, ranges=self._ranges
+            self._types,
+            self._of_trees,
+            hidden={**hidden, **only_there},
+            lenient=self._lenient,
+            ranges=self._ranges,
         )
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
+        names = NameScope(
+            {**self._types, **cancel_names()},
+            self._of_trees,
+            hidden=hidden,
+            lenient=self._lenient,
+            ranges=self._ranges,
+        )
         names.give_all()
         last_spec = self._reader.read(last, "on_cancel", names) if last is not None else None
+        self.names_cancellation = not names.used.isdisjoint(cancel_names())
         expansion = self._expansion(bodies)
         if expansion is None:
             return None, None
@@ -181,11 +197,17 @@ class TreesReader:
         outputs = {one.name: one.type for one in subtree.outputs}
         types = {**self._types, **inputs}
         written = self._reader.assigned.of_trees([raw], taken, types, outputs)
-        hidden = dict.fromkeys(
-            self._of_trees,
-            f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "
-            "'with:' where the subtree is used",
-        )
+        hidden = {
+            **dict.fromkeys(
+                self._of_trees,
+                f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it "
+                "with 'with:' where the subtree is used",
+            ),
+            **dict.fromkeys(
+                cancel_names(),
+                f"only 'on_cancel' knows it; give it to an input of subtree '{name}' with 'with:'",
+            ),
+        }
         names = NameScope(
             types,
             written,

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
 from bt_agents_core.text import format_known
 from bt_agents_tools.cli.formatting import (
     KINDS,
@@ -118,7 +119,9 @@ class EventPrinter:
         elif message.event == message.CANCELLING:
             self._stopping = True
             reason = self._named(message.message)
-            self._line("run", f"[yellow]stopping {message.agent}:[/] {reason}")
+            by = StoppedBy.of(message.stopped_by)
+            who = f" ({stopper(StopCause.BY_MARKET, by)})" if by else ""
+            self._line("run", f"[yellow]stopping {message.agent}{who}:[/] {reason}")
         elif message.event == message.REFUSED:
             self._line("run", f"[yellow]{message.agent}: {self._named(message.message)}[/]")
         else:

@@ -18,6 +18,8 @@ from bt_agents_language.model.specs import AgentSpec, Literal
 
 _PLAIN = re.compile(r"[\w.+][\w.+ /%-]*")
 _TIME = re.compile(r"\s*([0-9.]+\s*(?:ms|s|min|h))\b\s*(.*)", re.DOTALL)
+_CANCELLED_BY = re.compile(r"by=(\"[^\"]*\"|'[^']*'|\S+)")
+_QUOTES = "\"'"
 _ASSIGNMENT = re.compile(r"([^\s=]+)=((?:\"[^\"]*\"|'[^']*'|[^\s])*)")
 
 
@@ -68,6 +70,7 @@ def scenario_yaml(
     answers: Iterable[str] = (),
     events: Iterable[str] = (),
     seed: int | None = None,
+    picks: Iterable[str] = (),
 ) -> TypedYaml:
     """Return the options of a rehearsal as YAML, which is read like any other file.
 
@@ -81,6 +84,8 @@ def scenario_yaml(
     lines += _section("answers", "--answer", answers, "ask=yes")
     if seed is not None:
         lines.append((f"seed: {seed}", f"--seed {seed}"))
+    paths = [(f"  - {_value(path)}", _option("--pick", path)) for path in picks]
+    lines += [("picks:", ""), *paths] if paths else []
     during = [(f"  - {event_yaml(agent, text)}", _option("--at", text)) for text in events]
     lines += [("during:", ""), *during] if during else []
     return _with_origins(lines)
@@ -122,8 +127,9 @@ def is_event(agent: AgentSpec, space: SceneSpace, typed: str) -> bool:
 def event_yaml(agent: AgentSpec, text: str) -> str:
     """Return a typed event as one YAML mapping.
 
-    ``2s mood=1.5``, ``3s person=false``, ``4s patience=10s`` (a tunable), ``5s cancel``, ``6s
-    buttons/confirm data=true`` (a message); without a time it happens at once.
+    ``2s mood=1.5``, ``3s person=false``, ``4s patience=10s`` (a tunable), ``5s cancel``, ``5s
+    cancel by='mood rule' annoyed``, ``6s buttons/confirm data=true`` (a message); without a time
+    it happens at once.
 
     Raises:
         BtAgentsError: Its form is wrong.
@@ -133,8 +139,12 @@ def event_yaml(agent: AgentSpec, text: str) -> str:
     rest = rest.removeprefix("tune ").lstrip()
     word, _, more = rest.partition(" ")
     if word == "cancel":
-        reason = more.strip() or "cancelled by hand"
-        return f"{{after: {after}, cancel: {json.dumps(reason, ensure_ascii=False)}}}"
+        by = _CANCELLED_BY.match(more.strip())
+        reason = more.strip()[by.end() if by else 0 :].strip() or "cancelled by hand"
+        cancel = json.dumps(reason, ensure_ascii=False)
+        if by:
+            cancel = f"{{by: {_value(by[1].strip(_QUOTES))}, reason: {cancel}}}"
+        return f"{{after: {after}, cancel: {cancel}}}"
     if word and "=" not in word:
         if match is None:
             _refuse_unknown(agent, text, word)
@@ -179,7 +189,7 @@ def _assigned(assignments: str, text: str) -> Mapping[str, str]:
     """Return ``a=1 b='x y'`` as names and YAML values."""
     if _ASSIGNMENT.sub("", assignments).strip():
         raise _unclear(text)
-    return {name: _value(value.strip("\"'")) for name, value in _ASSIGNMENT.findall(assignments)}
+    return {name: _value(value.strip(_QUOTES)) for name, value in _ASSIGNMENT.findall(assignments)}
 
 
 def _section(key: str, option: str, given: Iterable[str], example: str) -> list[tuple[str, str]]:

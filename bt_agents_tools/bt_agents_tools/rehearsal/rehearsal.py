@@ -21,6 +21,7 @@ from bt_agents_core.field_types import Plain
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.local_time import next_hour_s
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.stop_cause import Cancellation, StopCause, StoppedBy, stopper
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedAnswer, ScriptedEvent
 from bt_agents_language.model.mood_rule import MoodAction
@@ -30,7 +31,12 @@ from bt_agents_language.nodes.node_type import Mark, Waits
 from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
-from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
+from bt_agents_tools.rehearsal.instrument import (
+    replaced,
+    with_open_bindings,
+    with_picks,
+    with_replacements,
+)
 from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
 from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLiveScene, awarded, change_text
 from bt_agents_tools.rehearsal.tick_analysis import add_marks, at_rest, limit_of, running_leaves
@@ -134,7 +140,7 @@ class _Rehearsal:
         self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
         self._tunables |= scenario.tunables
         self._run = Run(
-            with_open_bindings(agent),
+            with_picks(with_open_bindings(agent), scenario.picks),
             space=space,
             scene=self._scene,
             profile=agent.profile,
@@ -280,8 +286,8 @@ class _Rehearsal:
                 kept = arrives or one.topic in self._latched
                 kind = EventKind.ARRIVES if kept else EventKind.LOST
                 self._event(kind, one.topic, one.message)
-            if one.cancel:
-                self._cancel(one.cancel, one.cancel)
+            if one.cancel is not None:
+                self._cancel(one.cancel, one.cancel.reason)
         self._poll_mood_rules()
 
     def _poll_mood_rules(self) -> bool:
@@ -298,16 +304,20 @@ class _Rehearsal:
             self._feedback(one.rule.give, one.reason)
         last = next((one for one in fired if one.rule.action is MoodAction.CANCEL), None)
         if last is not None:
-            self._cancel(last.reason, last.rule.when.text)
+            by_rule = Cancellation(
+                by=stopper(StopCause.BY_MARKET, StoppedBy.MOOD_RULE), reason=last.reason
+            )
+            self._cancel(by_rule, last.rule.when.text)
         return bool(fired)
 
-    def _cancel(self, reason: str, cause: str) -> None:
+    def _cancel(self, cancellation: Cancellation, cause: str) -> None:
         if self._cancelled_by:
             return
         self._cancelled_by = cause
-        self._event(EventKind.CANCELS, reason)
+        self._event(EventKind.CANCELS, cancellation.reason)
         self._published = 0
-        self._publish_changes(self._run.cancel(reason))
+        changes = self._run.cancel(cancellation.reason, cancellation=cancellation)
+        self._publish_changes(changes)
         self._held = None
 
     def _feedback(self, kind: FeedbackKind, text: str) -> None:

@@ -81,6 +81,10 @@ class FeedbackController:
         clock: Steady time [s].
         new_id: Returns a unique id for feedback that has none.
         lease_s: A live scene counts for so long after it has come [s].
+
+    Attributes:
+        undecided: Rules that could not be decided in the present run, or in the last one, each
+            with the name of its agent.
     """
 
     def __init__(
@@ -93,6 +97,7 @@ class FeedbackController:
         lease_s: float = LEASE_S,
     ) -> None:
         self.profiles = profiles
+        self.undecided: tuple[tuple[str, str], ...] = ()
         self._lease_s = lease_s
         self._clock = clock
         self._new_id = new_id
@@ -146,6 +151,7 @@ class FeedbackController:
         """
         if self._runs.started(run):
             self._watch = None
+            self.undecided = ()
             self._settle_s = SETTLE_S if replayed else 0.0
             self._trace = MoodTrace(run.scene, self.profiles.space, self._clock, self._lease_s)
             self._update_leaf()
@@ -317,9 +323,10 @@ class FeedbackController:
     def _outcomes(
         self, run: AnnouncedRun, watch: Watch, fired: Iterable[Fired]
     ) -> tuple[RuleOutcome, ...]:
-        undecided = [f"{run.agent}: {reason}" for reason in watch.take_undecided()]
+        undecided = [(run.agent, reason) for reason in watch.take_undecided()]
+        self.undecided += tuple(undecided)
         return (
-            *(RuleOutcome(problem=problem) for problem in undecided),
+            *(RuleOutcome(problem=f"{agent}: {reason}") for agent, reason in undecided),
             *(self._outcome(run, one) for one in fired),
         )
 

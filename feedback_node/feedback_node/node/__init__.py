@@ -100,7 +100,7 @@ class FeedbackNode(BaseNode):
         self._trees: dict[str, Subscription[TreeStatus]] = {}
         self._problems: dict[str, tuple[str, ...]] = {}
         self._pending_cards: dict[str, HostCard] = {}
-        self._table: Table = ()
+        self._published: tuple[Table, Sequence[tuple[str, str]]] = ((), ())
         self._live: SceneMsg | None = None
         self._polled_at = -math.inf
         self._stops = CancelRequests(self, self._calls, self._controller.is_running)
@@ -165,6 +165,7 @@ class FeedbackNode(BaseNode):
             leaves = self._controller.on_run_ended(event)
             if leaves:
                 self._traces.publish(mood_trace_to_msg(event, leaves, time.time()))
+        self._publish_undecided()
         self._set_timer()
 
     def _subscribe_to_trees(self, hosts: Collection[str]) -> None:
@@ -217,6 +218,7 @@ class FeedbackNode(BaseNode):
                     self._hosts.deliver(delivery)
             if outcome.stop is not None:
                 self._stops.request(outcome.stop)
+        self._publish_undecided()
         self._set_timer()
 
     def _set_timer(self) -> None:
@@ -344,10 +346,14 @@ class FeedbackNode(BaseNode):
         self._traces = self.create_publisher(MoodTrace, "mood_traces", qos.HISTORY)
 
     def _publish_table(self) -> None:
-        table = self._profiles.table()
-        if table != self._table:
-            self._table = table
-            self._current.publish(table_to_msg(table, self._space))
+        published = (self._profiles.table(), self._controller.undecided)
+        if published != self._published:
+            self._published = published
+            self._current.publish(table_to_msg(*published, self._space))
+
+    def _publish_undecided(self) -> None:
+        if self._controller.undecided != self._published[1]:
+            self._publish_table()
 
 
 _START = (

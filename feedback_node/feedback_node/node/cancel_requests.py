@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
+from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_interfaces.srv import CancelRun
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
@@ -54,6 +55,7 @@ class CancelRequests:
                 epoch=stop.run.epoch,
                 round=stop.run.round,
                 reason=stop.reason,
+                by=StoppedBy.MOOD_RULE,
                 again=True,
                 scene=scene_to_msg(stop.live),
             ),

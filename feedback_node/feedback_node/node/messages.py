@@ -3,14 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from rclpy.exceptions import NameValidationException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from bt_agents_interfaces.msg import AgentCard, Feedback, HostCard, Learning, MoodTrace
+from bt_agents_interfaces.msg import (
+    AgentCard,
+    Feedback,
+    FileProblem,
+    HostCard,
+    Learning,
+    MoodTrace,
+)
 from bt_agents_interfaces.msg import MoodRule as MoodRuleMsg
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
@@ -182,12 +189,15 @@ def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: floa
     )
 
 
-def table_to_msg(table: Table, space: SceneSpace) -> ProfilesMsg:
-    """Return the message of all current profiles."""
+def table_to_msg(
+    table: Table, undecided: Iterable[tuple[str, str]], space: SceneSpace
+) -> ProfilesMsg:
+    """Return the message of all current profiles, and of agents' rules that are undecided."""
     return ProfilesMsg(
         parameters=space.names,
         agents=[name for name, _, _, _ in table],
         layers=[layer for _, layer, _, _ in table],
         revisions=[revision for _, _, revision, _ in table],
         vectors=[value for _, _, _, vector in table for value in vector],
+        problems=[FileProblem(agent=agent, message=reason) for agent, reason in undecided],
     )

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bt_agents_core.scene import Scene
-from bt_agents_core.stop_cause import StopCause
+from bt_agents_core.stop_cause import StopCause, StoppedBy
 from marketplace_node.effects import AnnounceRun, RunEventKind, RunGoal, RunOutcome
 
 STOPPED = "STOPPED"
@@ -20,6 +20,7 @@ class StopRequest:
 
     Attributes:
         reason: Why, in words.
+        by: Who wants it.
         again: True: ask the market again, without the stopped agent.
         scene: What to ask for then; None means the scene as awarded.
         code: ``STOPPED``, ``SHUTTING_DOWN``, ``PREEMPTED`` or ``VETOED``; for the end of
@@ -27,6 +28,7 @@ class StopRequest:
     """
 
     reason: str
+    by: StoppedBy = StoppedBy.NOT_SAID
     again: bool = False
     scene: Scene | None = None
     code: str = STOPPED
@@ -71,6 +73,14 @@ class Award:
     silent_since: float | None = None
 
     @property
+    def _stopped_by(self) -> StoppedBy:
+        return StoppedBy.NOT_SAID if self.stop is None else self.stop.by
+
+    @property
+    def _stop_reason(self) -> str:
+        return "" if self.stop is None else self.stop.reason
+
+    @property
     def unfinished(self) -> str:
         """Reason why its host is not free."""
         return f"its run of round {self.goal.round} has not ended"
@@ -85,7 +95,13 @@ class Award:
     def event(self, kind: RunEventKind, message: str) -> AnnounceRun:
         """Return the announcement of an event before the end."""
         return AnnounceRun(
-            event=kind, outcome=RunOutcome.NONE, goal=self.goal, scene=self.scene, message=message
+            event=kind,
+            outcome=RunOutcome.NONE,
+            goal=self.goal,
+            scene=self.scene,
+            message=message,
+            stopped_by=self._stopped_by,
+            stop_reason=self._stop_reason,
         )
 
     def end(self, outcome: RunOutcome, end: RunEnd, now: float) -> AnnounceRun:
@@ -97,6 +113,8 @@ class Award:
             scene=self.scene,
             message=end.message,
             stop_cause=end.stop_cause,
+            stopped_by=self._stopped_by,
+            stop_reason=self._stop_reason,
             orphans=end.orphans,
             ticks=end.ticks,
             overruns=end.overruns,

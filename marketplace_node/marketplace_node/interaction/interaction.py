@@ -99,7 +99,8 @@ class Interaction:
             case State.RUNNING:
                 return f"{agent} is running"
             case State.CANCELLING:
-                return f"{agent} is told to stop"
+                stop = self._award.stop if self._award else None
+                return f"{agent} is told to stop" + (f": {stop.reason}" if stop else "")
             case State.COLLECTING:
                 return f"{self._last_text}; collecting feedback"
             case _:

@@ -7,6 +7,7 @@ from collections import deque
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
+from bt_agents_core.stop_cause import StoppedBy
 from marketplace_node.effects import SceneEnded, State
 from marketplace_node.interaction.award import PREEMPTED, SHUTTING_DOWN, STOPPED, StopRequest
 from marketplace_node.interaction.interaction import Interaction, QueuedScene
@@ -152,7 +153,8 @@ class SceneAdmission:
             self._queue.remove(waiting)
             self._queue.insert(0, waiting)
             preempted = f"preempted by scene '{waiting.scene.scene_id}': {reason}"
-            interaction.stop(StopRequest(reason=preempted, code=PREEMPTED), now)
+            stop = StopRequest(reason=preempted, by=StoppedBy.OTHER_SCENE, code=PREEMPTED)
+            interaction.stop(stop, now)
         elif no_room:
             self._queue.remove(waiting)
             self.refuse(waiting.scene.scene_id, "QUEUE_FULL", reason, waiting.round)

@@ -12,6 +12,7 @@ from typing import Any
 
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import join_first
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import Auction as AuctionMsg
@@ -52,6 +53,7 @@ from marketplace_node.effects import (
     StatusChanged,
     StoreOverrides,
 )
+from marketplace_node.formatting import shown
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.market import Market
 from marketplace_node.node.hosts import HostConnections
@@ -213,11 +215,14 @@ class MarketplaceNode(BaseNode):
             except Refused as refused:
                 # Whoever asks for a stop gets it, however bad the rest of the request is.
                 remark = f"; the scene as awarded is asked for again ({refused.reason})"
-        reason = request.reason or "somebody asked for it"
+        by = StoppedBy.of(request.by)
+        if by != request.by:
+            remark += f"; 'by' is {request.by}, expected 0 to {max(StoppedBy)}, so nobody is named"
+        reason = shown(request.reason) or "somebody asked for it"
         response.accepted, message, effects = self._market.cancel(
             request.epoch,
             request.round,
-            StopRequest(reason=reason, again=request.again, scene=scene),
+            StopRequest(reason=reason, by=by, again=request.again, scene=scene),
             time.monotonic(),
         )
         response.message = message + (remark if response.accepted else "")

@@ -17,7 +17,7 @@ from bt_agents_core.text import single_spaced
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
-from bt_agents_interfaces.msg import CallForBids, MarketStatus, StrategyInfo
+from bt_agents_interfaces.msg import CallForBids, FileProblem, MarketStatus, StrategyInfo
 from bt_agents_interfaces.msg import RankedBid as RankedBidMsg
 from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
@@ -188,7 +188,11 @@ def goal_to_msg(effect: SendGoal, epoch: str) -> RunAgent.Goal:
 
 def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus:
     """Return the message of what the market is doing since ``stamp``."""
-    return MarketStatus(stamp=stamp, epoch=epoch, strategies=strategies_to_msg(), **vars(status))
+    fields = {**vars(status)}
+    problems = [FileProblem(**vars(one)) for one in fields.pop("undecided")]
+    return MarketStatus(
+        stamp=stamp, epoch=epoch, strategies=strategies_to_msg(), problems=problems, **fields
+    )
 
 
 @cache
@@ -325,6 +329,8 @@ def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
         event=int(effect.event),
         outcome=int(effect.outcome),
         stop_cause=int(effect.stop_cause),
+        stopped_by=int(effect.stopped_by),
+        stop_reason=effect.stop_reason,
         scene=scene_to_msg(effect.scene),
         agent=effect.goal.agent,
         agent_id=effect.goal.agent_id,

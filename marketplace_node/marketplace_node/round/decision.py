@@ -173,6 +173,19 @@ class Counterfactual:
 
 
 @dataclass(frozen=True, kw_only=True)
+class UndecidedRule:
+    """Rule of ``market.yaml`` whose condition was neither true nor false.
+
+    Attributes:
+        message: Why, for people, with the place.
+    """
+
+    file: str
+    line: int
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Ranked:
     """Ranking of the accepted bids, and its reasons.
 
@@ -186,6 +199,7 @@ class Ranked:
         placed: How many bids, from the first, are there by ``precedence``.
         shadow_winner: Who would have won by the shadow strategy; empty without one.
         shadow_failure: Why the shadow strategy could not rank; empty when it could.
+        undecided: Rules that were looked at and could not be decided.
         find_change: Searches for ``change``.
     """
 
@@ -197,6 +211,7 @@ class Ranked:
     placed: int = 0
     shadow_winner: str = ""
     shadow_failure: str = ""
+    undecided: tuple[UndecidedRule, ...] = ()
     find_change: Callable[[], Counterfactual | None] | None = field(
         default=None, compare=False, repr=False
     )

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -14,31 +14,48 @@ from bt_agents_language.expression.expression_values import Undecided
 from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.formatting import shown
+from marketplace_node.round.decision import UndecidedRule
 from marketplace_node.strategies import Scores
 
 _BIDDERS_NAMED = 5
 
 
-def applicable_rule(
+@dataclass(frozen=True, kw_only=True)
+class AppliedRules:
+    """Rules of the market for one scene and its bidders.
+
+    Attributes:
+        number: That of the rule that holds, from 1; 0 for none.
+        rule: The rule that holds; None for none.
+        undecided: Rules before it that could not be decided.
+    """
+
+    number: int = 0
+    rule: MarketRule | None = None
+    undecided: tuple[UndecidedRule, ...] = ()
+
+
+def apply_rules(
     rules: Sequence[MarketRule], values: Mapping[str, float], person: bool, agents: Sequence[str]
-) -> tuple[int, MarketRule] | None:
-    """Return the first rule that holds and names a bidder, with its number from 1.
+) -> AppliedRules:
+    """Return the first rule that holds and names a bidder.
 
     A condition on a missing value, NaN, does not hold, nor does one that cannot be decided.
     """
-
-    def holds(rule: MarketRule) -> bool:
-        try:
-            return surely_true(rule.condition, names)
-        except Undecided:
-            return False
-
     names = partial(resolve, scene=SceneFacts(person=person, values=values))
     bidders = set(agents)
+    undecided: list[UndecidedRule] = []
     for number, rule in enumerate(rules, 1):
-        if not bidders.isdisjoint(rule.agents) and holds(rule):
-            return number, rule
-    return None
+        if bidders.isdisjoint(rule.agents):
+            continue
+        try:
+            if surely_true(rule.condition, names):
+                return AppliedRules(number=number, rule=rule, undecided=tuple(undecided))
+        except Undecided as error:
+            place = rule.position
+            message = f"{place}: rule {number} {error}"
+            undecided.append(UndecidedRule(file=place.file, line=place.line, message=message))
+    return AppliedRules(undecided=tuple(undecided))
 
 
 def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import overload
+from typing import NamedTuple, overload
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from marketplace_node.round.decision import (
     Ranked,
     RankedBid,
     Terms,
+    UndecidedRule,
 )
 from marketplace_node.round.round_model import RoundModel, Scored
 from marketplace_node.strategies import STRATEGIES, StrategySpec
@@ -66,7 +67,7 @@ def decide(
         model = replace(model, spec=STRATEGIES[FALLBACK])
         scored = model.score()
     places = model.order(scored.scores.score)
-    shadow_winner, shadow_failure = _shadow(model)
+    shadow = _shadow(model)
     return Ranked(
         bids=LazyRanking(
             _ranked(space, terms, table, scored, places[:1])[0],
@@ -78,8 +79,9 @@ def decide(
         fallback=fallback,
         precedence=scored.precedence,
         placed=scored.placed,
-        shadow_winner=shadow_winner,
-        shadow_failure=shadow_failure,
+        shadow_winner=shadow.winner,
+        shadow_failure=shadow.failure,
+        undecided=scored.undecided or shadow.undecided,
         find_change=lambda: smallest_change(model, places, space),
     )
 
@@ -114,15 +116,14 @@ def _lazily_ranked(
         return tuple(sorted(bids, key=lambda bid: (bid.score, bid.last_run if by_run else 0)))
 
     best = winning_row(space, terms, table, distance)
-    shadow_winner, shadow_failure = "", ""
-    if terms.shadow:
-        shadow_winner, shadow_failure = _shadow(_model(space, terms, table, None))
+    shadow = _shadow(_model(space, terms, table, None)) if terms.shadow else _Shadow()
     return Ranked(
         bids=LazyRanking(_bid(space, terms, table, distance, best), len(table), ranked),
         bidders=table.agents,
         by=spec.name,
-        shadow_winner=shadow_winner,
-        shadow_failure=shadow_failure,
+        shadow_winner=shadow.winner,
+        shadow_failure=shadow.failure,
+        undecided=shadow.undecided,
         find_change=change,
     )
 
@@ -233,11 +234,18 @@ def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple
     ]
 
 
-def _shadow(model: RoundModel) -> tuple[str, str]:
-    """Return the winner by the shadow strategy, and the reason why there is none."""
+class _Shadow(NamedTuple):
+    """Outcome of the shadow strategy, as :class:`Ranked` has it."""
+
+    winner: str = ""
+    failure: str = ""
+    undecided: tuple[UndecidedRule, ...] = ()
+
+
+def _shadow(model: RoundModel) -> _Shadow:
     terms = model.terms
     if not terms.shadow:
-        return "", ""
+        return _Shadow()
     shadow = replace(
         model,
         spec=_spec(terms.shadow),
@@ -246,10 +254,11 @@ def _shadow(model: RoundModel) -> tuple[str, str]:
         external=None,
     )
     try:
-        scores = shadow.score().scores
+        scored = shadow.score()
     except Refused as refused:
-        return "", refused.reason
-    return model.table.agents[int(shadow.order(scores.score)[0])], ""
+        return _Shadow(failure=refused.reason)
+    winner = model.table.agents[int(shadow.order(scored.scores.score)[0])]
+    return _Shadow(winner=winner, undecided=scored.undecided)
 
 
 class LazyRanking(Sequence[RankedBid]):

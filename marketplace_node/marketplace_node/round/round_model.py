@@ -12,8 +12,8 @@ import numpy as np
 from bt_agents_core.errors import Refused
 from marketplace_node.formatting import shown
 from marketplace_node.round.bid_table import BidTable
-from marketplace_node.round.decision import External, Terms
-from marketplace_node.round.precedence import applicable_rule, apply_precedence
+from marketplace_node.round.decision import External, Terms, UndecidedRule
+from marketplace_node.round.precedence import AppliedRules, apply_precedence, apply_rules
 from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies import (
     LinearScores,
@@ -32,11 +32,12 @@ _UNUSED = round_rng("")
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """Scores of one round; precedence and placed bids as in :class:`Ranked`."""
+    """Scores of one round; precedence, placed bids and undecided rules as in :class:`Ranked`."""
 
     scores: Scores
     precedence: str = ""
     placed: int = 0
+    undecided: tuple[UndecidedRule, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,11 +62,17 @@ class RoundModel:
             Refused: ``STRATEGY_FAILED``; see :func:`scored`.
         """
         scores = scored(self.spec, self.field, self.options, self._random_source())
-        agents, why = self._first()
+        applied = self._applied_rules()
+        agents, why = self._first(applied)
         places = [self.table.agents.index(agent) for agent in agents]
         if not places:
-            return Scored(scores=scores)
-        return Scored(scores=apply_precedence(scores, places), precedence=why, placed=len(places))
+            return Scored(scores=scores, undecided=applied.undecided)
+        return Scored(
+            scores=apply_precedence(scores, places),
+            precedence=why,
+            placed=len(places),
+            undecided=applied.undecided,
+        )
 
     def order(self, scores: Floats) -> Integers:
         """Return indices of the bids, best first; [..., N] to [..., N]."""
@@ -107,17 +114,20 @@ class RoundModel:
     def _random_source(self) -> np.random.Generator:
         return _UNUSED if self.spec.sum is not None else round_rng(self.seed)
 
-    def _first(self) -> tuple[list[str], str]:
+    def _applied_rules(self) -> AppliedRules:
+        if self.spec.name != RULES:
+            return AppliedRules()
+        scene = self.terms.scene
+        named = {value.name: value.value for value in scene.values}
+        return apply_rules(self.terms.rules, named, scene.person, self.table.agents)
+
+    def _first(self, applied: AppliedRules) -> tuple[list[str], str]:
         """Return the bidders that come before nearer ones, and why."""
-        external, scene, bidders = self.external, self.terms.scene, self.table.agents
-        if self.spec.name == RULES:
-            named = {value.name: value.value for value in scene.values}
-            found = applicable_rule(self.terms.rules, named, scene.person, bidders)
-            if found is not None:
-                number, rule = found
-                ours = [agent for agent in rule.agents if agent in bidders]
-                return ours, f"rule {number}: {rule.condition.text}"
-        elif self.spec.name == EXTERNAL and external is not None and not external.failure:
+        external, bidders = self.external, self.table.agents
+        if applied.rule is not None:
+            ours = [agent for agent in applied.rule.agents if agent in bidders]
+            return ours, f"rule {applied.number}: {applied.rule.condition.text}"
+        if self.spec.name == EXTERNAL and external is not None and not external.failure:
             return list(external.ranking), external.message
         return [], ""
 

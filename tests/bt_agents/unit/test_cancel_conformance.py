@@ -16,12 +16,12 @@ from bt_agents.engine.run import Run, RunLimits, TreeOutcome
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.specs import AgentSpec, iter_nodes
+from bt_agents_language.model.specs import CLEAN_UP_S, AgentSpec, iter_nodes
 from tree_harness import SPACE, TREES
 
 AGENTS = read_trees(TREES).agents
 SEEDS = range(3)
-LIMITS = RunLimits(clean_up_s=3.0, settle_s=2.0)
+LIMITS = RunLimits(settle_s=2.0)
 STEP_S = 5.0
 MOST_TICKS = 120
 EPSILON_S = 0.01
@@ -162,7 +162,7 @@ def check_end(performance: Performance, took_s: float) -> None:
     assert sorted(result.orphans) == running
     if performance.server is not stubborn:
         assert running == []
-    assert took_s <= LIMITS.clean_up_s + LIMITS.settle_s + EPSILON_S
+    assert took_s <= CLEAN_UP_S + LIMITS.settle_s + EPSILON_S
     cleaned = Counter(
         g.goal.sender for g in environment.goals if g.goal.sender.startswith("on_cancel")
     )

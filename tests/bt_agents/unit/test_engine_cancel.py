@@ -11,6 +11,7 @@ from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import RunLimits, TreeOutcome
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.engine.ticker import Ticker
+from bt_agents_core.stop_cause import Cancellation
 from tree_harness import Stage
 
 LONG = ScriptedReply(after_s=100.0)
@@ -54,7 +55,7 @@ def test_a_cancel_during_a_cancel_changes_nothing() -> None:
 
 
 def test_a_clean_up_that_takes_too_long_is_stopped() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]}, limits=RunLimits(clean_up_s=3.0))
+    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
     stage.tick()
     stage.run.cancel("enough")
     stage.tick()
@@ -147,7 +148,6 @@ def test_a_clean_up_whose_time_is_over_begins_nothing_more() -> None:
         SPEAKS,
         head="on_cancel: {sequence: [{say: good-bye}, {say: really}]}",
         answers={"say": [LONG, ScriptedReply(after_s=1.0)]},
-        limits=RunLimits(clean_up_s=3.0),
     )
     stage.tick()
     stage.run.cancel("enough")
@@ -241,3 +241,66 @@ def test_without_a_period_no_tick_is_too_long() -> None:
     assert stage.tick() == "succeeded"
     assert stage.run.result is not None
     assert stage.run.result.overruns == 0
+
+
+TELLS_WHY = (
+    "on_cancel: {choose: {children: [{name: rule, when: cancel.by == 'mood rule', say: 'Sorry.'}, "
+    "{name: told, when: known(cancel.reason), say: '${cancel.reason}'}], "
+    "otherwise: {say: 'I stop here.'}}}"
+)
+RULE = Cancellation(by="mood rule", reason="mood.change <= -1 held 2 s")
+OPERATOR = Cancellation(by="operator", reason="the shift is over")
+
+
+@pytest.mark.parametrize(("cancellation", "text"), [(RULE, "Sorry."), (OPERATOR, OPERATOR.reason)])
+def test_a_clean_up_knows_who_stopped_the_run_and_why(
+    cancellation: Cancellation, text: str
+) -> None:
+    stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
+    stage.tick()
+    stage.run.cancel("enough", cancellation=cancellation)
+    stage.tick()
+    assert stage.said == ["hello", text]
+
+
+def test_a_clean_up_that_names_who_stopped_the_run_waits_for_that_while_nothing_runs() -> None:
+    stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
+    stage.tick()
+    stage.run.cancel("enough")
+    assert stage.environment.running() == []
+    assert stage.after(0.05) == "running"
+    assert stage.said == ["hello"]
+    stage.run.cancel("enough", cancellation=RULE)
+    stage.tick()
+    assert stage.said == ["hello", "Sorry."]
+    stage.run.cancel("enough", cancellation=OPERATOR)
+    stage.tick()
+    assert stage.said == ["hello", "Sorry."]
+
+
+def test_who_has_stopped_a_run_is_missing_when_nobody_says_so_in_time() -> None:
+    stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
+    stage.tick()
+    stage.run.cancel("enough")
+    assert stage.run.deadline == pytest.approx(RunLimits().explain_s)
+    stage.after(RunLimits().explain_s)
+    assert stage.said == ["hello", "I stop here."]
+
+
+def test_a_run_that_waits_for_who_stopped_it_can_be_ended_without_its_clean_up() -> None:
+    stage = Stage(SPEAKS, head=TELLS_WHY, answers={"say": [LONG]})
+    stage.tick()
+    stage.run.cancel("enough")
+    stage.run.cancel("the host is stopping", clean_up=False)
+    assert stage.tick() == "cancelled"
+    assert stage.said == ["hello"]
+
+
+def test_a_clean_up_has_the_time_that_its_agent_gives_it() -> None:
+    head = f"{CLEAN_UP}\non_cancel_within: 5 s"
+    stage = Stage(SPEAKS, head=head, answers={"say": [LONG]})
+    stage.tick()
+    stage.run.cancel("enough")
+    stage.tick()
+    assert stage.after(4.9) == "running"
+    assert stage.after(0.1) == "cancelled"

@@ -18,6 +18,7 @@ from bt_agents.recording.recorded_environment import RecordingEnvironment
 from bt_agents.recording.recorded_run import RecordingRun, ReplayedStep, replay
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.stop_cause import Cancellation
 from tree_harness import SPACE, Stage, agent
 
 
@@ -165,6 +166,35 @@ def test_a_goal_stands_still_during_a_step() -> None:
     assert (environment.clock(), goal.state) == before
     environment.steps.end()
     assert (environment.clock(), goal.state) == (5.0, GoalState.SUCCEEDED)
+
+
+def test_who_stopped_a_run_and_when_that_was_known_come_back() -> None:
+    head = "on_cancel: {say: '${cancel.by}: ${cancel.reason}'}"
+    stage = Recorded("say: hello", head=head, answers=LONG)
+    stage.tick()
+    stage.run.cancel("enough")
+    stage.after(0.05)
+    stage.run.cancel("enough", cancellation=Cancellation(by="operator", reason="late"))
+    stage.tick()
+    stage.after(3.0)
+    assert stage.said == ["hello", "operator: late"]
+    steps = stage.again()
+    assert [step.requests for step in steps] == [step.recorded_requests for step in steps]
+    assert any("operator: late" in str(step.requests) for step in steps)
+    last = steps[-1]
+    assert (last.recorded_end, last.result) == (
+        {**asdict(stage.run.result), "outcome": "cancelled", "orphans": []},
+        stage.run.result,
+    )
+
+
+def test_limits_of_an_earlier_version_are_read() -> None:
+    stage = Recorded("say: hello")
+    stage.tick()
+    head = json.loads(stage.lines[0])
+    head["limits"] = {"clean_up_s": 3.0, "settle_s": 1.0}
+    stage.lines[0] = json.dumps(head)
+    assert stage.again()[-1].result == stage.run.result
 
 
 HEAD = json.dumps({"format": 2})

@@ -135,6 +135,13 @@ def test_tunables_are_ports_of_the_main_tree():
     ]
 
 
+def test_the_time_of_the_clean_up_is_listed_and_who_stopped_the_run_is_a_name_there():
+    clean_up = "on_cancel: {say: Sorry., when: cancel.by == 'operator'}\non_cancel_within: 5 s\n"
+    made = exported("say: Hi", clean_up)
+    assert "cancel__by == 'operator'" in made.text
+    assert any("on_cancel_within" in remark.message for remark in made.remarks)
+
+
 def test_names_that_mean_something_else_there_make_way():
     made = exported(
         "sequence: [subtree: say, subtree: sleep, subtree: my_agent]",

@@ -318,7 +318,16 @@ def test_what_is_said_after_a_cancel_fits_into_the_time_for_it():
     assert warning.message == (
         "'on_cancel' ends after 3 s, but what it holds takes about 4.3 s with 'say' in line 6"
     )
+    assert warning.hint == "say less, or give it more time with 'on_cancel_within'"
     assert warnings_of("wait: 1 s", "on_cancel: {say: Good-bye.}") == []
+
+
+def test_a_clean_up_may_give_itself_more_time_up_to_a_limit():
+    text = "I am sorry that this did not help you, and I leave you alone now."
+    head = f"on_cancel: {{say: '{text}'}}\non_cancel_within: "
+    assert warnings_of("wait: 1 s", f"{head}5 s") == []
+    (warning,) = lint(agent("wait: 1 s", f"{head.replace(text, text * 3)}10 s"))
+    assert (warning.code, warning.hint) == ("cut-speech", "say less")
 
 
 def test_a_text_is_as_fast_as_the_tunable_that_sets_its_rate():

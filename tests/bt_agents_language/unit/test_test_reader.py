@@ -10,6 +10,7 @@ import pytest
 from bt_agents_core.errors import ReadError
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.local_time import LocalTime
+from bt_agents_core.stop_cause import Cancellation
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import (
@@ -96,7 +97,7 @@ def test_a_case_says_everything_that_a_rehearsal_needs() -> None:
     assert (mood.after_s, mood.values, mood.person) == (2.0, {"mood": 1.5}, False)
     assert (button.topic, button.message) == ("buttons/confirm", {"data": True})
     assert tune.tunables == {"patience": 10.0}
-    assert cancel.cancel == "operator"
+    assert cancel.cancel == Cancellation(by="operator", reason="operator")
 
 
 def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
@@ -175,6 +176,9 @@ def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
         ("clock: {hour: 24}", "[out-of-range]: 'hour' is 24, expected 0 to 23"),
         ("clock: {weekday: sun}", "[bad-choice]: 'weekday' is 'sun'"),
         ("clock: 22:30", "[wrong-type]: 'clock'"),
+        ("picks: tree/0.say", "[unknown-path]: no child of a 'random' has the path 'tree/0.say'"),
+        ("during: [{after: 2 s, cancel: {reason: a, by: boss}}]", "[bad-choice]: 'by' is 'boss'"),
+        ("during: [{after: 2 s, cancel: {by: host}}]", "[missing-key]: 'cancel' needs the key"),
         ("replace: {tree/0.say: skip}", "[bad-choice]: what stands in for it is 'skip'"),
         ("replace: {tree/0.say: {sya: a}}", "a.test.yaml:5:28: error[unknown-node]: there is no"),
         ("replace: {tree/0.say: {wait: 3 m}}", "[bad-duration]"),

@@ -35,7 +35,7 @@ def scene(mood: float = 3.0, age: float = 1.0, person: bool = True, **more: Any)
 def run_event(event: int, **more: Any) -> Message:
     events = {"STARTED": 1, "CANCELLING": 2, "ENDED": 3, "REFUSED": 4}
     outcomes = {"SUCCEEDED": 1, "FAILED": 2, "CANCELLED": 3, "LOST": 4}
-    known = {"agent": "a", "epoch": "e", "round": 2, "scene": scene()}
+    known = {"agent": "a", "epoch": "e", "round": 2, "scene": scene(), "stopped_by": 0}
     return Message(**events, **outcomes, event=event, **(known | more))
 
 
@@ -321,3 +321,10 @@ def test_the_summary_shows_every_profile_whole_on_a_narrow_terminal() -> None:
         r"attentive_guide +– +negative +\[4, 1\.5, 3\] → \[4\.12, 1\.28, 3\]\n", shown
     )
     assert re.search(r"professional_express +– +– +\[3, 5, 3\]\n", shown)
+
+
+def test_a_stop_is_told_with_who_wants_it() -> None:
+    stopped = run_event(2, stopped_by=2, message="mood.change <= -1 held 2 s")
+    assert told(("run", stopped)) == [
+        "      run  stopping a (mood rule): mood.change <= -1 held 2 s"
+    ]

@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
@@ -292,6 +295,32 @@ def test_tunables_can_be_set_from_the_start_and_changed_meanwhile() -> None:
     assert events_of(result, EventKind.TUNES) == [(2.0, "pause 30 s")]
 
 
+@pytest.mark.parametrize(
+    ("cancel", "says"),
+    [
+        ("it is late", "operator: it is late"),
+        ("{reason: somebody falls, by: other scene}", "other scene: somebody falls"),
+    ],
+)
+def test_a_clean_up_is_told_who_cancels_a_rehearsal_and_why(cancel: str, says: str) -> None:
+    result = rehearsed(
+        "wait: 1 min",
+        f"during: [{{after: 7 s, cancel: {cancel}}}]",
+        head="on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n",
+    )
+    assert spoken_texts(result) == [says]
+
+
+def test_a_mood_rule_that_cancels_a_rehearsal_says_so() -> None:
+    result = rehearsed(
+        "wait: 1 min",
+        "during: [{after: 3 s, mood: 1.5}]",
+        head=RULES + "on_cancel: {say: '${cancel.by}: ${cancel.reason}'}\n",
+    )
+    [said] = spoken_texts(result)
+    assert said.startswith("mood rule: mood.change <= -1.0 held 2 s")
+
+
 def test_a_run_can_be_cancelled_from_outside() -> None:
     result = rehearsed("wait: 1 min", "during: [{after: 7 s, cancel: the operator}]")
     assert result.outcome is TreeOutcome.CANCELLED
@@ -353,6 +382,48 @@ def test_the_same_seed_gives_the_same_picks() -> None:
     first, same, other = (spoken_texts(rehearsed(tree, f"seed: {seed}")) for seed in (7, 7, 8))
     assert first == same
     assert first != other
+
+
+@pytest.mark.parametrize(("after", "shown_s"), [("5 s", 5.0), ("3 min", 120.0)])
+def test_a_text_is_shown_until_a_button_is_pressed_as_the_language_page_says(
+    after: str, shown_s: float
+) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
+    examples = re.findall(r"```yaml\ntree:\n(.*?)```", page, re.DOTALL)
+    [example] = [one for one in examples if "when you have it" in one]
+    press = "publish: {topic: buttons/confirm, message: {data: true}}"
+    result = rehearsed(textwrap.dedent(example), f"during: [{{after: {after}, {press}}}]")
+    ended = events_of(result, EventKind.STOPS, EventKind.SUCCEEDS)
+    assert ended[0] == (shown_s, "show")
+    assert result.outcome is TreeOutcome.SUCCEEDED
+
+
+GREETS = """
+repeat: 4
+sequence:
+  - random: [{say: hi, weight: 0}, {say: hello}, {say: hey, timeout: 9 s}]
+  - random: {seed: 1, children: [say: one, say: two]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("picks", "said"),
+    [
+        ("'**/0.random/0.say'", ["hi"] * 4),
+        ("['**/0.random/2.say', '**/0.random/1.say']", ["hey", "hello", "hello", "hello"]),
+        ("['**/0.random/1.say', '**/0.random/2.*']", ["hello", "hey", "hey", "hey"]),
+    ],
+)
+def test_a_test_says_which_child_a_random_takes(picks: str, said: list[str]) -> None:
+    assert spoken_texts(rehearsed(GREETS, f"picks: {picks}"))[::2] == said
+
+
+def test_each_random_takes_its_own_picks_and_the_others_draw_as_before() -> None:
+    drawn = spoken_texts(rehearsed(GREETS))
+    picked = spoken_texts(rehearsed(GREETS, "picks: '**/0.random/0.say'"))
+    assert picked[1::2] == drawn[1::2]
+    both = "picks: ['**/1.random/1.say', '**/0.random/0.say', '**/1.random/0.say']"
+    assert spoken_texts(rehearsed(GREETS, both))[:4] == ["hi", "two", "hi", "one"]
 
 
 def test_an_agent_that_does_not_bid_does_not_run_unless_it_is_told_to() -> None:

@@ -47,6 +47,12 @@ def test_no_line_is_wider_than_80_columns_and_there_is_no_colour() -> None:
     assert "\x1b" not in output
 
 
+@pytest.mark.parametrize(("place", "said"), [(0, "Tomorrow is another day."), (1, "Micro chips")])
+def test_an_option_says_which_child_a_random_takes(place: int, said: str) -> None:
+    result = rehearse("evening_round", "--answer", "ask=bad", "--pick", f"**.random/{place}.*")
+    assert said in result.output
+
+
 def test_everything_can_be_said_by_options() -> None:
     result = rehearse(
         "silent_text",
@@ -171,6 +177,11 @@ def test_an_agent_outside_of_a_trees_folder_says_where_it_belongs(tmp_path: Path
             '{after: 4s, publish: {topic: bell, message: {data: "a, b", n: 1}}}',
         ),
         ("5s cancel", '{after: 5s, cancel: "cancelled by hand"}'),
+        (
+            "5s cancel by='other scene' she fell",
+            '{after: 5s, cancel: {by: other scene, reason: "she fell"}}',
+        ),
+        ("5s cancel by=host", '{after: 5s, cancel: {by: host, reason: "cancelled by hand"}}'),
     ],
 )
 def test_what_happens_is_written_as_in_a_test_file(typed: str, text: str) -> None:

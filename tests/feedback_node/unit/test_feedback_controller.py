@@ -217,6 +217,12 @@ def test_a_rule_that_cannot_be_decided_is_a_problem_of_its_agent():
     )
     assert (outcome.change, outcome.stop) == (None, None)
     assert room.teaching.receive(scene(5.0, 3.0)) == ()
+    [(agent, reason)] = room.teaching.undecided
+    assert f"{agent}: {reason}" == outcome.problem
+    room.teaching.on_run_ended(run())
+    assert room.teaching.undecided, "they are known until the next run"
+    room.teaching.on_run_started(run(2))
+    assert room.teaching.undecided == ()
 
 
 def test_a_replayed_run_whose_end_follows_teaches_nothing_even_without_a_hold():

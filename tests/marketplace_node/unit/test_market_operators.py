@@ -8,8 +8,9 @@ import json
 import pytest
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver, scene
-from marketplace_node.effects import CancelGoal, SendGoal, State, StoreOverrides
+from marketplace_node.effects import AnnounceRun, CancelGoal, SendGoal, State, StoreOverrides
 from marketplace_node.operator_overrides import OperatorAction
 from marketplace_node.round.decision import AuctionOutcome
 
@@ -94,6 +95,7 @@ def test_a_veto_stops_the_running_agent_and_the_others_are_asked(market: Driver)
     assert words == (
         "attentive_guide may not bid; attentive_guide is told to stop, and the others are asked"
     )
+    assert market.all(AnnounceRun)[-1].stopped_by is StoppedBy.OPERATOR
     market.end(3)
     market.collect()
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})

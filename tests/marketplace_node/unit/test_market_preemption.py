@@ -8,8 +8,16 @@ from typing import Any
 
 import pytest
 
+from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver
-from marketplace_node.effects import CancelGoal, Collect, OpenCall, PublishAuction, State
+from marketplace_node.effects import (
+    AnnounceRun,
+    CancelGoal,
+    Collect,
+    OpenCall,
+    PublishAuction,
+    State,
+)
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy
 from marketplace_node.settings import Settings
 
@@ -56,6 +64,7 @@ def test_a_better_agent_stops_the_run_and_gets_a_fresh_round(market: Driver) -> 
         "better by 1.5, margin 1.0: attentive_guide is stopped"
     )
     assert market.status.state is State.CANCELLING
+    assert market.all(AnnounceRun)[-1].stopped_by is StoppedBy.OTHER_SCENE
     market.end(outcome=3)
     assert market.ends == [("s1", "PREEMPTED")]
     assert market.end_words.startswith("attentive_guide cancelled: preempted by scene 's2'")

@@ -10,7 +10,8 @@ import pytest
 
 from bt_agents_language.files.market_reader import MarketRule, market_of, read_market
 from bt_agents_language.yaml.source import Source
-from market_harness import SPACE, scene
+from market_harness import EXPRESS, SPACE, Driver, scene
+from marketplace_node.effects import Alarm
 from marketplace_node.round.decision import External, Ranked
 from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
@@ -96,3 +97,47 @@ def test_without_an_answer_from_outside_the_nearest_wins(answer: External | None
     assert names(found) == ["ann", "bob", "cat"]
     assert found.fallback == (answer.failure if answer else "")
     assert found.by == ("manhattan" if found.fallback else "external")
+
+
+TORN = "{when: 1 / (scene.age - 3) > 0, agents: [cat]}"
+UNDECIDED = "market.yaml:4:12: rule 2 cannot be decided: 1 / (scene.age - 3) > 0 ('/' by zero)"
+
+
+@pytest.mark.parametrize("shadow", [False, True])
+def test_a_rule_that_cannot_be_decided_is_told_with_its_place(shadow: bool) -> None:
+    lines = ("{when: scene.age > 4, agents: [bob]}", TORN, "{when: scene.person, agents: [bob]}")
+    strategies = {"strategy": "euclidean", "shadow": "rules"} if shadow else {"strategy": "rules"}
+    of = terms(scene("s", 3.0, 3.0, 3.0), rules=rules(*lines), **strategies)
+    found = decide(SPACE, of, bids(PROFILES))
+
+    [problem] = found.undecided
+    assert (problem.file, problem.line, problem.message) == ("market.yaml", 4, UNDECIDED)
+
+
+def test_a_rule_behind_the_one_that_holds_is_not_looked_at() -> None:
+    assert ranked("{when: scene.person, agents: [bob]}", TORN).undecided == ()
+
+
+def test_the_status_has_the_rules_that_could_not_be_decided_when_last_looked_at() -> None:
+    line = f"{{when: 1 / (scene.age - 3) > 0, agents: [{EXPRESS}]}}"
+    market = Driver(rules(line), strategy="rules")
+    market.register()
+    market.scene("s1", 3.0, 3.0, 3.0)
+    market.bid()
+    assert [one.message for one in market.status.undecided] == [
+        UNDECIDED.replace("4:12", "3:12").replace("rule 2", "rule 1")
+    ]
+    assert [one.message for one in market.all(Alarm)] == [market.status.undecided[0].message]
+    market.accept()
+    market.end()
+    market.collect()
+    assert market.status.undecided, "nothing has been looked at since"
+    market.scene("s2", 3.0, 3.0, 3.0)
+    market.bid()
+    assert len(market.all(Alarm)) == 1, "it is logged once"
+    market.accept()
+    market.end()
+    market.collect()
+    market.scene("s3", 4.0, 3.0, 3.0)
+    market.bid()
+    assert market.status.undecided == ()

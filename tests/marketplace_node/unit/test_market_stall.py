@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.run import RunLimits
+from bt_agents_language.model.specs import MOST_CLEAN_UP_S
 from market_harness import EXPRESS, GUIDE, Driver, scene
 from marketplace_node.effects import State
 from marketplace_node.settings import Settings
@@ -87,7 +88,8 @@ def test_deadlines_still_come_after_a_hold_up(market: Driver) -> None:
 def test_a_run_that_uses_all_its_time_to_end_is_waited_for() -> None:
     limits, slowest_tick_s = RunLimits(), 1.0
 
-    assert Settings().cancel_deadline_s > limits.clean_up_s + limits.settle_s + slowest_tick_s
+    needed_s = limits.explain_s + MOST_CLEAN_UP_S + limits.settle_s + slowest_tick_s
+    assert Settings().cancel_deadline_s > needed_s
 
 
 def test_feedback_that_is_kept_holds_nothing_up(market: Driver) -> None:

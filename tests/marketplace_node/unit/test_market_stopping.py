@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import pytest
 
+from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, Driver, scene
 from marketplace_node.effects import AnnounceRun, CancelGoal, Collect, SendGoal, State
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy
@@ -165,9 +166,9 @@ def test_a_run_that_ignores_the_stop_is_lost_and_its_host_left_out_until_it_is_f
 ) -> None:
     market.run()
     market.cancel("button")
-    market.wait(6.6)
+    market.wait(14.1)
     assert market.events[-1] == "1 attentive_guide ENDED LOST"
-    assert "did not end within 6.5 s" in market.all(AnnounceRun)[-1].message
+    assert "did not end within 14 s" in market.all(AnnounceRun)[-1].message
     assert market.over == ["s1"]
 
     market.scene("s2")
@@ -269,3 +270,23 @@ def test_a_stop_that_asks_again_forgets_nothing() -> None:
 
     assert market.status.queued == 1
     assert market.ends == []
+
+
+def test_who_stops_a_run_and_why_is_announced_before_its_goal_is_cancelled_and_at_its_end(
+    market: Driver,
+) -> None:
+    market.run()
+    market.cancel("it is late", by=StoppedBy.OPERATOR)
+    cancelling = market.all(AnnounceRun)[-1]
+    assert market.effects.index(cancelling) < market.effects.index(CancelGoal(goal=market.goal))
+    market.end(outcome=3)
+    ended = market.all(AnnounceRun)[-1]
+    for one in (cancelling, ended):
+        assert (one.stopped_by, one.stop_reason) == (StoppedBy.OPERATOR, "it is late")
+
+
+def test_a_run_that_ends_by_itself_names_nobody(market: Driver) -> None:
+    market.run()
+    market.end()
+    ended = market.all(AnnounceRun)[-1]
+    assert (ended.stopped_by, ended.stop_reason) == (StoppedBy.NOT_SAID, "")

@@ -87,5 +87,6 @@ def _others(old: AgentSpec, new: AgentSpec) -> Iterable[tuple[str, object, objec
         ("learning", old.learning, new.learning),
         ("weights", old.weights, new.weights),
         ("feedback rules", old.rules, new.rules),
+        ("on_cancel_within", old.clean_up_s, new.clean_up_s),
         ("skills that the robot offers", old.unoffered, new.unoffered),
     )

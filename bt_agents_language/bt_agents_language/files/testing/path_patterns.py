@@ -9,6 +9,8 @@ from functools import lru_cache
 
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
+from bt_agents_language.nodes.random import RANDOM
+from bt_agents_language.nodes.weight import WEIGHT
 
 _PIECE = re.compile(r"\*\*/|\*\*|\*|[^*]+")
 _MEANING = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*"}
@@ -49,6 +51,13 @@ def path_hint(text: str, known: Sequence[str]) -> str:
 def _compiled(pattern: str) -> re.Pattern[str]:
     pieces = _PIECE.findall(pattern)
     return re.compile("".join(_MEANING.get(piece) or re.escape(piece) for piece in pieces))
+
+
+def branches_of(node: NodeSpec) -> tuple[str, ...]:
+    """Return the paths of the children of a ``random`` in their order, none of other nodes."""
+    if node.kind != RANDOM.key:
+        return ()
+    return tuple(child.path.removesuffix(f"@{WEIGHT.key}") for child in node.children)
 
 
 def nodes_of(agent: AgentSpec) -> Iterator[NodeSpec]:

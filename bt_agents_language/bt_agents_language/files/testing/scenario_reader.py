@@ -8,13 +8,20 @@ from dataclasses import dataclass, replace
 
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.local_time import NOON, WEEKDAYS, LocalTime
+from bt_agents_core.stop_cause import STOPPERS, Cancellation
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.interfaces import read_ros_name
 from bt_agents_language.fields.scene_values import read_values
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.fields.values import is_plain, plain, read_value
-from bt_agents_language.files.testing.path_patterns import is_path, matches, nodes_of, path_hint
+from bt_agents_language.files.testing.path_patterns import (
+    branches_of,
+    is_path,
+    matches,
+    nodes_of,
+    path_hint,
+)
 from bt_agents_language.files.testing.replacement_reader import AT_ONCE, ReplacementReader
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,
@@ -68,6 +75,13 @@ _MESSAGE = KeyTable(
         FieldDecl("message", FIELDS, "Its fields."),
     ),
 )
+_CANCEL = KeyTable(
+    what="'cancel'",
+    fields=(
+        FieldDecl("reason", TEXT, "Why, as 'cancel.reason' has it.", required=True),
+        FieldDecl("by", WordChoice(STOPPERS), "Who, as 'cancel.by' has it.", default=STOPPERS[0]),
+    ),
+)
 _HAPPENING = KeyTable(
     what="what happens",
     scene=True,
@@ -82,7 +96,11 @@ _HAPPENING = KeyTable(
         ),
         FieldDecl("publish", _MESSAGE, "A message arrives."),
         FieldDecl("tune", Entries(ANY, "names and values"), "Tunable → new value."),
-        FieldDecl("cancel", TEXT, "The run is cancelled, for this reason."),
+        FieldDecl(
+            "cancel",
+            Either((TEXT, _CANCEL)),
+            "The run is cancelled, by an operator and for this reason unless it says more.",
+        ),
     ),
 )
 _CLOCK = KeyTable(
@@ -106,6 +124,11 @@ SCENARIO = KeyTable(
             "tunables", Entries(ANY, "names and values"), "Values that differ from the defaults."
         ),
         FieldDecl("seed", integer(0), "Makes everything random the same each time."),
+        FieldDecl(
+            "picks",
+            Several(TEXT),
+            "Paths of children of 'random' nodes, which these take in turn, the last for ever.",
+        ),
         FieldDecl(
             "answers",
             Entries(
@@ -173,10 +196,31 @@ class ScenarioReader:
             clock=self._clock(fields.get("clock")),
             tunables=self._tuned(fields.entries("tunables")),
             seed=fields.integer("seed", maximum=2**63 - 1) or 0,
+            picks=self._picks(fields.get("picks")),
             answers=tuple(one for one in rules if one is not None),
             replace=tuple(one for one in replacements if one is not None),
             during=tuple(one for one in happenings if one is not None),
         )
+
+    def _picks(self, node: Node | None) -> tuple[str, ...]:
+        if node is None:
+            return ()
+        branches = [path for one in self._nodes for path in branches_of(one)]
+        picks: list[str] = []
+        for item in node.items if isinstance(node, Sequence) else (node,):
+            text = self._reading.text(item, "'picks'")
+            if text is None:
+                continue
+            if any(matches(text, path) for path in branches):
+                picks.append(text)
+                continue
+            hint = (
+                path_hint(text, branches) if branches else "the agent has no 'random'; remove it"
+            )
+            self._reading.error(
+                "unknown-path", item, f"no child of a 'random' has the path {quote(text)}", hint
+            )
+        return tuple(picks)
 
     def _clock(self, node: Node | None) -> LocalTime:
         fields = None if node is None else self._reading.keys(node, _CLOCK)
@@ -358,8 +402,18 @@ class ScenarioReader:
             tunables=self._tuned(fields.entries("tune")),
             topic=topic,
             message=message,
-            cancel=fields.text("cancel"),
+            cancel=self._cancel(fields.get("cancel")),
         )
+
+    def _cancel(self, node: Node | None) -> Cancellation | None:
+        if not isinstance(node, MappingNode):
+            reason = None if node is None else self._reading.text(node, "'cancel'")
+            return None if reason is None else Cancellation(by=STOPPERS[0], reason=reason)
+        fields = self._reading.keys(node, _CANCEL)
+        if fields is None:
+            return None
+        by = fields.choice("by") or STOPPERS[0]
+        return Cancellation(by=by, reason=fields.text("reason"))
 
     def _values(self, fields: MappingReader, names: Iterable[str]) -> dict[str, float]:
         entries = tuple(

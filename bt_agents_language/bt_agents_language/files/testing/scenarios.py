@@ -11,6 +11,7 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_core.local_time import NOON, LocalTime
+from bt_agents_core.stop_cause import Cancellation
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 REPLACED = "replaced"
@@ -71,7 +72,7 @@ class ScriptedEvent:
         person: Whether the person is there from now on; None for unchanged.
         silent: Whether the scene layer is silent from now on; None for unchanged.
         topic: Where a message arrives; empty for none.
-        cancel: Why the run is cancelled; empty when it is not.
+        cancel: Who cancels the run and why; None when nobody does.
     """
 
     after_s: float
@@ -82,7 +83,7 @@ class ScriptedEvent:
     tunables: Mapping[str, Plain] = field(default_factory=dict)
     topic: str = ""
     message: Mapping[str, Plain] = field(default_factory=dict)
-    cancel: str = ""
+    cancel: Cancellation | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +95,7 @@ class Scenario:
         clock: Local time at the start.
         tunables: Values that differ from the defaults.
         answers: Those of paths count before those of skills, else the first that fits.
+        picks: Paths of children of ``random`` nodes, each node takes its own in turn.
         replace: The first that fits a node counts.
         during: What happens, in any order.
     """
@@ -103,6 +105,7 @@ class Scenario:
     clock: LocalTime = NOON
     tunables: Mapping[str, Plain] = field(default_factory=dict)
     seed: int = 0
+    picks: tuple[str, ...] = ()
     answers: tuple[AnswerRule, ...] = ()
     replace: tuple[Replacement, ...] = ()
     during: tuple[ScriptedEvent, ...] = ()

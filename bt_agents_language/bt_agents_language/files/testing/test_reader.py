@@ -352,7 +352,8 @@ class _Expectations:
         if text is None:
             return None
         rules = [rule.when.text for rule in self._agent.rules if rule.action is MoodAction.CANCEL]
-        known = [*rules, *(one.cancel for one in self._scenario.during if one.cancel)]
+        cancelled = (one.cancel for one in self._scenario.during)
+        known = [*rules, *(one.reason for one in cancelled if one is not None)]
         cause = next((one for one in known if one.split() == text.split()), None)
         if cause is None:
             problem = "nothing cancels this run for"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
@@ -103,7 +104,9 @@ def cancel(reason: str, next_: bool) -> None:
     """Stop the running agent, and forget the scenes that wait."""
     with connect() as observer:
         only = observer.market.round if next_ else 0
-        answer = observer.ask("marketplace/cancel", reason=reason, round=only)
+        answer = observer.ask(
+            "marketplace/cancel", reason=reason, by=int(StoppedBy.OPERATOR), round=only
+        )
         click.echo(accepted(answer, "the marketplace").message)
 
 

@@ -53,6 +53,7 @@ Examples:
 @click.option("--at", multiple=True, metavar="'TIME WHAT'", help="'2s mood=1.5', '5s cancel' …")
 @click.option("--tune", multiple=True, metavar="NAME=VALUE", help="A tunable from the start.")
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of everything random.")
+@click.option("--pick", multiple=True, metavar="PATH", help="The child that a 'random' takes.")
 @click.option("-i", "--interactive", is_flag=True, help="Type the answers yourself.")
 @click.option("--ticks", is_flag=True, help="Show every change of every node.")
 @click.option("--realtime", is_flag=True, help="Let the time pass as it would.")
@@ -66,6 +67,7 @@ def rehearse(
     at: tuple[str, ...],
     tune: tuple[str, ...],
     seed: int | None,
+    pick: tuple[str, ...],
     interactive: bool,
     ticks: bool,
     realtime: bool,
@@ -92,6 +94,7 @@ def rehearse(
         answers=answer,
         events=at,
         seed=seed,
+        picks=pick,
     )
     try:
         from_options = read_scenario_text(options.text, "the options", spec, symbols)
@@ -155,6 +158,7 @@ def _joined(first: Scenario | None, options: Scenario, seed: int | None) -> Scen
         clock=first.clock if options.clock == NOON else options.clock,
         tunables={**first.tunables, **options.tunables},
         seed=first.seed if seed is None else seed,
+        picks=options.picks or first.picks,
         answers=(*options.answers, *first.answers),
         during=(*first.during, *options.during),
     )

@@ -44,12 +44,18 @@ def status(form: TableForm) -> None:
         auctions = last_decisions(observer)
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
+        observer.spin_until(lambda: observer.profiles is not None, SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
         for scene in scenes:  # of one that was refused there is no decision
             names.add(scene)
         cards = [card for _, card in sorted(observer.cards.items())]
         if form is TableForm.JSON:
-            found = {"market": market, "hosts": cards, "ended": ends[-_ENDS_SHOWN:]}
+            found = {
+                "market": market,
+                "hosts": cards,
+                "ended": ends[-_ENDS_SHOWN:],
+                "rule_problems": rule_problems(market, observer.profiles),
+            }
             print_json({name: as_plain_data(one) for name, one in found.items()})
             return
         if form is TableForm.CSV:
@@ -69,6 +75,8 @@ def status(form: TableForm) -> None:
         )
         for line in _ranking_lines(market, auctions[-1] if auctions else None):
             _print("          ", line)
+        for problem in rule_problems(market, observer.profiles):
+            _print("  problem: ", problem_text(problem))
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
             for agent in card.agents:
@@ -88,6 +96,14 @@ def status(form: TableForm) -> None:
                 "ended     ",
                 f"{when}, {place}'{names.name_of(end.scene_id)}', {end_text(end, names)}",
             )
+
+
+def rule_problems(market: Any, profiles: Any) -> Sequence[Any]:
+    """Return the rules of the market and of moods that could not be decided.
+
+    The profiles are None where the feedback node has published none.
+    """
+    return [*market.problems, *(profiles.problems if profiles is not None else ())]
 
 
 def _ranking_lines(market: Any, last: Any) -> Iterator[str]:

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the status tells of a system that is not as it should be."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace as Message
+
+from bt_agents_tools.cli.commands.status import rule_problems
+
+OF_MARKET = Message(agent="", file="market.yaml", line=4, message="rule 1 cannot be decided")
+OF_MOOD = Message(agent="guide", file="", line=0, message="the mood rule cannot be decided")
+
+
+def test_rules_that_cannot_be_decided_are_told_of_the_market_and_of_the_feedback_node() -> None:
+    market, profiles = Message(problems=[OF_MARKET]), Message(problems=[OF_MOOD])
+    assert rule_problems(market, profiles) == [OF_MARKET, OF_MOOD]
+    assert rule_problems(market, None) == [OF_MARKET]
