@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.text import Text
 
-from bt_agents_core.scene import first_id
+from bt_agents_core.scene import first_id, unawarded_id
 from bt_agents_core.text import format_known
 from bt_agents_tools.cli.table import TableForm
 
@@ -55,7 +55,9 @@ class SceneLabels:
 
     def name_of(self, scene_id: str) -> str:
         """Return the name of a scene; its id when it was not added."""
-        return self._names.get(first_id(scene_id), scene_id)
+        announced = first_id(scene_id)
+        known = self._names.get(announced) or self._names.get(unawarded_id(announced))
+        return known or scene_id
 
     def with_names(self, text: str) -> str:
         """Return a text for people with names in place of quoted ids."""

@@ -47,6 +47,14 @@ def test_a_scene_without_a_label_is_named_by_its_values_and_never_by_an_id_that_
     )
 
 
+def test_what_an_operator_awards_has_the_name_of_its_scene():
+    names = SceneLabels()
+    names.add(Scene(scene_id="scene-7", label="a child"))
+    assert names.name_of("scene-7+award2") == "a child"
+    assert names.name_of("scene-7+award2+again+1") == "a child"
+    assert names.name_of("scene-8+award2") == "scene-8+award2"
+
+
 def test_an_idle_market_says_what_was_last_unless_its_end_is_shown_below():
     idle = MarketStatus(stamp=to_time(SINCE_S), message="scene 'lady' is over: succeeded")
     assert text_of(idle).endswith("for 1 min 15 s: scene 'lady' is over: succeeded")
