@@ -50,6 +50,8 @@ class LearningRule:
         window: Of ``MEDIAN``: how many of the last feedbacks count, 1 or more.
         anneal: The rate after n changes is ``rate / (1 + anneal * n)``; 0 keeps it constant.
         drift: Farthest that feedback takes the profile from its file, by parameter, in its unit.
+        retreat: Value that negative feedback moves a parameter to when the profile lies on the
+            scene there, so that nothing leads away; in its unit.
         weights: What the rate is multiplied by for feedback of a source, 0 or more.
         layers: What the agent learns apart: ``person``, ``place``.
         general: How much of what a layer learns the profile for everybody learns, too, 0..1.
@@ -61,6 +63,7 @@ class LearningRule:
     window: int = 5
     anneal: float = 0.0
     drift: Mapping[str, float] = field(default_factory=dict)
+    retreat: Mapping[str, float] = field(default_factory=dict)
     weights: Mapping[str, float] = field(default_factory=dict)
     layers: tuple[str, ...] = ()
     general: float = 1.0

@@ -29,6 +29,7 @@ MIN_WIDTH = 1e-9
 AGAIN = "+again"
 """Ends the id of a scene that a restarted market asks for again by itself."""
 
+_AWARDED = re.compile(r"\+award\d+$")
 _FOLLOW_UP = re.compile(r"\+[0-9]+\Z")
 
 
@@ -342,6 +343,16 @@ def follow_up_id(origin: str, number: int) -> str:
 def origin_id(scene_id: str) -> str:
     """Return the id of the scene that the market began with, also for a follow-up round."""
     return _FOLLOW_UP.sub("", scene_id)
+
+
+def awarded_id(scene_id: str, number: int) -> str:
+    """Return the id under which an operator's award has a scene run once more."""
+    return f"{unawarded_id(scene_id)}+award{number}"
+
+
+def unawarded_id(scene_id: str) -> str:
+    """Return the id of the scene that an operator's award is about."""
+    return _AWARDED.sub("", scene_id)
 
 
 def first_id(scene_id: str) -> str:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import Refused
-from bt_agents_robot.open_questions import OpenQuestion
 from bt_agents_robot.speech import Process, Voice, check_rate, check_text, speaking_time
 
 CLIP_S = 5.0
@@ -148,10 +147,8 @@ class Ask(Say):
         super().__init__(text, 1.0, pace=pace, voice=voice, verb="asks")
         self.question = check_text(text, "question")
         self.answer = ""
-        self.asked = OpenQuestion(
-            text=self.question, choices=tuple(choice for choice in choices if choice.strip())
-        )
-        if choices and not self.asked.choices:
+        self.choices = tuple(choice for choice in choices if choice.strip())
+        if choices and not self.choices:
             raise Refused("EMPTY", "all choices are empty; leave them out to take any answer")
         self._wait_s = check_duration(wait_s, "wait_s", ANSWER_WAIT_S) / pace
         self._waiting_since: float | None = None
@@ -167,7 +164,7 @@ class Ask(Say):
         """Receive the text of a person; return whether it counts as an answer."""
         if self.begun_at is None or self.answer:
             return False
-        self.answer = counted_answer(answer, self.asked.choices)
+        self.answer = counted_answer(answer, self.choices)
         if self.answer:
             self.stop()
         return bool(self.answer)

@@ -18,9 +18,9 @@ from bt_agents_interfaces.action import Ask as AskAction
 from bt_agents_interfaces.action import Drive as DriveAction
 from bt_agents_interfaces.action import Say as SayAction
 from bt_agents_interfaces.action import Show as ShowAction
+from bt_agents_interfaces.msg import OpenQuestion, OpenQuestions
 from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.acts import Act, Ask, Drive, Say, Show
-from bt_agents_robot.open_questions import to_json
 from bt_agents_robot.speech import Voice, check_text
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
@@ -46,10 +46,13 @@ _FEEDBACK_STEP = 0.1
 
 @dataclass(eq=False)
 class _Performed:
+    """Act of a goal; ``begun`` is the stamp of its beginning."""
+
     act: Act
     goal: Any
     done: Future
     reported: float = 0.0
+    begun: Any = None
 
 
 class RobotNode(BaseNode):
@@ -75,9 +78,11 @@ class RobotNode(BaseNode):
         self._stopping = False
         self._transcript = self.create_publisher(String, "robot/transcript", qos.EVENTS)
         self._questions = self.create_publisher(String, "robot/questions", qos.EVENTS)
-        self._open_questions = self.create_publisher(String, "robot/open_questions", qos.FACT)
-        self._told = ""
-        self._tell_open_questions()
+        self._open_questions = self.create_publisher(
+            OpenQuestions, "robot/open_questions", qos.FACT
+        )
+        self._asked = OpenQuestions()
+        self._open_questions.publish(self._asked)
         self._heartbeat = self.create_publisher(Empty, "robot/heartbeat", qos.SENSOR)
         steady_timer(self, _HEARTBEAT_S, lambda: self._heartbeat.publish(Empty()))
         tick_s = min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S)
@@ -140,7 +145,7 @@ class RobotNode(BaseNode):
         self._open_goals += 1
         try:
             self._begin_waiting()
-            self._tell_open_questions()
+            self._publish_open_questions()
             self._timer.reset()
             message: str | None = await performed.done
         finally:
@@ -189,7 +194,7 @@ class RobotNode(BaseNode):
         for performed in list(self._performed):
             self._step(performed, now)
         self._begin_waiting()
-        self._tell_open_questions()
+        self._publish_open_questions()
         if not self._performed:
             self._timer.cancel()
 
@@ -218,15 +223,21 @@ class RobotNode(BaseNode):
             if act.uses_mouth and any(other.act.is_speaking(now) for other in self._performed):
                 continue
             act.begin(now)
+            performed.begun = self.get_clock().now().to_msg()
             self._report(act.line)
 
-    def _tell_open_questions(self) -> None:
+    def _publish_open_questions(self) -> None:
         """Publish the questions that may be answered now, when they have changed."""
-        acts = (p.act for p in self._performed if p.act.begun_at is not None)
-        told = to_json(act.asked for act in acts if isinstance(act, Ask) and not act.answer)
-        if told != self._told:
-            self._told = told
-            self._open_questions.publish(String(data=told))
+        asked = OpenQuestions(
+            questions=[
+                OpenQuestion(stamp=one.begun, text=one.act.question, choices=one.act.choices)
+                for one in self._performed
+                if isinstance(one.act, Ask) and one.act.begun_at is not None and not one.act.answer
+            ]
+        )
+        if asked != self._asked:
+            self._asked = asked
+            self._open_questions.publish(asked)
 
     def _end(self, performed: _Performed, message: str | None) -> None:
         """End an act; a message is the reason why it was cut short."""

@@ -215,10 +215,12 @@ class StatusChanged(Effect):
     state: State
     round: int
     scene_id: str
+    scene_label: str
     agent: str
     host: str
     finished_scene_id: str
     queued: int
+    waiting: tuple[str, ...]
     hosts: int
     agents: int
     strategy: str

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from functools import partial
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import Scene
+from bt_agents_core.scene import Scene, awarded_id, unawarded_id
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.diagnostics.collection import did_you_mean
 from marketplace_node.effects import PreviewEnded, State
@@ -23,8 +22,6 @@ from marketplace_node.settings import check_strategy
 
 MOST_PREVIEWS = 8
 """As many previews may be under way at once."""
-
-_AWARDED = re.compile(r"\+award\d+$")
 
 
 class OperatorCommands:
@@ -93,11 +90,11 @@ class OperatorCommands:
         scene = self.scene(command.scene)
         if command.scene is None:
             self._awards += 1
-            scene = scene.with_id(f"{_AWARDED.sub('', scene.scene_id)}+award{self._awards}")
+            scene = scene.with_id(awarded_id(scene.scene_id, self._awards))
         scene = replace(scene, urgent=True)
         self._admission.join(scene, interaction)
         self._market_state.overrides.award(command, scene.scene_id)
-        named = _AWARDED.sub("", scene.scene_id)
+        named = unawarded_id(scene.scene_id)
         answer = f"{command.agent} gets the run for scene '{named}' if it bids"
         if interaction is None:
             return answer

@@ -57,7 +57,9 @@ def live(
                 authored=authored[agent],
             ),
         )
-        recent[agent].append(learning_step.requested(kind, profiles[agent], target))
+        recent[agent].append(
+            learning_step.requested(kind, profiles[agent], target, space=space, rule=arm.rule)
+        )
         changes[agent] += 1
         profiles[agent] = step.after
 

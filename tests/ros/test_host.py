@@ -438,6 +438,7 @@ def test_heartbeats_say_what_runs(ros: Any, host: HostNode, market: Market) -> N
     market.send(market.goal(host))
     ros.until(lambda: beats[-1].agent == "talker")
     assert beats[-1].round == 1
+    ros.until(lambda: beats[-1].tip == "tree")
 
 
 def test_late_joiners_get_the_structure_of_every_tree(ros: Any, host: HostNode) -> None:

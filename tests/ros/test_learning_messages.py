@@ -42,6 +42,7 @@ feedback:
             window=7,
             anneal=0.5,
             drift={"familiarity": 1.0},
+            retreat={"age": 2.0},
             weights={"button": 2.0, "a program": 0.0},
             layers=("place",),
             general=0.25,

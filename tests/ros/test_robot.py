@@ -13,11 +13,12 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from bt_agents_interfaces.action import Ask, Drive, Say, Show
+from bt_agents_interfaces.msg import OpenQuestions
 from bt_agents_interfaces.srv import SetLight
-from bt_agents_robot.open_questions import OpenQuestion, from_json
 from bt_agents_robot.robot import MOST_WAITING, RobotNode
 from bt_agents_robot.speech import Voice
 from bt_agents_ros import qos
+from bt_agents_ros.messages import seconds
 
 pytestmark = pytest.mark.ros
 
@@ -113,13 +114,14 @@ def test_an_open_question_is_told_with_its_choices_also_to_who_comes_late(ros):
     robot = Robot(ros, pace=20.0)
     handle = robot.send("ask", text="Shall we go?", choices=["Yes", " "], wait_s=1000.0)
     ros.until(lambda: robot.questions)
-    told = ros.collect(String, "robot/open_questions", qos.FACT)
+    told = ros.collect(OpenQuestions, "robot/open_questions", qos.FACT)
     ros.until(lambda: told)
-    [question] = from_json(told[-1].data)
-    assert question == OpenQuestion(text="Shall we go?", choices=("Yes",))
+    [question] = told[-1].questions
+    assert (question.text, list(question.choices)) == ("Shall we go?", ["Yes"])
+    assert 0 <= seconds(ros.node.get_clock().now().to_msg()) - seconds(question.stamp) < 60
     robot.answers.publish(String(data="yes"))
     assert robot.result(handle)[1].answer == "Yes"
-    ros.until(lambda: from_json(told[-1].data) == ())
+    ros.until(lambda: not told[-1].questions)
 
 
 def test_a_question_without_answer_succeeds_and_says_so(ros):

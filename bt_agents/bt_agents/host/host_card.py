@@ -147,6 +147,7 @@ def learning_to_msg(rule: LearningRule, space: SceneSpace) -> Learning:
         window=rule.window,
         anneal=rule.anneal,
         drift=space.ordered(rule.drift),
+        retreat=space.ordered(rule.retreat),
         sources=list(weights),
         weights=list(weights.values()),
         layers=list(rule.layers),

@@ -245,6 +245,7 @@ class HostNode(BaseNode):
                 epoch=goal.epoch if goal else "",
                 round=goal.round if goal else 0,
                 agent=goal.agent if goal else "",
+                tip=self._runs.tip,
                 sequence=self._beats % 2**32,
             )
         )

@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.task import Future
+from rclpy.time import Time
 
 from bt_agents.engine.run import Overrun, Run, RunResult, StatusChange, TreeOutcome
 from bt_agents.engine.tick_scheduler import TickScheduler
@@ -92,7 +93,8 @@ class RunServer:
         self._live = live
         self._run: Run | None = None
         self._ended: Any = None
-        self._stopped: tuple[Run, Sequence[StatusChange]] | None = None
+        self._stopped: tuple[Run, Sequence[StatusChange], Time] | None = None
+        self._ticked = node.get_clock().now()
         self._handle: Any = None
         self._scene: Any = None
         self._stop: _Stop | None = None
@@ -160,6 +162,11 @@ class RunServer:
     def running(self) -> str:
         """Name of the agent whose goal is under way; empty without one."""
         return str(self.goal.agent) if self.goal is not None else ""
+
+    @property
+    def tip(self) -> str:
+        """Path of the node that decides the status of the tree; empty without one."""
+        return self._run.tip if self._run is not None and self._run.ticks else ""
 
     def set_rate(self, hertz: float) -> None:
         """Tick this often from now on [1/s]."""
@@ -403,12 +410,13 @@ class RunServer:
             return failed(reason)
 
     def _advance(self, run: Run) -> None:
+        self._ticked = self._node.get_clock().now()
         stopped = self._cancel_now(run, self._stop) if self._stop is not None else []
         is_over = run.result is not None
         ticked = run.tick()
         if is_over:
             # The canceller waits for the result, not for the changes of a thousand nodes.
-            self._stopped = (run, stopped)
+            self._stopped = (run, stopped, self._ticked)
         elif stopped or ticked:
             self._publish(run, [*stopped, *ticked])
         if run.overrun is not None:
@@ -439,19 +447,22 @@ class RunServer:
         )
 
     def _publish(self, run: Run, changes: Sequence[StatusChange]) -> None:
-        status = self._status_of(self.goal, run, changes)
+        status = self._status_of(self.goal, run, changes, self._ticked)
         self._status.publish(status)
         if self._handle.is_active:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
 
-    def _publish_stopped(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> None:
+    def _publish_stopped(
+        self, goal: Any, run: Run, changes: Sequence[StatusChange], ticked: Time
+    ) -> None:
         """Publish what a cancel has changed, when its result is on its way."""
         if changes:
-            self._status.publish(self._status_of(goal, run, changes))
+            self._status.publish(self._status_of(goal, run, changes, ticked))
 
-    def _status_of(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> TreeStatus:
-        stamp = self._node.get_clock().now().to_msg()
-        return tree_status(stamp, goal, self._instance, run, changes)
+    def _status_of(
+        self, goal: Any, run: Run, changes: Sequence[StatusChange], ticked: Time
+    ) -> TreeStatus:
+        return tree_status(ticked.to_msg(), goal, self._instance, run, changes)
 
 
 def _close(handle: Any, result: RunResult) -> None:

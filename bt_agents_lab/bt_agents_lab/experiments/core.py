@@ -178,6 +178,7 @@ def learning_of(rule: LearningRule, space: SceneSpace) -> LearningEntry:
         window=rule.window,
         anneal=rule.anneal,
         drift=ordered(rule.drift),
+        retreat=ordered(rule.retreat),
         sources=tuple(rule.weights),
         weights=tuple(rule.weights.values()),
         layers=rule.layers,

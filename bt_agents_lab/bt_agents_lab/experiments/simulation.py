@@ -254,7 +254,7 @@ def _learn(
     )
     state.changes[rows, chosen] += 1.0
     if recent.shape[1]:
-        asked = updates.requested(kind, profile, target)
+        asked = updates.requested(kind, profile, target, rule)
         state.recent[rows, chosen] = np.concatenate([recent[:, 1:], asked[:, None]], axis=1)
 
 

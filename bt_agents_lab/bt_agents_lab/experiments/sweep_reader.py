@@ -20,6 +20,7 @@ from bt_agents_lab.experiments.simulated_world import (
 )
 from bt_agents_lab.experiments.sweep import SweepSpec
 from bt_agents_language.fields.scene_values import read_vector
+from bt_agents_language.files.learning_reader import numbers_by_parameter
 from bt_agents_language.yaml.field_tables import (
     DURATION,
     NUMBER,
@@ -64,6 +65,7 @@ _UPDATE = KeyTable(
         FieldDecl("width", number(0), "Of huber: its width for every parameter."),
         FieldDecl("window", integer(1, 1000), "Of median: so many of the last feedbacks count."),
         FieldDecl("anneal", number(0), "After n feedbacks the rate is rate / (1 + anneal × n)."),
+        FieldDecl("retreat", SceneValues(), "Where negative feedback leads on the scene itself."),
     ),
 )
 _WRONG = KeyTable(
@@ -223,7 +225,8 @@ def _learning(reading: TypedReader, node: Node, space: SceneSpace) -> LearningRu
     if name is None:
         return None
     widths = {} if width is None else dict.fromkeys(space.names, width)
-    return LearningRule(update=Update(name), width=widths, **_given(options))
+    retreat = numbers_by_parameter(reading, fields, "retreat", space)
+    return LearningRule(update=Update(name), width=widths, retreat=retreat, **_given(options))
 
 
 def _wrong(

@@ -305,7 +305,7 @@ class _Counterfactual:
             evidence=evidence,
         )
         if kind is not FeedbackKind.SET:
-            asked_before.append(requested(kind, profile, target))
+            asked_before.append(requested(kind, profile, target, space=space, rule=rule))
         return again.after
 
     def _learning(

@@ -37,7 +37,13 @@ def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFin
             yield _again(recorded, recorded.parsed.space, history, where)
             kind, asked = FeedbackKind(feedback.kind), None
             if kind is not FeedbackKind.SET:
-                asked = requested(kind, tuple(feedback.before), tuple(feedback.target))
+                asked = requested(
+                    kind,
+                    tuple(feedback.before),
+                    tuple(feedback.target),
+                    space=recorded.parsed.space,
+                    rule=rule_of(recorded.card, recorded.parameters),
+                )
             history.append((feedback.revision, asked))
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
@@ -60,6 +66,7 @@ def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
         window=max(learning.window, 1),
         anneal=learning.anneal,
         drift=named(learning.drift),
+        retreat=named(learning.retreat),
         weights=dict(zip(learning.sources, learning.weights, strict=True)),
         layers=tuple(learning.layers),
         general=learning.general,

@@ -74,6 +74,11 @@ LEARNING = KeyTable(
             "Farthest that the profile gets from this file.",
         ),
         FieldDecl(
+            "retreat",
+            SceneValues(),
+            "Where negative feedback moves a parameter in which the profile lies on the scene.",
+        ),
+        FieldDecl(
             "weights",
             Entries(number(0, MAX_WEIGHT), "sources of feedback and numbers", keys=Key.ANY),
             "How much sources of feedback count: button, mood rule, ….",
@@ -136,6 +141,15 @@ def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> Lea
             f"'rates' says how fast {', '.join(both)} learns, 'freeze' that it does not",
             "keep one of both",
         )
+    retreat = numbers_by_parameter(reading, fields, "retreat", space)
+    idle = [name for name in frozen if name in retreat]
+    if idle:
+        reading.error(
+            "contradiction",
+            fields.keys["freeze"],
+            f"'retreat' says where {', '.join(idle)} goes, 'freeze' that it does not learn",
+            "keep one of both",
+        )
     word = fields.choice("update")
     update = usual.update if word is None else Update(word)
     if word is not None or fields.get("update") is None:
@@ -164,6 +178,7 @@ def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> Lea
         window=usual.window if window is None else window,
         anneal=usual.anneal if anneal is None else anneal,
         drift=numbers_by_parameter(reading, fields, "drift", space),
+        retreat=retreat,
         weights=_weights(reading, fields),
         layers=tuple(dict.fromkeys(layer for layer in layers if layer is not None)),
         general=usual.general if general is None else general,

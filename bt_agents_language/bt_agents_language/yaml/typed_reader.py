@@ -528,8 +528,10 @@ class MappingReader:
     ) -> tuple[float, float] | tuple[None, None]:
         """Return the smallest and largest number that a key may have for a scene parameter."""
         declared = self._declared(key)
-        if not isinstance(declared, SceneValues) or declared.limits is None:
+        if not isinstance(declared, SceneValues):
             return None, None
+        if declared.limits is None:
+            return parameter.minimum, parameter.maximum
         return declared.limits(parameter)
 
     def _declared(self, key: str) -> Value | None:

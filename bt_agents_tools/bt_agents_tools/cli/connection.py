@@ -85,13 +85,14 @@ def accepted(answer: Any, who: str) -> Any:
     """Return an answer that accepts the request.
 
     Raises:
-        BtAgentsError: There is no answer.
-        Refused: The answer is a refusal.
+        BtAgentsError: There is no answer, or it is a refusal without a code.
+        Refused: The answer is a refusal with a code.
     """
     if answer is None:
         raise BtAgentsError(f"{who} does not answer; look at 'bt-agents status'")
     if not answer.accepted:
-        raise Refused(getattr(answer, "code", "") or "REFUSED", answer.message)
+        code = getattr(answer, "code", "")
+        raise Refused(code, answer.message) if code else BtAgentsError(answer.message)
     return answer
 
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import math
 import re
+import time
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich.console import Console
 from rich.progress import Progress
 from rich.text import Text
 
-from bt_agents_core.scene import first_id
+from bt_agents_core.scene import first_id, unawarded_id
 from bt_agents_core.text import format_known
 from bt_agents_tools.cli.table import TableForm
 
@@ -53,11 +55,30 @@ class SceneLabels:
 
     def name_of(self, scene_id: str) -> str:
         """Return the name of a scene; its id when it was not added."""
-        return self._names.get(first_id(scene_id), scene_id)
+        announced = first_id(scene_id)
+        known = self._names.get(announced) or self._names.get(unawarded_id(announced))
+        return known or scene_id
 
     def with_names(self, text: str) -> str:
         """Return a text for people with names in place of quoted ids."""
         return re.sub(r"'([^']*)'", lambda match: f"'{self.name_of(match[1])}'", text)
+
+
+def node_names(received: Iterable[Sequence[Any]], agent: str) -> dict[str, str]:
+    """Return path → name of the nodes of an agent, from the latest ``Trees.msg`` of each host."""
+    trees = (tree for messages in received for message in messages[-1:] for tree in message.trees)
+    return {node.path: node.name for tree in trees if tree.agent == agent for node in tree.nodes}
+
+
+def since_text(stamp: Any, now: float) -> str:
+    """Return since when something holds: the time of day, and for how long."""
+    seconds = max(0, round(now - stamp.sec - stamp.nanosec * 1e-9))
+    minutes, rest = divmod(seconds, 60)
+    hours, minutes = divmod(minutes, 60)
+    parts = ((hours, "h"), (minutes, "min"), (rest, "s"))
+    lasted = " ".join([f"{number} {unit}" for number, unit in parts if number][:2]) or "0 s"
+    when = time.strftime("%H:%M:%S", time.localtime(stamp.sec))
+    return f"since {when}, for {lasted}"
 
 
 def progress_bar() -> Progress:

@@ -62,6 +62,24 @@ COMMANDS: Mapping[str, str] = {
 The function is named as the command, with ``_`` for ``-``.
 """
 
+_MEANT: Mapping[str, str] = {
+    "undo": "'tune --undo' for what was tuned, 'profile undo AGENT' for what was learned",
+    "redo": "'tune --redo' for what was tuned",
+    "history": "'tune --history' or 'profile history AGENT'",
+    "start": "'up' for a system, 'trigger' for a scene",
+    "run": "'up' for a system, 'rehearse AGENT' without a robot",
+    "stop": "'cancel' for the running agent, Ctrl-C in the terminal of 'up' for all",
+    "forget": "'profile forget'",
+    "reset": "'profile reset AGENT'",
+    "save": "'preset save NAME' for a set of values, 'keep' for the files",
+    "list": "'status' for the agents, 'tune' for what can be tuned",
+    "log": "'why' for decisions, 'tune --history' and 'profile history AGENT' for changes",
+    "lint": "'check'",
+    "format": "'fmt'",
+    "say": "'answer' plays the person; what an agent says stands in its file",
+}
+"""Word that is no command → the commands that do what it says."""
+
 GROUP = "bt_agents.commands"
 """Group of the entry points by which other packages add commands."""
 
@@ -97,6 +115,8 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         near = difflib.get_close_matches(args[0], all_commands(), n=1, cutoff=0.75)
+        if args[0] not in all_commands() and args[0] in _MEANT:
+            ctx.fail(f"no command '{args[0]}'; there is {_MEANT[args[0]]}")
         if args[0] not in all_commands() and near:
             ctx.fail(f"no command '{args[0]}'; did you mean '{near[0]}'?")
         return super().resolve_command(ctx, args)

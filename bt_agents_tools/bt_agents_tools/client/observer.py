@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observer node: the state of a running system, and its events in the order of sending."""
+"""Observer node: the state of a running system, and its events in their causal order."""
 
 from __future__ import annotations
 
-import heapq
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -25,6 +24,7 @@ from bt_agents_interfaces.msg import (
     MarketHeartbeat,
     MarketStatus,
     MoodTrace,
+    OpenQuestions,
     Persons,
     Profiles,
     Run,
@@ -51,6 +51,20 @@ from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.timers import steady_timer
+from bt_agents_tools.client.causal_order import (
+    SETTLE_S,
+    CausalEvent,
+    CausalOrder,
+    Links,
+    auction_links,
+    feedback_links,
+    happened_s,
+    no_links,
+    run_links,
+    scene_end_links,
+    scene_links,
+    tree_links,
+)
 
 
 class Listener(Protocol):
@@ -93,9 +107,6 @@ class Listener(Protocol):
         """Handle a change of a host's agents, or a problem of their files, as text for people."""
 
 
-_SETTLE_S = 0.1
-"""Time that an event waits for one of another topic that was sent before it [s]."""
-
 _SERVICES = {
     "analyze": Analyze,
     "cancel": CancelRun,
@@ -125,8 +136,9 @@ _TOPICS = {
     "current": (String, qos.FACTS),
     "done": (Bool, qos.FACT),
     "feedback": (Feedback, qos.FACTS),
+    "heartbeat": (Heartbeat, qos.SENSOR),
     "mood_traces": (MoodTrace, qos.FACTS),
-    "open_questions": (String, qos.FACT),
+    "open_questions": (OpenQuestions, qos.FACT),
     "persons": (Persons, qos.FACT),
     "scene": (Scene, qos.FACT),
     "scene_ends": (SceneEnd, qos.FACTS),
@@ -137,28 +149,26 @@ _TOPICS = {
 """Last part of the name of a topic → its type, and what late joiners get."""
 
 
-class _EventOrder:
-    """Buffer that delivers events of several topics in the order of their source timestamps."""
+class _EventBuffer:
+    """Subscriptions' callbacks whose messages are delivered in their causal order."""
 
     def __init__(self, node: Any) -> None:
-        self._waiting: list[tuple[int, int, Callable[[], None]]] = []
-        self._count = 0
-        steady_timer(node, _SETTLE_S / 2, self._deliver_settled)
+        self._order = CausalOrder()
+        steady_timer(node, SETTLE_S / 2, lambda: self._order.deliver_due(time.monotonic()))
 
-    def callback_for(self, deliver: Callable[[Any], None]) -> Callable[[Any, Any], None]:
-        """Return the callback of a subscription whose messages are delivered in order."""
+    def callback_for(
+        self, deliver: Callable[[Any], None], links: Callable[[Any], Links]
+    ) -> Callable[[Any, Any], None]:
+        """Return the callback of a subscription, whose messages have these links."""
 
         def callback(message: Any, info: Any) -> None:
-            self._count += 1
-            sent = int(info["source_timestamp"])
-            heapq.heappush(self._waiting, (sent, self._count, lambda: deliver(message)))
+            sent_s = happened_s(message, int(info["source_timestamp"]) * 1e-9)
+            event = CausalEvent(
+                sent_s=sent_s, deliver=lambda: deliver(message), links=links(message)
+            )
+            self._order.put(event, time.monotonic())
 
         return callback
-
-    def _deliver_settled(self) -> None:
-        settled = time.time_ns() - int(_SETTLE_S * 1e9)
-        while self._waiting and self._waiting[0][0] <= settled:
-            heapq.heappop(self._waiting)[2]()
 
 
 class _CardListener:
@@ -239,23 +249,24 @@ class Observer:
 
     def _notify(self, listener: Listener) -> None:
         self._card_listener = _CardListener(self.node, listener.agents_changed)
-        order = _EventOrder(self.node)
-        for kind, topic, deliver, profile in (
-            (String, "visitors/current", lambda m: listener.visitor(m.data), qos.FACT),
-            (Bool, "visitors/done", self._on_visits_done, qos.FACT),
-            (Scene, "scene", listener.scene, qos.EVENTS),
-            (MarketStatus, "market", listener.market, qos.FACT),
-            (Scene, "scene/live", listener.live, qos.SENSOR),
+        buffer = _EventBuffer(self.node)
+        for kind, topic, deliver, links, profile in (
+            (String, "visitors/current", lambda m: listener.visitor(m.data), no_links, qos.FACT),
+            (Bool, "visitors/done", self._on_visits_done, no_links, qos.FACT),
+            (Scene, "scene", listener.scene, scene_links, qos.EVENTS),
+            (MarketStatus, "market", listener.market, no_links, qos.FACT),
+            (Scene, "scene/live", listener.live, no_links, qos.SENSOR),
             # A restarted market may publish these before it is discovered.
-            (Auction, "auctions", listener.auction, qos.FACTS),
-            (Run, "runs", listener.run, qos.FACTS),
-            (SceneEnd, "scene_ends", listener.end, qos.FACTS),
-            (TreeStatus, "agents/status", listener.tree, qos.EVENTS),
-            (String, "robot/transcript", lambda m: listener.act(m.data), qos.EVENTS),
-            (Feedback, "feedback", listener.feedback, qos.EVENTS),
-            (Tunings, "agents/tunings", listener.tunings, qos.FACT),
+            (Auction, "auctions", listener.auction, auction_links, qos.FACTS),
+            (Run, "runs", listener.run, run_links, qos.FACTS),
+            (SceneEnd, "scene_ends", listener.end, scene_end_links, qos.FACTS),
+            (TreeStatus, "agents/status", listener.tree, tree_links, qos.EVENTS),
+            (String, "robot/transcript", lambda m: listener.act(m.data), no_links, qos.EVENTS),
+            (Feedback, "feedback", listener.feedback, feedback_links, qos.EVENTS),
+            (Tunings, "agents/tunings", listener.tunings, no_links, qos.FACT),
         ):
-            self.node.create_subscription(kind, topic, order.callback_for(deliver), profile)
+            callback = buffer.callback_for(deliver, links)
+            self.node.create_subscription(kind, topic, callback, profile)
 
     def watch_heartbeats(self, on_heartbeat: Callable[[str], None]) -> None:
         """Call back with the component's name for each heartbeat of one."""

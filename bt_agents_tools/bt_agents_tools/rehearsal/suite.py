@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -131,6 +131,30 @@ def run_file(path: Path, folders: TreesFolders, word: str = "") -> FileResult:
         agent=test.agent,
         cases=tuple(run_case(test.agent, space, case) for case in chosen),
     )
+
+
+def broken_by(paths: Iterable[Path], agents: Mapping[str, AgentSpec]) -> list[FileResult]:
+    """Return the test files of agents, with the cases that pass now and fail with other specs.
+
+    Each file of one of these agents, by name, is there, also without such a case.
+
+    Raises:
+        BtAgentsError: A file lies in no trees folder.
+    """
+    folders, results = TreesFolders(), []
+    for path in paths:
+        try:
+            test, space = folders.read_test(path)
+        except ReadError as error:
+            results.append(FileResult(file=path, error=error))
+            continue
+        agent = agents.get(test.agent.name)
+        if agent is None:
+            continue
+        failing = (one for one in (run_case(agent, space, c) for c in test.cases) if one.failures)
+        cases = tuple(one for one in failing if run_case(test.agent, space, one.case).passed)
+        results.append(FileResult(file=path, agent=agent, cases=cases))
+    return results
 
 
 def coverages(results: Iterable[FileResult]) -> list[Coverage]:

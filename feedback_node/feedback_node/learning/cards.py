@@ -29,6 +29,7 @@ class LearningEntry:
     window: int = 0
     anneal: float = 0.0
     drift: tuple[float, ...] = ()
+    retreat: tuple[float, ...] = ()
     sources: tuple[str, ...] = ()
     weights: tuple[float, ...] = ()
     layers: tuple[str, ...] = ()
@@ -159,7 +160,7 @@ def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> Lear
         return PLAIN
     if entry.update not in {*Update}:
         raise _invalid_learning(what, f"update '{entry.update}', expected {', '.join(Update)}")
-    ranges = {p.name: p.maximum - p.minimum for p in space.parameters}
+    ranges = {p.name: (0.0, p.maximum - p.minimum) for p in space.parameters}
     if len(entry.sources) != len(entry.weights):
         raise _invalid_learning(
             what,
@@ -174,12 +175,18 @@ def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> Lear
     for weight in entry.weights:
         _within(weight, 0.0, MAX_WEIGHT, "weight", what)
     return LearningRule(
-        rates=_by_name(entry.rates, dict.fromkeys(ranges, 1.0), "learning rate", what),
+        rates=_by_name(entry.rates, dict.fromkeys(ranges, (0.0, 1.0)), "learning rate", what),
         update=Update(entry.update),
         width=_by_name(entry.width, ranges, "width", what),
         window=entry.window or PLAIN.window,
         anneal=_within(entry.anneal, 0.0, MAX_ANNEAL, "anneal", what),
         drift=_by_name(entry.drift, ranges, "drift", what),
+        retreat=_by_name(
+            entry.retreat,
+            {p.name: (p.minimum, p.maximum) for p in space.parameters},
+            "retreat",
+            what,
+        ),
         weights=dict(zip(entry.sources, entry.weights, strict=True)),
         layers=entry.layers,
         general=_within(entry.general, 0.0, 1.0, "general", what),
@@ -187,15 +194,15 @@ def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> Lear
 
 
 def _by_name(
-    values: Sequence[float], limits: Mapping[str, float], of: str, what: str
+    values: Sequence[float], limits: Mapping[str, tuple[float, float]], of: str, what: str
 ) -> dict[str, float]:
-    """Return values, each from 0 to its limit, by name; NaN stands for no value."""
+    """Return values, each within its limits, by name; NaN stands for no value."""
     if len(values) not in (0, len(limits)):
         raise _invalid_learning(
             what, f"{len(values)} times a {of}, expected {len(limits)} or none"
         )
     return {
-        name: _within(value, 0.0, limits[name], f"{of} of {name}", what)
+        name: _within(value, *limits[name], f"{of} of {name}", what)
         for name, value in zip(limits, values, strict=False)
         if not math.isnan(value)
     }

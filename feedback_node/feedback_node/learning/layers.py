@@ -98,7 +98,7 @@ def layer_step(
     requested = (
         ()
         if kind is FeedbackKind.SET
-        else (learning_step.requested(kind, step.before, step.target),)
+        else (learning_step.requested(kind, step.before, step.target, space=space, rule=rule),)
     )
     of_rate = all(rate == step.rate for rate in step.rates)
     return LayerStep(
@@ -108,6 +108,7 @@ def layer_step(
             weight=step.weight,
             rates={} if of_rate else space.named(step.rates),
             target=space.named(step.target),
+            retreat=space.named(step.retreat),
             changes=changes + (kind is not FeedbackKind.SET),
         ),
         step=step,
@@ -126,7 +127,11 @@ def taught(
         if row.cause.kind == FeedbackKind.NEGATIVE:
             before = ledger.before(row)
             target = learning_step.requested(
-                FeedbackKind.NEGATIVE, space.ordered(before.profile), target
+                FeedbackKind.NEGATIVE,
+                space.ordered(before.profile),
+                target,
+                space=space,
+                rule=LearningRule(retreat=row.cause.retreat),
             )
         found.append(target)
     return tuple(found)

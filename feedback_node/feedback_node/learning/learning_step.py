@@ -63,6 +63,7 @@ class Step:
         rate: Learning rate η of the agent, 0..1.
         weight: Of the source of the feedback.
         rates: What each parameter was moved by: by its own rate, weight and annealing, 0..1.
+        retreat: Where negative feedback led on the scene itself; NaN where it did not.
         after: Profile after, inside the ranges.
         text: The move in words and numbers; says why when nothing has moved.
     """
@@ -72,6 +73,7 @@ class Step:
     rate: float
     weight: float
     rates: Vector
+    retreat: Vector
     after: Vector
     text: str
 
@@ -125,21 +127,31 @@ def step(
         for name, old, new in zip(space.names, before, _vector(after), strict=True)
         if old != new
     ]
-    why_not = _why_not(kind, before, wanted, _vector(rates), of_rule, evidence)
+    retreats = updates.retreats(kind, np.array(before), np.array(wanted), of_rule)
+    why_not = _why_not(kind, before, wanted, _vector(rates), of_rule, evidence, space)
     return Step(
         before=before,
         target=wanted,
         rate=1.0 if at_once else rate,
         weight=1.0 if at_once else weight,
         rates=_vector(rates),
+        retreat=_vector(np.where(retreats, of_rule.retreat, np.nan)),
         after=_vector(after),
         text=", ".join(moves) or f"the profile stays: {why_not}",
     )
 
 
-def requested(kind: FeedbackKind, profile: Vector, target: Vector) -> Vector:
+def requested(
+    kind: FeedbackKind,
+    profile: Vector,
+    target: Vector,
+    *,
+    space: SceneSpace,
+    rule: LearningRule = PLAIN,
+) -> Vector:
     """Return the profile that a feedback, but not ``SET``, asked for: ``recent`` of later ones."""
-    return _vector(updates.requested(kind, np.array(profile), np.array(target)))
+    of_rule = updates.arrays(rule, space)
+    return _vector(updates.requested(kind, np.array(profile), np.array(target), of_rule))
 
 
 def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
@@ -204,15 +216,21 @@ def _why_not(
     rates: Vector,
     rule: updates.RuleArrays,
     evidence: Evidence,
+    space: SceneSpace,
 ) -> str:
     opinions = [i for i, value in enumerate(target) if not math.isnan(value)]
     if all(rates[i] == 0.0 for i in opinions):
         return "the learning rate is 0"
     if all(target[i] == before[i] for i in opinions):
         if kind is FeedbackKind.NEGATIVE:
+            learning = [space.names[i] for i in opinions if rates[i] > 0.0]
+            if not any(math.isnan(rule.retreat[space.names.index(name)]) for name in learning):
+                return "it has retreated as far as its file says"
             return (
                 "it lies exactly on the scene, so no direction leads away and negative feedback "
-                "moves nothing; direct feedback with other values does, and a veto stops its bids"
+                f"moves nothing; 'retreat' under 'learning' in its file declares where to, for "
+                f"{' and '.join(learning)}; direct feedback with other values moves it, too, and "
+                "a veto stops its bids"
             )
         return "it is there already"
     if rule.update is Update.MEDIAN:

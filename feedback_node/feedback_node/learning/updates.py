@@ -16,9 +16,14 @@ from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneSpace
 
 Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 WIDTH_SHARE = 1 / 4
 """Share of a parameter's range that is the width of ``HUBER`` where none is given."""
+
+
+SAME_SHARE = 1 / 1000
+"""Share of a parameter's range within which a profile lies on the scene."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +35,8 @@ class RuleArrays:
         width: [n], of ``HUBER``; in the units of the parameters.
         anneal: The rate after m changes is ``rate / (1 + anneal * m)``.
         drift: [n], farthest from the authored profile; NaN for no bound.
+        retreat: [n], where negative feedback leads on the scene itself; NaN for nowhere.
+        same: [n], distance from the scene up to which the profile lies on it.
     """
 
     update: Update
@@ -38,6 +45,8 @@ class RuleArrays:
     window: int
     anneal: float
     drift: Array
+    retreat: Array
+    same: Array
 
 
 def arrays(rule: LearningRule, space: SceneSpace) -> RuleArrays:
@@ -54,6 +63,8 @@ def arrays(rule: LearningRule, space: SceneSpace) -> RuleArrays:
         window=rule.window,
         anneal=rule.anneal,
         drift=np.array([rule.drift.get(name, np.nan) for name in space.names]),
+        retreat=np.array([rule.retreat.get(name, np.nan) for name in space.names]),
+        same=np.array([(p.maximum - p.minimum) * SAME_SHARE for p in space.parameters]),
     )
 
 
@@ -75,19 +86,33 @@ def rates(rule: RuleArrays, rate: ArrayLike, weight: ArrayLike, changes: ArrayLi
     return result
 
 
-def requested(kind: ArrayLike, profile: Array, target: Array) -> Array:
+def retreats(kind: ArrayLike, profile: Array, target: Array, rule: RuleArrays) -> BoolArray:
+    """Return where negative feedback finds the profile on the scene and the rule says where to.
+
+    Arguments are those of :func:`requested`; the result is [..., n].
+    """
+    negative = np.asarray(kind)[..., None] == FeedbackKind.NEGATIVE
+    result: BoolArray = (
+        negative & ~np.isnan(rule.retreat) & (np.abs(profile - target) <= rule.same)
+    )
+    return result
+
+
+def requested(kind: ArrayLike, profile: Array, target: Array, rule: RuleArrays) -> Array:
     """Return the profile that feedback asks for: the target, or for negative its mirror image.
 
     "Away from the scene by the same step" is the step towards ``2p − s``, which may lie outside
-    of the ranges.
+    of the ranges; on the scene itself it is that towards ``retreat``.
 
     Args:
         kind: [...], as :class:`bt_agents_core.feedback.FeedbackKind`.
         profile: [..., n].
         target: [..., n]; NaN for no opinion.
+        rule: The learning rule, the same for all rows.
     """
     negative = np.asarray(kind)[..., None] == FeedbackKind.NEGATIVE
-    return np.where(negative, profile - (target - profile), target)
+    asked = np.where(negative, profile - (target - profile), target)
+    return np.where(retreats(kind, profile, target, rule), rule.retreat, asked)
 
 
 def apply_update(
@@ -107,7 +132,8 @@ def apply_update(
     clips it to ±width (Huber, "Robust Estimation of a Location Parameter", 1964: the step that
     his loss has as its gradient); ``MEDIAN`` takes the median of what the last feedbacks asked
     for instead of ``f``. A positive step does not pass what it goes to. ``SET`` is ``p ← f``,
-    whatever rate and drift. A profile that is already farther from its file than the drift comes
+    whatever rate and drift. Negative feedback on the scene itself is a step towards ``retreat``
+    where the rule has one. A profile that is already farther from its file than the drift comes
     nearer or stays.
 
     Args:
@@ -123,18 +149,19 @@ def apply_update(
         high: [n], upper ends of the ranges.
     """
     kinds = np.asarray(kind)[..., None]
-    pull = target - profile
-    pull = np.where(kinds == FeedbackKind.NEGATIVE, -pull, pull)
-    goal = target
+    retreating = retreats(kind, profile, target, rule)
+    mirrored = (kinds == FeedbackKind.NEGATIVE) & ~retreating & (rule.update != Update.MEDIAN)
+    goal = np.where(retreating, rule.retreat, target)
+    pull = goal - profile
+    pull = np.where(mirrored, -pull, pull)
     if rule.update == Update.HUBER:
         pull = np.clip(pull, -rule.width, rule.width)
     elif rule.update == Update.MEDIAN:
-        goal = _median_target(requested(kind, profile, target), recent, rule.window)
+        goal = _median_target(requested(kind, profile, target, rule), recent, rule.window)
         pull = goal - profile
     after = profile + rate * pull
     # Rounding may carry the sum one digit past the target, which would be an overshoot.
     nearer = np.clip(after, np.minimum(profile, goal), np.maximum(profile, goal))
-    mirrored = (kinds == FeedbackKind.NEGATIVE) & (rule.update != Update.MEDIAN)
     after = _bounded(np.where(mirrored, after, nearer), profile, authored, rule.drift)
     after = np.clip(np.where(kinds == FeedbackKind.SET, target, after), low, high)
     return np.where(np.isnan(target), profile, after)

@@ -74,6 +74,8 @@ class RevisionCause:
         rates: Parameter → what it has moved by, where that is not ``rate``.
         target: Parameter → value moved towards or away from, without those that had no opinion;
             of an authored revision the profile as its file has it.
+        retreat: Parameter → value that negative feedback moved it towards because the profile
+            lay on the scene.
         scene_id: Scene of the run; may be empty.
         leaf: Path of the node that was running; may be empty.
         cancels: True when the run is stopped because of it.
@@ -92,6 +94,7 @@ class RevisionCause:
     weight: float = 1.0
     rates: Mapping[str, float] = field(default_factory=dict)
     target: Mapping[str, float] = field(default_factory=dict)
+    retreat: Mapping[str, float] = field(default_factory=dict)
     scene_id: str = ""
     leaf: str = ""
     cancels: bool = False
@@ -156,7 +159,7 @@ class Damaged(ValueError):
 
 _DEFAULTS = vars(RevisionCause())
 _CAUSE_NAMES = _DEFAULTS.keys() - {"feedback_id"}
-_MAPPINGS = ("rates", "target")
+_MAPPINGS = ("rates", "target", "retreat")
 _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 

@@ -86,6 +86,7 @@ def _learning_from_msg(message: Learning) -> LearningEntry:
         window=message.window,
         anneal=message.anneal,
         drift=tuple(message.drift),
+        retreat=tuple(message.retreat),
         sources=tuple(message.sources),
         weights=tuple(message.weights),
         layers=tuple(message.layers),

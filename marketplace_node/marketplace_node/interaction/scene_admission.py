@@ -39,6 +39,11 @@ class SceneAdmission:
         return len(self._queue)
 
     @property
+    def waiting(self) -> tuple[str, ...]:
+        """Labels of the queued scenes, or their ids without one, next first."""
+        return tuple(one.scene.label or one.scene.scene_id for one in self._queue)
+
+    @property
     def open_round(self) -> OpenRound | None:
         """The call for bids of the challenge under way."""
         return self._challenge.open_round if self._challenge else None

@@ -114,6 +114,7 @@ class MarketplaceNode(BaseNode):
         self._space = space
         self._due_calls: dict[int, tuple[OpenCall, float]] = {}
         self._due: deque[Effect] = deque()
+        self._decided = self.get_clock().now()
         self._executing = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
         self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
@@ -257,6 +258,7 @@ class MarketplaceNode(BaseNode):
         if self._executing:
             return
         self._executing = True
+        self._decided = self.get_clock().now()
         try:
             while self._due:
                 self._execute_one(self._due.popleft())
@@ -288,7 +290,8 @@ class MarketplaceNode(BaseNode):
                 self._operators.end(effect)
             case PublishAuction():
                 self._due_calls.pop(effect.decision.terms.round, None)
-                self._auctions.publish(auction_to_msg(effect, self._now()))
+                # What its winner does may be seen before a long message has been put together.
+                self._auctions.publish(auction_to_msg(effect, self._decided.to_msg()))
                 log.info(f"round {effect.decision.terms.round}: {effect.reason}")
             case SendGoal():
                 self._hosts.send(effect)

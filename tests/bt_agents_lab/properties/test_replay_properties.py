@@ -66,6 +66,7 @@ rules = st.builds(
     window=st.integers(1, 7),
     anneal=st.sampled_from([0.0, 0.01, 0.5]),
     drift=st.dictionaries(st.sampled_from(SPACE.names), st.floats(0.1, 2.0), max_size=2),
+    retreat=st.dictionaries(st.sampled_from(SPACE.names), values, max_size=3),
     weights=st.dictionaries(st.sampled_from([BUTTON, "test"]), st.floats(0.0, 2.0), max_size=2),
     layers=st.sampled_from([(), ("person",), ("person", "place")]),
     general=st.sampled_from([0.0, 0.5, 1.0]),

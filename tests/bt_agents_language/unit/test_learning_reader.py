@@ -58,6 +58,7 @@ learning:
   window: 9
   anneal: 0.01
   drift: {age: 1, mood: 0.5}
+  retreat: {age: 1.5}
   weights: {button: 2, mood rule: 0.25, 1: 0}
   layers: [person, place, person]
   general: 0.4
@@ -71,6 +72,7 @@ weights: {age: 2, mood: 0}
         window=9,
         anneal=0.01,
         drift={"age": 1.0, "mood": 0.5},
+        retreat={"age": 1.5},
         weights={"button": 2.0, "mood rule": 0.25, "1": 0.0},
         layers=("person", "place"),
         general=0.4,
@@ -131,6 +133,15 @@ def test_freeze_all_stops_all_learning():
         (
             "learning: {drift: {age: 4.5}}\n",
             "5:25: error[out-of-range]: 'drift' of age is 4.5, expected 0 to 4",
+        ),
+        (
+            "learning: {retreat: {age: 5.5}}\n",
+            "5:27: error[out-of-range]: 'retreat' of age is 5.5, expected 1 to 5",
+        ),
+        (
+            "learning: {retreat: {age: 1}, freeze: [age]}\n",
+            "5:31: error[contradiction]: 'retreat' says where age goes, 'freeze' that it does "
+            "not learn",
         ),
         (
             "learning: {drift: {agge: 1}}\n",

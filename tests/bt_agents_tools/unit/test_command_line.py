@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -10,7 +11,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from bt_agents_tools.cli.main import all_commands, bt_agents
+from bt_agents_tools.cli.main import _MEANT, all_commands, bt_agents
 
 LOADED = """
 import sys
@@ -50,6 +51,24 @@ def test_a_misspelt_command_is_refused_with_the_nearest() -> None:
     result = CliRunner().invoke(bt_agents, ["statsu"])
     assert result.exit_code == 2
     assert "no command 'statsu'; did you mean 'status'?" in result.output
+
+
+def test_a_word_that_is_no_command_leads_to_those_that_do_what_it_says() -> None:
+    result = CliRunner().invoke(bt_agents, ["undo"])
+    assert result.exit_code == 2
+    assert "no command 'undo'; there is 'tune --undo' for what was tuned" in result.output
+
+
+def test_what_a_word_leads_to_exists_and_no_command_is_hidden_by_it() -> None:
+    for word, meant in _MEANT.items():
+        assert word not in all_commands()
+        for command in re.findall("'([^']+)'", meant):
+            name, *rest = command.split()
+            loaded = bt_agents.get_command(click.Context(bt_agents), name)
+            assert loaded is not None, command
+            known = {option for one in loaded.params for option in one.opts}
+            known |= set(getattr(loaded, "commands", {}))
+            assert {one for one in rest if not one.isupper()} <= known, command
 
 
 def test_the_version_is_told_without_loading_any_command() -> None:

@@ -55,6 +55,7 @@ rules = st.builds(
     window=st.integers(1, 7),
     anneal=st.floats(0.0, 10.0),
     drift=by_parameter(widths),
+    retreat=by_parameter(st.floats),
 )
 evidences = st.builds(
     Evidence,
@@ -113,8 +114,24 @@ def test_towards_feedback_a_profile_never_overshoots_and_never_goes_away(
 @given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
 def test_negative_feedback_never_comes_closer(profile, target, rate, rule, weight):
     after = step(FeedbackKind.NEGATIVE, profile, target, rate, rule=rule, weight=weight)
-    for p, f, moved in zip(profile, target, after, strict=True):
-        assert moved == p if math.isnan(f) else abs(moved - f) >= abs(p - f)
+    same = updates.arrays(rule, SPACE).same
+    for p, f, moved, on_it in zip(profile, target, after, same, strict=True):
+        # Within that distance the profile lies on the scene, and retreats to either side.
+        closest = 0.0 if rule.retreat and abs(p - f) <= on_it else abs(p - f)
+        assert moved == p if math.isnan(f) else abs(moved - f) >= closest
+
+
+@given(profiles, st.floats(0.01, 1.0), rules, st.sampled_from([Update.PLAIN, Update.HUBER]))
+def test_negative_feedback_on_the_scene_itself_is_direct_feedback_for_the_retreat(
+    profile, rate, rule, update
+):
+    rule = replace(rule, update=update)
+    retreat = tuple(rule.retreat.get(name, math.nan) for name in SPACE.names)
+    after = step(FeedbackKind.NEGATIVE, profile, profile, rate, rule=rule)
+    if all(map(math.isnan, retreat)):
+        assert after == profile
+    else:
+        assert after == step(FeedbackKind.DIRECT, profile, retreat, rate, rule=rule)
 
 
 @given(profiles, targets, st.floats(0.0, 0.3), st.floats(0.0, 3.0))

@@ -23,6 +23,15 @@ SPACE = SceneSpace(
 )
 
 
+PLAIN = LearningRule()
+AWAY = LearningRule(retreat={"age": 1.0})
+
+
+def asked(kind: FeedbackKind, scene: Vector, rule: LearningRule = PLAIN) -> Vector:
+    """Return what a feedback asks of a profile of 3 everywhere."""
+    return requested(kind, (3.0, 3.0, 3.0), scene, space=SPACE, rule=rule)
+
+
 def direct(profile: Vector, target: Vector, rate: float, **more: Any) -> Step:
     return step(FeedbackKind.DIRECT, profile, target, rate=rate, space=SPACE, **more)
 
@@ -60,6 +69,55 @@ def test_negative_feedback_moves_away_by_the_same_step():
     away = negative((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
     assert away.after == (2.5, 3.0, 3.5)
     assert [a - 3.0 for a in away.after] == [3.0 - t for t in towards.after]
+
+
+@pytest.mark.parametrize(
+    ("profile", "after"),
+    [
+        ((3.0, 3.0, 3.0), (2.0, 3.0, 3.0)),
+        # As far from the scene as numbers are shown alike, to either side.
+        ((3.003, 3.0, 3.0), (2.0015, 3.0, 3.0)),
+        ((2.997, 3.0, 3.0), (1.9985, 3.0, 3.0)),
+        # Farther from it the formula of the paper holds, whatever the file says.
+        ((3.2, 3.0, 3.0), (3.3, 3.0, 3.0)),
+    ],
+)
+def test_on_the_scene_itself_negative_feedback_moves_to_where_the_file_says(profile, after):
+    made = negative(profile, (3.0, 3.0, 3.0), 0.5, rule=AWAY)
+    assert made.after == pytest.approx(after)
+
+
+def test_a_retreat_is_bounded_as_every_step():
+    far = {"age": 1.0}
+    bounded = LearningRule(retreat=far, drift={"age": 0.25})
+    clipped = LearningRule(retreat=far, update=Update.HUBER, width={"age": 0.5})
+    frozen = LearningRule(retreat=far, rates={"age": 0.0})
+    on_scene: tuple[Vector, Vector, float] = ((3.0, 3.0, 3.0), (3.0, NAN, NAN), 0.5)
+    authored = Evidence(authored=(3.0, 3.0, 3.0))
+    assert negative(*on_scene, rule=bounded, evidence=authored).after[0] == 2.75
+    assert negative(*on_scene, rule=clipped).after[0] == 2.75
+    assert negative(*on_scene, rule=frozen).after[0] == 3.0
+    assert negative(*on_scene, rule=AWAY, weight=0.5).after[0] == 2.5
+
+
+def test_a_median_counts_a_retreat_as_one_of_its_feedbacks():
+    made = negative(
+        (3.0, 3.0, 3.0),
+        (3.0, NAN, NAN),
+        0.5,
+        rule=LearningRule(update=Update.MEDIAN, retreat={"age": 1.0}),
+        evidence=Evidence(recent=((2.0, NAN, NAN), (4.0, NAN, NAN))),
+    )
+    assert made.after[0] == 2.5
+
+
+def test_a_perfect_fit_that_moves_nowhere_says_what_would_move_it():
+    made = negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5)
+    assert (
+        "'retreat' under 'learning' in its file declares where to, for age and mood" in made.text
+    )
+    there = negative((1.0, 2.0, 4.0), (1.0, NAN, NAN), 0.5, rule=AWAY)
+    assert there.text == "the profile stays: it has retreated as far as its file says"
 
 
 def test_negative_feedback_stops_at_the_edge_of_the_range():
@@ -301,10 +359,15 @@ def test_a_median_looks_at_so_many_of_the_last_feedbacks_and_at_this_one():
 
 
 def test_negative_feedback_asks_for_the_mirror_image_of_the_scene():
-    assert requested(FeedbackKind.NEGATIVE, (3.0, 3.0, 3.0), (4.0, NAN, 1.0)) == pytest.approx(
+    assert asked(FeedbackKind.NEGATIVE, (4.0, NAN, 1.0)) == pytest.approx(
         (2.0, NAN, 5.0), nan_ok=True
     )
-    assert requested(FeedbackKind.POSITIVE, (3.0, 3.0, 3.0), (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
+    assert asked(FeedbackKind.POSITIVE, (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
+
+
+def test_negative_feedback_on_the_scene_itself_asks_for_where_it_retreats_to():
+    assert asked(FeedbackKind.NEGATIVE, (3.0, 3.0, 1.0), AWAY) == (1.0, 3.0, 5.0)
+    assert asked(FeedbackKind.POSITIVE, (3.0, 3.0, 1.0), AWAY) == (3.0, 3.0, 1.0)
 
 
 def test_one_wrong_negative_does_not_move_a_median_that_has_seen_positive_ones():

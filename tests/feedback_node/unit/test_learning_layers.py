@@ -298,3 +298,20 @@ def test_the_share_of_wrong_feedback_is_estimated_once_for_each_revision(monkeyp
     fresh = Profiles(SPACE, profiles._ledger)
     assert [fresh.false_rate("guide", ANNA) for _ in range(2)] == [first, first]
     assert len(asked) == 1
+
+
+def test_where_feedback_led_from_the_scene_itself_counts_after_a_restart_and_another_file():
+    def profiles(retreat: float) -> Profiles:
+        entry = learning(update="median", window=3, retreat=(retreat, NAN))
+        return known(entry, ledger)
+
+    ledger = Ledger(":memory:")
+    first = profiles(1.0)
+    teach(first, "f1", age=3.0, kind=FeedbackKind.NEGATIVE, where=run())
+    assert ages(first)[""] == 2.0
+    expected = teach(first, "f2", age=4.0).after[0]
+    assert expected == 2.25
+    ledger.close()
+    ledger = Ledger(":memory:")
+    teach(profiles(1.0), "f1", age=3.0, kind=FeedbackKind.NEGATIVE, where=run())
+    assert teach(profiles(5.0), "f2", age=4.0).after[0] == expected

@@ -185,6 +185,7 @@ def test_scenes_wait_in_order_up_to_the_limit() -> None:
     for name in ("s2", "s3", "s4"):
         market.scene(name)
     assert market.status.queued == 2
+    assert market.status.waiting == ("s2", "s3")
     assert market.ends == [("s4", "QUEUE_FULL")]
     market.end()
     market.collect()

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import click
 
 from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_robot.open_questions import OpenQuestion, from_json
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 
@@ -28,7 +30,7 @@ def answer(text: tuple[str, ...]) -> None:
                 "there is no simulated robot to answer, 'bt-agents up' starts one; "
                 "another robot hears answers by its own means"
             )
-        questions = from_json(told[-1].data)
+        questions = told[-1].questions
         if not text:
             click.echo("\n".join(map(_shown, questions)) or "the robot asks nothing now")
             return
@@ -39,15 +41,15 @@ def answer(text: tuple[str, ...]) -> None:
         before = len(told)
 
         def closed() -> bool:
-            return any(asked not in from_json(one.data) for one in told[before:])
+            return any(asked not in one.questions for one in told[before:])
 
-        was_open = asked in from_json(told[-1].data)
+        was_open = asked in told[-1].questions
         if not (was_open and observer.spin_until(closed, FIND_LIMIT_S)):
             raise BtAgentsError(f"the robot has not taken '{words}'; it asks no more, or is busy")
         click.echo(f"answered '{_printable(taken)}' to: {_printable(asked.text)}")
 
 
-def _asked(questions: tuple[OpenQuestion, ...], words: str) -> tuple[OpenQuestion, str]:
+def _asked(questions: Sequence[Any], words: str) -> tuple[Any, str]:
     """Return the first question that takes an answer, and how it does."""
     if not questions:
         raise Refused(
@@ -61,7 +63,7 @@ def _asked(questions: tuple[OpenQuestion, ...], words: str) -> tuple[OpenQuestio
     raise Refused("NOT_A_CHOICE", f"'{words}' is no answer; {'; '.join(map(_shown, questions))}")
 
 
-def _shown(question: OpenQuestion) -> str:
+def _shown(question: Any) -> str:
     choices = ", ".join(question.choices) or "anything"
     return _printable(f"asked is: {question.text} (answers: {choices})")
 

@@ -21,6 +21,7 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_tools.cli.connection import connect, find_host, find_hosts
 from bt_agents_tools.client.write_back import ParameterState, default_text, write_defaults
+from bt_agents_tools.rehearsal.suite import broken_by, find_tests
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -28,11 +29,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class _Edit:
-    """New text of a file, with a line for each changed value."""
+    """New text of a file, and its agent then, with a line for each changed value."""
 
+    trees: Path
     path: Path
     before: str
     after: str
+    agent: AgentSpec
     changes: tuple[str, ...]
 
 
@@ -40,11 +43,13 @@ class _Edit:
 @click.argument("agents", nargs=-1, metavar="[AGENT]...")
 @click.option("--profile", is_flag=True, help="Keep the profiles too, with what was learned.")
 @click.option("--dry-run", is_flag=True, help="Show what would be changed, change nothing.")
-def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
+@click.option("--yes", is_flag=True, help="Write without a question also when tests fail then.")
+def keep(agents: tuple[str, ...], profile: bool, dry_run: bool, yes: bool) -> None:
     """Write tuned values of AGENTs, or of all, into their files as the new defaults.
 
     Only those values change in the files; comments, order and quotes stay. tick_rate belongs to
-    no agent and is not kept.
+    no agent and is not kept. Before that the agents' tests are run with the new values; when one
+    fails that passed, you are asked.
     """
     with connect() as observer:
         edits = [
@@ -54,12 +59,17 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
         ]
     if not edits:
         click.echo("nothing to keep: everything stands as the files say")
+        return
+    for edit in edits if dry_run else ():
+        before, after = (text.splitlines(keepends=True) for text in (edit.before, edit.after))
+        diff = difflib.unified_diff(before, after, str(edit.path), str(edit.path))
+        click.echo("".join(diff), nl=False)
+    breaks = _print_tests(edits)
+    if dry_run:
+        return
+    if breaks and not yes:
+        click.confirm("write it all the same? (--yes does not ask)", abort=True)
     for edit in edits:
-        if dry_run:
-            before, after = (text.splitlines(keepends=True) for text in (edit.before, edit.after))
-            diff = difflib.unified_diff(before, after, str(edit.path), str(edit.path))
-            click.echo("".join(diff), nl=False)
-            continue
         try:
             write_atomically(edit.path, edit.after)
         except OSError as error:
@@ -68,6 +78,28 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
             ) from error
         for change in edit.changes:
             click.echo(f"{change}  in {edit.path}")
+
+
+def _print_tests(edits: Sequence[_Edit]) -> bool:
+    """Print the tests of the agents that would fail; return whether there are any."""
+    results = [
+        result
+        for folder in sorted({edit.trees for edit in edits})
+        for result in broken_by(
+            find_tests([folder]), {e.agent.name: e.agent for e in edits if e.trees == folder}
+        )
+    ]
+    for result in results:
+        for case in result.cases:
+            click.echo(f"passes now, would fail: {case.case.name}  in {result.file}")
+            click.echo(f"    {case.failures[0].message}")
+        if result.error is not None:
+            click.echo(f"not run, as the file has errors: {result.file}")
+    breaks = any(result.cases for result in results)
+    if not breaks and any(result.agent is not None for result in results):
+        names = ", ".join(sorted({edit.agent.name for edit in edits}))
+        click.echo(f"tests of {names}: none fails that passes now")
+    return breaks
 
 
 def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) -> list[_Edit]:
@@ -106,9 +138,11 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[ParameterState]) -> _Edit:
     after = write_defaults(source, tuned, trees.symbols.space, read)
     written = Source(source.file, after)
     return _Edit(
+        trees=trees.folder,
         path=Path(spec.file),
         before=source.text,
         after=after,
+        agent=read(after),
         changes=tuple(
             f"{one.name}: {_default(source, one)} → {_default(written, one)}"
             for one in (override.parameter for override in tuned)

@@ -15,7 +15,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import DIGITS, format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import SOON_S
-from bt_agents_tools.cli.formatting import fitted_console
+from bt_agents_tools.cli.formatting import fitted_console, node_names
 
 
 @click.command()
@@ -43,11 +43,11 @@ def moods(agent: str, round_number: int) -> None:
         if not found():
             raise BtAgentsError(_not_found(agent, round_number, traces))
         trace = found()[-1]
-        observer.spin_until(lambda: bool(_names(trees, trace.agent)), FIND_LIMIT_S)
+        observer.spin_until(lambda: bool(node_names(trees, trace.agent)), FIND_LIMIT_S)
         when = time.strftime("%H:%M:%S", time.localtime(trace.stamp.sec))
         who = f" with {trace.person_id}" if trace.person_id else ""
         click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
-        fitted_console().print(mood_table(trace, _names(trees, trace.agent)))
+        fitted_console().print(mood_table(trace, node_names(trees, trace.agent)))
 
 
 def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
@@ -56,12 +56,6 @@ def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:
     kept = ", ".join(f"{trace.agent} (round {trace.round})" for trace in traces)
     hint = f"kept are those of {kept}" if kept else "a run has to end first"
     return f"no run{whose}{where} is known; {hint}"
-
-
-def _names(received: list[list[Any]], agent: str) -> dict[str, str]:
-    """Return path → name of the nodes of an agent, from the latest trees of each host."""
-    trees = (tree for messages in received for message in messages[-1:] for tree in message.trees)
-    return {node.path: node.name for tree in trees if tree.agent == agent for node in tree.nodes}
 
 
 def mood_table(trace: Any, names: dict[str, str]) -> Table:

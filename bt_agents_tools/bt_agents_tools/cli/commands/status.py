@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -25,12 +25,18 @@ from bt_agents_tools.cli.decisions import (
 )
 from bt_agents_tools.cli.formatting import (
     STATES,
+    SceneLabels,
     constant_text,
     counted,
     fitted_console,
+    node_names,
     print_line,
+    since_text,
 )
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
 
 _ENDS_SHOWN = 3
 
@@ -43,6 +49,7 @@ def status(form: TableForm) -> None:
         scenes, ends = observer.received("scene"), observer.received("scene_ends")
         auctions = last_decisions(observer)
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+        at = _node_at_work(observer)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         observer.spin_until(lambda: observer.profiles is not None, SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
@@ -63,10 +70,11 @@ def status(form: TableForm) -> None:
             return
         _print = partial(print_line, fitted_console(form))
         known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
-        state = constant_text(market, market.state, STATES)
-        if market.state != market.IDLE or not known:
-            state += f": {names.with_names(market.message)}"
-        _print("market    ", state)
+        _print("market    ", market_text(market, names, time.time(), is_end_shown=known))
+        if at:
+            _print("          ", f"at {at}")
+        for number, label in enumerate(market.waiting, start=1):
+            _print("          ", f"waits, number {number} in line: '{names.name_of(label)}'")
         new_scenes = ", ".join(filter(None, admission_text(observer)))
         _print(
             "          ",
@@ -104,6 +112,36 @@ def rule_problems(market: Any, profiles: Any) -> Sequence[Any]:
     The profiles are None where the feedback node has published none.
     """
     return [*market.problems, *(profiles.problems if profiles is not None else ())]
+
+
+def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bool) -> str:
+    """Return what a market does, since when and for which scene, as text.
+
+    Of one that is idle it says what was last, unless that is shown elsewhere.
+    """
+    text = f"{constant_text(market, market.state, STATES)} {since_text(market.stamp, now)}"
+    if market.scene_id:
+        scene = market.scene_label or names.name_of(market.scene_id)
+        return f"{text}: '{scene}', {names.with_names(market.message)}"
+    return text if is_end_shown else f"{text}: {names.with_names(market.message)}"
+
+
+def _node_at_work(observer: Observer) -> str:
+    """Return the node that decides the status of the tree that runs; empty without one."""
+    market = observer.market
+    if market.state not in (market.RUNNING, market.CANCELLING):
+        return ""
+    beats = observer.received(f"{market.host}/heartbeat")
+    trees = observer.received(f"{market.host}/trees")
+
+    def tip() -> str:
+        run = (market.epoch, market.round)
+        return next((b.tip for b in reversed(beats) if (b.epoch, b.round) == run), "")
+
+    observer.spin_until(lambda: bool(tip() and trees), SOON_S)
+    path = tip()
+    name = node_names([trees], market.agent).get(path, "")
+    return f"{name} ({path})" if name else path
 
 
 def _ranking_lines(market: Any, last: Any) -> Iterator[str]:

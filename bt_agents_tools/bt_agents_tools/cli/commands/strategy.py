@@ -53,7 +53,12 @@ def strategy(
                 raise BtAgentsError(refusal)
             found = market.strategies(observer) or found
         auctions = last_decisions(observer)
-        _show(found, auctions[-1] if auctions else None)
+        last = auctions[-1] if auctions else None
+        if not changes:
+            _show(found)
+        elif name or shadow is None:
+            click.echo(_with_options(found))
+        click.echo(_ranking_text(found, last))
 
 
 def _changes(
@@ -86,7 +91,7 @@ def _known(name: str, found: Strategies) -> str:
     return name
 
 
-def _show(found: Strategies, last: Any) -> None:
+def _show(found: Strategies) -> None:
     console = Console()
     for name, description in found.descriptions.items():
         mark = ">" if name == found.current else "~" if name == found.shadow else " "
@@ -95,10 +100,22 @@ def _show(found: Strategies, last: Any) -> None:
             span = f"{option.minimum:g} to {option.maximum:g}"
             head = f"    {key} = {option.value:g}"
             print_line(console, f"{head}  ", f"{option.description} ({span})", _INDENT)
+
+
+def _with_options(found: Strategies) -> str:
+    """Return the strategy in force with its options, as text."""
+    options = found.options[found.current].items()
+    values = ", ".join(f"{key} = {option.value:g}" for key, option in options)
+    text = f"from the next round on: {found.descriptions[found.current]}"
+    return f"{text} ({values})" if values else text
+
+
+def _ranking_text(found: Strategies, last: Any) -> str:
+    """Return who ranks and who only scores, with the disagreements so far, as text."""
     text = f"> ranks: {found.current}"
     if found.shadow:
         by = (found.current, found.shadow)
         counted = last is not None and (last.strategy, last.shadow_strategy) == by
         rounds = disagreements(last) if counted else "in no round yet"
         text += f"; ~ only scores: {found.shadow}, {rounds}"
-    click.echo(text)
+    return text

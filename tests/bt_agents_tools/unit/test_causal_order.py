@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must stand before an event of a system, and when a tree was ticked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from bt_agents_interfaces.msg import Auction, Feedback, Run, Scene, SceneEnd, TreeStatus
+from bt_agents_ros.messages import to_time
+from bt_agents_tools.client.causal_order import (
+    LONGEST_WAIT_S,
+    MOST_FACTS,
+    SETTLE_S,
+    CausalEvent,
+    CausalOrder,
+    Links,
+    auction_links,
+    feedback_links,
+    happened_s,
+    run_links,
+    scene_end_links,
+    scene_links,
+    tree_links,
+)
+
+SCENE = Scene(scene_id="s1")
+ROUND = {"epoch": "e", "round": 2}
+STARTED, CANCELLING = Run.STARTED, Run.CANCELLING
+STORY: list[tuple[str, Links]] = [
+    ("scene", scene_links(SCENE)),
+    ("auction", auction_links(Auction(**ROUND, scene=SCENE))),
+    ("first tick", tree_links(TreeStatus(**ROUND, tick=1))),
+    ("started", run_links(Run(**ROUND, event=STARTED, scene=SCENE))),
+    ("feedback", feedback_links(Feedback(**ROUND))),
+    ("cancelling", run_links(Run(**ROUND, event=CANCELLING, scene=SCENE))),
+    ("last tick", tree_links(TreeStatus(**ROUND, tick=7))),
+    ("ended", run_links(Run(**ROUND, event=Run.ENDED, outcome=Run.CANCELLED, ticks=7))),
+    ("over", scene_end_links(SceneEnd(**ROUND, scene_id="s1", agent="a"))),
+]
+
+
+def shown(events: list[tuple[str, Links]], now: float = SETTLE_S) -> list[str]:
+    """Return the events that are shown by then; all come at 0, each was sent at its place."""
+    found: list[str] = []
+    order = CausalOrder()
+    for place, (name, links) in enumerate(events):
+        deliver: Any = lambda name=name: found.append(name)  # noqa: E731
+        order.put(CausalEvent(sent_s=float(place), deliver=deliver, links=links), 0.0)
+    order.deliver_due(now)
+    return found
+
+
+@pytest.mark.parametrize("moved", range(len(STORY)))
+def test_one_line_of_a_story_that_comes_last_still_stands_before_what_it_led_to(moved):
+    late = STORY[moved]
+    others = [line for line in STORY if line is not late]
+    names = shown([*others, late])
+    assert sorted(names) == sorted(name for name, _ in STORY)
+    # Either the first tick or the message of the market is a start.
+    only_said_by_it = late[1].facts.difference(*(links.facts for _, links in others))
+    for name, links in others:
+        if links.causes & only_said_by_it:
+            assert names.index(name) > names.index(late[0])
+
+
+def test_the_whole_story_backwards_is_told_forwards():
+    names = shown(STORY[::-1])
+    for before, after in (
+        ("scene", "auction"),
+        ("auction", "first tick"),
+        ("auction", "started"),
+        ("first tick", "ended"),
+        ("last tick", "ended"),
+        ("ended", "over"),
+    ):
+        assert names.index(before) < names.index(after)
+
+
+def test_a_line_whose_cause_never_comes_is_shown_after_a_bounded_time():
+    auction = STORY[1:2]
+    assert shown(auction, LONGEST_WAIT_S - 0.01) == []
+    assert shown(auction, LONGEST_WAIT_S) == ["auction"]
+
+
+def test_what_waits_for_its_cause_does_not_hold_up_what_has_nothing_to_do_with_it():
+    assert shown([STORY[1], ("robot", Links())]) == ["robot"]
+
+
+@pytest.mark.parametrize(
+    "auction",
+    [
+        Auction(**ROUND, follows=1, scene=Scene(scene_id="s1+2")),
+        Auction(**ROUND, follows=1, scene=SCENE),
+    ],
+)
+def test_a_follow_up_round_waits_for_no_scene(auction):
+    assert auction_links(auction).causes == frozenset()
+
+
+def test_a_run_that_was_lost_waits_for_no_last_tick_and_a_refused_scene_for_no_run():
+    lost = run_links(Run(**ROUND, event=Run.ENDED, outcome=Run.LOST, ticks=7))
+    assert lost.causes == {("run", "e", 2)}
+    refused = scene_end_links(SceneEnd(epoch="e", scene_id="s1", code="BUSY"))
+    assert refused.causes == scene_links(SCENE).facts
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "expected_s"), [(99.9, 99.9), (100.0, 100.0), (100.5, 100.0), (3.0, 100.0)]
+)
+def test_rounds_and_ticks_count_from_their_stamps_unless_these_are_of_another_clock(
+    stamp_s, expected_s
+):
+    for kind in (Auction, TreeStatus):
+        assert happened_s(kind(stamp=to_time(stamp_s)), 100.0) == pytest.approx(expected_s)
+    assert happened_s(Run(stamp=to_time(stamp_s)), 100.0) == 100.0
+
+
+def test_facts_are_remembered_up_to_a_bound():
+    order = CausalOrder()
+    for number in range(2 * MOST_FACTS):
+        links = Links(facts=frozenset({(number,)}))
+        order.put(CausalEvent(sent_s=0.0, deliver=list, links=links), 0.0)
+    order.deliver_due(1.0)
+    found: list[int] = []
+    for cause in (0, 2 * MOST_FACTS - 1):
+        links = Links(causes=frozenset({(cause,)}))
+        deliver: Any = lambda cause=cause: found.append(cause)  # noqa: E731
+        order.put(CausalEvent(sent_s=0.0, deliver=deliver, links=links), 2.0)
+    order.deliver_due(2.0 + SETTLE_S)
+    assert found == [2 * MOST_FACTS - 1]

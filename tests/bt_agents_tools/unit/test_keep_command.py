@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Before tuned values become defaults, the tests of their agents are run with them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.yaml.source import Source
+from bt_agents_tools.cli.commands import keep as keeping
+from bt_agents_tools.rehearsal.suite import broken_by, find_tests
+from checkout import ROOT
+
+AGENT = """\
+format: 1
+agent: waiter
+title: Waiter
+description: Waits.
+profile: {age: 3, familiarity: 3, mood: 3}
+tunables:
+  patience: {default: 5 s, min: 1 s, max: 30 s, description: how long to wait}
+tree:
+  sequence:
+    - wait: ${patience}
+    - say: Hello.
+"""
+TESTS = """\
+format: 1
+test: waiter
+cases:
+  - {name: it does not take long, scene: {mood: 3}, expect: {within: 10 s}}
+  - {name: it greets, scene: {mood: 3}, expect: {says: [Hello.]}}
+  - {name: it sings, scene: {mood: 3}, expect: {says: [La.]}}
+"""
+SLOW = AGENT.replace("default: 5 s", "default: 20 s")
+
+
+@pytest.fixture
+def trees(tmp_path: Path) -> Path:
+    """A trees folder with one agent, one test of which fails already, and tests of another."""
+    folder = tmp_path / "trees"
+    agents = folder / "agents"
+    agents.mkdir(parents=True)
+    shutil.copy(ROOT / "trees" / "scene.yaml", folder)
+    shutil.copytree(ROOT / "trees" / "skills", folder / "skills")
+    (agents / "waiter.yaml").write_text(AGENT)
+    (agents / "waiter.test.yaml").write_text(TESTS)
+    (agents / "other.yaml").write_text(AGENT.replace("agent: waiter", "agent: other"))
+    (agents / "other.test.yaml").write_text(TESTS.replace("test: waiter", "test: other"))
+    return folder
+
+
+def edit(trees: Path, after: str) -> keeping._Edit:
+    path = trees / "agents" / "waiter.yaml"
+    return keeping._Edit(
+        trees=trees,
+        path=path,
+        before=AGENT,
+        after=after,
+        agent=read_agent(Source(path, after), read_trees(trees).symbols),
+        changes=("waiter.patience: 5 s → 20 s",),
+    )
+
+
+def test_only_cases_of_the_agent_that_pass_now_and_would_fail_are_found(trees: Path) -> None:
+    [result] = broken_by(find_tests([trees]), {"waiter": edit(trees, SLOW).agent})
+    assert [case.case.name for case in result.cases] == ["it does not take long"]
+    [result] = broken_by(find_tests([trees]), {"waiter": edit(trees, AGENT).agent})
+    assert result.cases == ()
+
+
+def test_a_test_file_with_errors_is_named(trees: Path) -> None:
+    path = trees / "agents" / "waiter.test.yaml"
+    path.write_text(TESTS.replace("within", "withn"))
+    [result] = broken_by([path], {"waiter": edit(trees, SLOW).agent})
+    assert result.error is not None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "typed", "code", "is_written"),
+    [
+        ((), "y\n", 0, True),
+        ((), "n\n", 1, False),
+        ((), "", 1, False),
+        (("--yes",), "", 0, True),
+        (("--dry-run",), "", 0, False),
+    ],
+)
+def test_what_makes_a_test_fail_is_written_only_after_a_question(
+    trees: Path, monkeypatch: pytest.MonkeyPatch, arguments, typed, code, is_written
+) -> None:
+    result = run(trees, monkeypatch, SLOW, *arguments, typed=typed)
+    assert result.exit_code == code, result.output
+    assert "passes now, would fail: it does not take long  in " in result.output
+    assert "it greets" not in result.output
+    assert "it sings" not in result.output
+    assert ((trees / "agents" / "waiter.yaml").read_text() == SLOW) == is_written
+
+
+def test_what_changes_no_test_is_written_without_a_question(
+    trees: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = run(trees, monkeypatch, AGENT.replace("default: 5 s", "default: 6 s"))
+    assert result.exit_code == 0, result.output
+    assert "tests of waiter: none fails that passes now" in result.output
+    assert "default: 6 s" in (trees / "agents" / "waiter.yaml").read_text()
+
+
+def run(
+    trees: Path, monkeypatch: pytest.MonkeyPatch, after: str, *arguments: str, typed: str = ""
+) -> Result:
+    """Run the command on a system whose waiter is tuned."""
+
+    @contextmanager
+    def connect() -> Iterator[None]:
+        yield None
+
+    monkeypatch.setattr(keeping, "connect", connect)
+    monkeypatch.setattr(keeping, "find_hosts", lambda _: ["/agents"])
+    monkeypatch.setattr(keeping, "_edits", lambda *_: [edit(trees, after)])
+    return CliRunner().invoke(keeping.keep, arguments, input=typed)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the market does, as `bt-agents status` shows it."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from bt_agents_interfaces.msg import MarketStatus, Scene, SceneValue, Tree, TreeNode, Trees
+from bt_agents_ros.messages import to_time
+from bt_agents_tools.cli.commands.status import market_text
+from bt_agents_tools.cli.formatting import SceneLabels, node_names, since_text
+
+SINCE_S = time.mktime((2026, 5, 4, 10, 11, 12, 0, 0, -1))
+
+
+def text_of(status: MarketStatus, names: SceneLabels | None = None, **more: bool) -> str:
+    known = {"is_end_shown": False} | more
+    return market_text(status, names or SceneLabels(), SINCE_S + 75.0, **known)
+
+
+def test_a_run_says_since_when_it_is_under_way_and_for_which_scene():
+    status = MarketStatus(
+        stamp=to_time(SINCE_S),
+        state=MarketStatus.RUNNING,
+        scene_id="scene-7",
+        scene_label="an elderly lady",
+        message="attentive_guide is running",
+    )
+    assert text_of(status) == (
+        "running since 10:11:12, for 1 min 15 s: 'an elderly lady', attentive_guide is running"
+    )
+
+
+def test_a_scene_without_a_label_is_named_by_its_values_and_never_by_an_id_that_is_known():
+    names = SceneLabels()
+    names.add(Scene(scene_id="scene-7", values=[SceneValue(name="age", value=4.5)]))
+    running = MarketStatus(
+        stamp=to_time(SINCE_S),
+        state=MarketStatus.COLLECTING,
+        scene_id="scene-7",
+        message="scene 'scene-7' has ended; collecting feedback",
+    )
+    assert text_of(running, names).endswith(
+        ": 'age 4.5', scene 'age 4.5' has ended; collecting feedback"
+    )
+
+
+def test_what_an_operator_awards_has_the_name_of_its_scene():
+    names = SceneLabels()
+    names.add(Scene(scene_id="scene-7", label="a child"))
+    assert names.name_of("scene-7+award2") == "a child"
+    assert names.name_of("scene-7+award2+again+1") == "a child"
+    assert names.name_of("scene-8+award2") == "scene-8+award2"
+
+
+def test_an_idle_market_says_what_was_last_unless_its_end_is_shown_below():
+    idle = MarketStatus(stamp=to_time(SINCE_S), message="scene 'lady' is over: succeeded")
+    assert text_of(idle).endswith("for 1 min 15 s: scene 'lady' is over: succeeded")
+    assert text_of(idle, is_end_shown=True) == "idle since 10:11:12, for 1 min 15 s"
+
+
+@pytest.mark.parametrize(
+    ("lasted_s", "text"),
+    [
+        (-5.0, "for 0 s"),
+        (0.2, "for 0 s"),
+        (59.0, "for 59 s"),
+        (60.0, "for 1 min"),
+        (3600.0, "for 1 h"),
+        (7384.0, "for 2 h 3 min"),
+    ],
+)
+def test_how_long_something_lasts_has_two_units_at_most(lasted_s, text):
+    assert since_text(to_time(SINCE_S), SINCE_S + lasted_s) == f"since 10:11:12, {text}"
+
+
+def test_nodes_have_the_names_of_the_latest_trees_of_their_agent():
+    def trees(name: str) -> Trees:
+        nodes = [TreeNode(path="tree", name=name)]
+        return Trees(trees=[Tree(agent="a", nodes=nodes), Tree(agent="b", nodes=nodes)])
+
+    assert node_names([[trees("old"), trees("new")], []], "a") == {"tree": "new"}
+    assert node_names([], "a") == {}
