@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ParamSpec, TypeVar
 
+from bt_agents_core.scene import Labels
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression import expression_hints, ranges
 from bt_agents_language.expression.expression_tokens import (
@@ -167,6 +168,7 @@ def parse_expression(
     unit_of: Callable[[str], Dimension | None] | None = None,
     words_of: Mapping[str, tuple[str, ...]] | None = None,
     range_of: Callable[[str], Range | None] | None = None,
+    labels_of: Callable[[str], Labels | None] | None = None,
 ) -> Expression:
     """Return the expression that a text says.
 
@@ -182,6 +184,7 @@ def parse_expression(
         unit_of: Dimension of a name's value, None for a plain number or no number.
         words_of: Name → the only texts that it can be.
         range_of: What a name's value lies in, None where that is not known.
+        labels_of: Words for the values of a scene parameter, None for other names.
 
     Raises:
         ExpressionError: The text is none, or a name is not known.
@@ -193,7 +196,7 @@ def parse_expression(
             1,
             "split it over several nodes",
         )
-    parser = _Parser(tokenize(text), known, kind_of, unit_of, words_of or {}, range_of)
+    parser = _Parser(tokenize(text), known, kind_of, unit_of, words_of or {}, range_of, labels_of)
     try:
         whole = parser.whole()
     except ExpressionError as error:
@@ -225,6 +228,7 @@ class _Parser:
         unit_of: Callable[[str], Dimension | None] | None,
         words_of: Mapping[str, tuple[str, ...]],
         range_of: Callable[[str], Range | None] | None,
+        labels_of: Callable[[str], Labels | None] | None,
     ) -> None:
         self.mentions: list[Mention] = []
         self.foregone: list[Foregone] = []
@@ -235,6 +239,7 @@ class _Parser:
         self._unit_of = unit_of
         self._words_of = words_of
         self._range_of = range_of
+        self._labels_of = labels_of
         self._token = tokens[0]
         self._next = 0
         self._depth = 0
@@ -420,6 +425,7 @@ class _Parser:
             unit=self._unit_of(name) if self._unit_of is not None else None,
             words=self._words_of.get(name, ()),
             range=self._range_of(name) if self._range_of is not None else None,
+            labels=self._labels_of(name) if self._labels_of is not None else None,
         )
 
     def _parentheses(self, opening: Token) -> Part:
@@ -482,6 +488,7 @@ class _Parser:
             column=token.column,
             width=len(token.text),
             unit=unit_of_call(token.text, arguments),
+            words=function.words(arguments),
             range=ranges.of_call(token.text, [argument.range for argument in arguments]),
         )
 

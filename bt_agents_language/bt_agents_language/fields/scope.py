@@ -11,11 +11,11 @@ from functools import lru_cache
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import WEEKDAYS
-from bt_agents_core.scene import SceneSpace
+from bt_agents_core.scene import Labels, SceneSpace
 from bt_agents_language.diagnostics.collection import did_you_mean, nearest
 from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
-from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expression_values import ANY_LABELS, ValueKind
 from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.ranges import Range
@@ -68,6 +68,7 @@ class NameScope:
         lenient: True lets unknown names pass, since a declaration that could not be read may
             hold them.
         ranges: What the values of names in ``types`` lie in, where that is declared.
+        labels: Words for the values of scene parameters, by the names of these.
 
     Attributes:
         used: Names that were asked for.
@@ -82,6 +83,7 @@ class NameScope:
         hidden: Mapping[str, str] | None = None,
         lenient: bool = False,
         ranges: Mapping[str, Range] | None = None,
+        labels: Mapping[str, Labels] | None = None,
     ) -> None:
         self.used: set[str] = set()
         self.given: set[str] = set()
@@ -91,6 +93,7 @@ class NameScope:
         self._hidden = dict(hidden or {})
         self._lenient = lenient
         self._ranges = dict(ranges or {})
+        self._labels = dict(labels or {})
 
     def and_message(self, name: str, fields: MessageFields) -> NameScope:
         """Return these names and the fields of a message; both remember together."""
@@ -136,7 +139,10 @@ class NameScope:
         # Words that are no names, such as those in quotes, do no harm here.
         words = _WORD.findall(text)
         types = tuple([self._type_of(word) for word in words])
-        return _parsed(text, types, tuple([self._ranges.get(word) for word in words]))
+        ranges = tuple([self._ranges.get(word) for word in words])
+        # Only a function asks for labels.
+        labels = tuple([self._labels.get(word) for word in words]) if "label" in words else ()
+        return _parsed(text, types, ranges, labels)
 
     def range_of(self, name: str) -> Range | None:
         """Return what the value of a name lies in; None where nothing declares that."""
@@ -204,17 +210,22 @@ class NameScope:
 
 @lru_cache(maxsize=1024)
 def _parsed(
-    text: str, types: tuple[FieldType | None, ...], ranges: tuple[Range | None, ...]
+    text: str,
+    types: tuple[FieldType | None, ...],
+    ranges: tuple[Range | None, ...],
+    labels: tuple[Labels | None, ...],
 ) -> Expression:
     """Return an expression; files say the same ones again and again."""
     words = _WORD.findall(text)
     known = dict(zip(words, types, strict=True))
+    words_for = dict(zip(words, labels, strict=False))
     return parse_expression(
         text,
         kind_of=lambda name: KINDS.get(known.get(name) or FieldType.ANY),
         unit_of=lambda name: DIMENSIONS.get(known.get(name) or FieldType.ANY),
         words_of={"clock.weekday": WEEKDAYS},
         range_of=dict(zip(words, ranges, strict=True)).get,
+        labels_of=lambda name: ANY_LABELS if known.get(name) is None else words_for.get(name),
     )
 
 
@@ -240,6 +251,15 @@ def clock_names() -> dict[str, FieldType]:
 def mood_names(space: SceneSpace) -> dict[str, FieldType]:
     """Return ``mood.change`` where a system knows a mood."""
     return {} if space.mood is None else {"mood.change": FieldType.NUMBER}
+
+
+def scene_labels(space: SceneSpace) -> dict[str, Labels]:
+    """Return the words for scene values, by every name that these have."""
+    return {
+        f"{group}.{one.name}": tuple(one.labels.items())
+        for group in ("scene", "live", "profile")
+        for one in space.parameters
+    }
 
 
 def scene_ranges(space: SceneSpace) -> dict[str, Range]:

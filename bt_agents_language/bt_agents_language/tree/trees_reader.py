@@ -14,6 +14,7 @@ from bt_agents_language.fields.scope import (
     NameScope,
     clock_names,
     mood_names,
+    scene_labels,
     scene_names,
     scene_ranges,
 )
@@ -86,6 +87,7 @@ class TreesReader:
             **self._tunables,
         }
         self._ranges = {**scene_ranges(symbols.space), **ranges}
+        self._labels = scene_labels(symbols.space)
 
     def trees(
         self, tree: Node | None, on_cancel: Node | None
@@ -101,7 +103,12 @@ class TreesReader:
             for name in (self._reader.assigned.below(raw) if raw is not None else ())
         }
         names = NameScope(
-            self._types, self._of_trees, hidden=hidden, lenient=self._lenient, ranges=self._ranges
+            self._types,
+            self._of_trees,
+            hidden=hidden,
+            lenient=self._lenient,
+            ranges=self._ranges,
+            labels=self._labels,
         )
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
         names.give_all()
@@ -192,6 +199,7 @@ class TreesReader:
             hidden=hidden,
             lenient=self._lenient or not subtree.complete,
             ranges=self._ranges,
+            labels=self._labels,
         )
         body = self._reader.read(raw, name, names)
         if len(self._reading.problems) == before:
