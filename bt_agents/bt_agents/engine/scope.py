@@ -26,6 +26,7 @@ from bt_agents_language.model.specs import (
     Reference,
     Text,
     Value,
+    Variants,
 )
 
 _LONGEST_JSON = 100_000
@@ -216,6 +217,8 @@ def evaluate(value: Value, names: ValueSource) -> Plain:
             return _computed(value, names)
         case Text():
             return "".join(_as_text(part, names) for part in value.parts)
+        case Variants():
+            raise AssertionError("variants are picked before they are evaluated")
         case ListValue():
             return tuple(evaluate(item, names) for item in value.items)
         case MapValue():
@@ -266,7 +269,7 @@ def _computed(value: Computed, names: ValueSource) -> Plain:
     return cast(Plain, value.expression.evaluate(names.lookup))
 
 
-def _as_text(part: str | Reference | Computed, names: ValueSource) -> str:
+def _as_text(part: str | Value, names: ValueSource) -> str:
     match part:
         case str():
             return part
@@ -274,6 +277,7 @@ def _as_text(part: str | Reference | Computed, names: ValueSource) -> str:
             return format_value(names.lookup(part.name), part.type)
         case Computed():
             return format_value(_computed(part, names), FieldType.ANY)
+    return format_value(evaluate(part, names), FieldType.ANY)
 
 
 def format_value(value: Plain, field_type: FieldType) -> str:

@@ -140,8 +140,7 @@ class NameScope:
         words = _WORD.findall(text)
         types = tuple([self._type_of(word) for word in words])
         ranges = tuple([self._ranges.get(word) for word in words])
-        # Only a function asks for labels.
-        labels = tuple([self._labels.get(word) for word in words]) if "label" in words else ()
+        labels = tuple([self._labels.get(word) for word in words])
         return _parsed(text, types, ranges, labels)
 
     def range_of(self, name: str) -> Range | None:
@@ -218,7 +217,7 @@ def _parsed(
     """Return an expression; files say the same ones again and again."""
     words = _WORD.findall(text)
     known = dict(zip(words, types, strict=True))
-    words_for = dict(zip(words, labels, strict=False))
+    words_for = dict(zip(words, labels, strict=True))
     return parse_expression(
         text,
         kind_of=lambda name: KINDS.get(known.get(name) or FieldType.ANY),

@@ -18,6 +18,7 @@ from bt_agents_language.model.specs import (
     Reference,
     Text,
     Value,
+    Variants,
 )
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.typed_reader import Shape, TypedReader
@@ -67,8 +68,8 @@ def read_value(
                 "wrong-type",
                 node,
                 f"{what}: expected a text, found a list",
-                "use 'random' for one of several, 'sequence' for one after the other, with a node "
-                "for each",
+                "for one of several write {one_of: […]} behind the skill; for one after the other "
+                "use 'sequence' with a node for each",
             )
         else:
             reading.wrong_type(node, what, EXPECTED[field_type], shape)
@@ -95,6 +96,25 @@ def read_value(
         )
         return None
     return _literal(reading, node, field_type, what, minimum)
+
+
+def read_variants(
+    reading: TypedReader, node: Node, names: NameScope, what: str
+) -> Variants | None:
+    """Return several texts; None when one is wrong, which is then reported."""
+    if not isinstance(node, Sequence):
+        reading.wrong_type(node, what, "a list of texts", Shape.LIST)
+        return None
+    if len(node.items) < 2:
+        reading.error(
+            "missing-value",
+            node,
+            f"{what} needs two texts or more, found {len(node.items)}",
+            "add another one, or write the text without 'one_of'",
+        )
+    read = [read_value(reading, one, FieldType.TEXT, names, what) for one in node.items]
+    texts = tuple(one for one in read if isinstance(one, Literal | Reference | Text))
+    return Variants(texts=texts) if len(texts) == len(node.items) > 1 else None
 
 
 def _literal(

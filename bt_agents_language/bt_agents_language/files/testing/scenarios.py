@@ -54,6 +54,14 @@ class AnswerRule:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PickRule:
+    """Which of their variants the nodes of a pattern take, from 0, in turn, the last for ever."""
+
+    pattern: str
+    numbers: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Replacement:
     """Another node, with paths below ``REPLACED``, in place of those that a pattern fits."""
 
@@ -94,6 +102,7 @@ class Scenario:
         clock: Local time at the start.
         tunables: Values that differ from the defaults.
         answers: Those of paths count before those of skills, else the first that fits.
+        picks: The first that fits a node counts; the others take any of theirs.
         replace: The first that fits a node counts.
         during: What happens, in any order.
     """
@@ -104,6 +113,7 @@ class Scenario:
     tunables: Mapping[str, Plain] = field(default_factory=dict)
     seed: int = 0
     answers: tuple[AnswerRule, ...] = ()
+    picks: tuple[PickRule, ...] = ()
     replace: tuple[Replacement, ...] = ()
     during: tuple[ScriptedEvent, ...] = ()
 
