@@ -238,7 +238,11 @@ def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not
     """
     explanation = f"{verb}: {condition.text}"
     mentioned = list(dict.fromkeys(mention.name for mention in condition.mentions))
-    values = {name: _current(name, names) for name in mentioned[:_MOST_NAMES]}
+    constant = dict(condition.texts)
+    values = {
+        name: f"is {quote(constant[name])}" if name in constant else _current(name, names)
+        for name in mentioned[:_MOST_NAMES]
+    }
     if values == {condition.text: "is false"}:
         return explanation
     parts = [f"{name} {value}" for name, value in values.items()]

@@ -112,7 +112,7 @@ class Foregone:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Expression:
-    """A parsed expression; two are equal when their texts are.
+    """A parsed expression; two are equal when their texts, and those that they name, are.
 
     Attributes:
         text: As written, without spaces around it.
@@ -121,6 +121,7 @@ class Expression:
         unit: Dimension of its value; None for a plain number, or no number.
         range: What its value lies in, as far as the ranges of the names tell.
         foregone: Comparisons in it that the ranges of the names decide.
+        texts: Names in it that always stand for the same text, with that text.
     """
 
     text: str
@@ -131,6 +132,7 @@ class Expression:
     range: Range | None = field(compare=False)
     foregone: tuple[Foregone, ...] = field(compare=False)
     _run: Evaluator = field(compare=False, repr=False)
+    texts: tuple[tuple[str, str], ...] = ()
 
     def evaluate(self, lookup: Lookup) -> object:
         """Return its value.
@@ -169,6 +171,7 @@ def parse_expression(
     words_of: Mapping[str, tuple[str, ...]] | None = None,
     range_of: Callable[[str], Range | None] | None = None,
     labels_of: Callable[[str], Labels | None] | None = None,
+    texts: Mapping[str, str] | None = None,
 ) -> Expression:
     """Return the expression that a text says.
 
@@ -185,6 +188,7 @@ def parse_expression(
         words_of: Name → the only texts that it can be.
         range_of: What a name's value lies in, None where that is not known.
         labels_of: Words for the values of a scene parameter, None for other names.
+        texts: Name → the text that it always stands for.
 
     Raises:
         ExpressionError: The text is none, or a name is not known.
@@ -196,7 +200,9 @@ def parse_expression(
             1,
             "split it over several nodes",
         )
-    parser = _Parser(tokenize(text), known, kind_of, unit_of, words_of or {}, range_of, labels_of)
+    parser = _Parser(
+        tokenize(text), known, kind_of, unit_of, words_of or {}, range_of, labels_of, texts or {}
+    )
     try:
         whole = parser.whole()
     except ExpressionError as error:
@@ -213,6 +219,7 @@ def parse_expression(
         unit=whole.unit,
         range=whole.range,
         foregone=tuple(parser.foregone),
+        texts=tuple(parser.texts.items()),
         _run=whole.run,
     )
 
@@ -229,10 +236,12 @@ class _Parser:
         words_of: Mapping[str, tuple[str, ...]],
         range_of: Callable[[str], Range | None] | None,
         labels_of: Callable[[str], Labels | None] | None,
+        texts: Mapping[str, str],
     ) -> None:
         self.mentions: list[Mention] = []
         self.foregone: list[Foregone] = []
         self.misfits: list[ExpressionError] = []
+        self.texts: dict[str, str] = {}
         self._tokens = tokens
         self._known = known
         self._kind_of = kind_of
@@ -240,6 +249,7 @@ class _Parser:
         self._words_of = words_of
         self._range_of = range_of
         self._labels_of = labels_of
+        self._texts = texts
         self._token = tokens[0]
         self._next = 0
         self._depth = 0
@@ -417,6 +427,15 @@ class _Parser:
         if self._known is not None and not self._known(name):
             raise token.error(f"there is no name '{name}' here")
         self.mentions.append(Mention(name=name, column=token.column))
+        if name in self._texts:
+            text = self.texts[name] = self._texts[name]
+            return Part(
+                run=lambda _: text,
+                kind=ValueKind.TEXT,
+                column=token.column,
+                width=len(name),
+                constant=text,
+            )
         return Part(
             run=lambda lookup: lookup(name),
             kind=self._kind_of(name) if self._kind_of is not None else None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
@@ -21,6 +22,7 @@ from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.interfaces import MessageFields
+from bt_agents_language.fields.texts import TEXT_PREFIX, NoText, Texts, WrittenText
 
 RESERVED = (
     "scene", "live", "mood", "profile", "clock", "msg", "result",
@@ -57,6 +59,16 @@ class Assigned:
     declared: bool = False
 
 
+class _NoTextInside:
+    """The texts that a text may name: none, so that no text can contain itself."""
+
+    def find(self, name: str) -> WrittenText:
+        raise NoText(
+            f"a text cannot insert another one, '{TEXT_PREFIX}{name[:80]}'",
+            "insert both where they are needed",
+        )
+
+
 class NameScope:
     """Names with their types; remembers which were asked for, and which have a value by now.
 
@@ -69,6 +81,7 @@ class NameScope:
             hold them.
         ranges: What the values of names in ``types`` lie in, where that is declared.
         labels: Words for the values of scene parameters, by the names of these.
+        texts: Finds the texts of names that start with ``t.``.
 
     Attributes:
         used: Names that were asked for.
@@ -84,6 +97,7 @@ class NameScope:
         lenient: bool = False,
         ranges: Mapping[str, Range] | None = None,
         labels: Mapping[str, Labels] | None = None,
+        texts: Texts | None = None,
     ) -> None:
         self.used: set[str] = set()
         self.given: set[str] = set()
@@ -94,12 +108,41 @@ class NameScope:
         self._lenient = lenient
         self._ranges = dict(ranges or {})
         self._labels = dict(labels or {})
+        self._texts = texts
 
     def and_message(self, name: str, fields: MessageFields) -> NameScope:
         """Return these names and the fields of a message; both remember together."""
         names = copy(self)
         names._messages = {**self._messages, name: fields}
         return names
+
+    def without_texts(self) -> NameScope:
+        """Return these names without texts, as a text may name them; both remember together."""
+        names = copy(self)
+        names._texts = _NoTextInside()
+        return names
+
+    def text(self, name: str) -> WrittenText:
+        """Return the text of a name that starts with ``t.``.
+
+        Raises:
+            NoText: There is none.
+        """
+        if self._texts is None:
+            raise NoText(f"there is no text '{name[:80]}': this file is in no trees folder")
+        return self._texts.find(name.removeprefix(TEXT_PREFIX))
+
+    def _plain_text(self, name: str) -> str:
+        """Return the text of a name in an expression, where it is one text without names."""
+        scalars = self.text(name).scalars
+        if len(scalars) > 1:
+            raise NoText(f"'{name}' is one of several texts, an expression needs a certain one")
+        if "${" in scalars[0].text:
+            raise NoText(
+                f"'{name}' has a name in it, which an expression cannot fill in",
+                "use it in a text, or write a text without ${…}",
+            )
+        return scalars[0].text
 
     def give(self, names: Iterable[str]) -> None:
         """Note that names have a value from here on."""
@@ -128,6 +171,8 @@ class NameScope:
             return self._types[name]
         if name in self._written:
             return self._written[name].type
+        if name.startswith(TEXT_PREFIX):
+            return FieldType.TEXT
         return FieldType.ANY if self._lenient and "." not in name else None
 
     def parse(self, text: str) -> Expression:
@@ -141,7 +186,13 @@ class NameScope:
         types = tuple([self._type_of(word) for word in words])
         ranges = tuple([self._ranges.get(word) for word in words])
         labels = tuple([self._labels.get(word) for word in words])
-        return _parsed(text, types, ranges, labels)
+        texts: dict[str, str] = {}
+        for word in words:
+            if word.startswith(TEXT_PREFIX):
+                # One that there is not is a problem of the name.
+                with suppress(NoText):
+                    texts[word] = self._plain_text(word)
+        return _parsed(text, types, ranges, labels, tuple(texts.items()))
 
     def range_of(self, name: str) -> Range | None:
         """Return what the value of a name lies in; None where nothing declares that."""
@@ -157,6 +208,12 @@ class NameScope:
         """
         if name in self._types and not self._messages:
             self.used.add(name)
+            return None
+        if name.startswith(TEXT_PREFIX):
+            try:
+                self._plain_text(name)
+            except NoText as missing:
+                return "unknown-name", missing.message, missing.hint
             return None
         head, _, path = name.partition(".")
         if path and head in self._messages:
@@ -213,6 +270,7 @@ def _parsed(
     types: tuple[FieldType | None, ...],
     ranges: tuple[Range | None, ...],
     labels: tuple[Labels | None, ...],
+    texts: tuple[tuple[str, str], ...],
 ) -> Expression:
     """Return an expression; files say the same ones again and again."""
     words = _WORD.findall(text)
@@ -225,6 +283,7 @@ def _parsed(
         words_of={"clock.weekday": WEEKDAYS},
         range_of=dict(zip(words, ranges, strict=True)).get,
         labels_of=lambda name: ANY_LABELS if known.get(name) is None else words_for.get(name),
+        texts=dict(texts),
     )
 
 

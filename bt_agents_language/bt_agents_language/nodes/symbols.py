@@ -12,6 +12,7 @@ from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.fields.interfaces import Interfaces
+from bt_agents_language.fields.texts import Texts
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes.catalogue import NODE_TYPES
 from bt_agents_language.nodes.node_type import NodeType
@@ -63,6 +64,7 @@ class SymbolTable:
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         plugins: Node types that plug-ins bring, by key.
         libraries: Finds what ``imports`` names; None where there is no trees folder.
+        texts: Finds the texts of ``${t.…}``; None where there is no trees folder.
         incomplete: True when an import has failed, whose words are not known therefore.
     """
 
@@ -71,6 +73,7 @@ class SymbolTable:
     interfaces: Interfaces | None = None
     plugins: Mapping[str, NodeType] = field(default_factory=dict)
     libraries: Libraries | None = None
+    texts: Texts | None = None
     incomplete: bool = False
 
     @cached_property

@@ -182,7 +182,15 @@ class CallReader:
                     fields[one.name] = one.default_value
                 continue
             what = raw.key_meant if raw is not None and node is raw.value else one.name
-            value = read_value(self._reading, node, one.type, names, f"'{what}'")
+            skill = raw.skill if raw is not None else None
+            value = read_value(
+                self._reading,
+                node,
+                one.type,
+                names,
+                f"'{what}'",
+                variants=skill is not None and one.name == skill.main,
+            )
             if value is not None:
                 fields[one.name] = value
         return fields

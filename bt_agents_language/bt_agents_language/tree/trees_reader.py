@@ -88,6 +88,7 @@ class TreesReader:
         }
         self._ranges = {**scene_ranges(symbols.space), **ranges}
         self._labels = scene_labels(symbols.space)
+        self._texts = symbols.texts
 
     def trees(
         self, tree: Node | None, on_cancel: Node | None
@@ -109,6 +110,7 @@ class TreesReader:
             lenient=self._lenient,
             ranges=self._ranges,
             labels=self._labels,
+            texts=self._texts,
         )
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
         names.give_all()
@@ -200,6 +202,7 @@ class TreesReader:
             lenient=self._lenient or not subtree.complete,
             ranges=self._ranges,
             labels=self._labels,
+            texts=self._texts,
         )
         body = self._reader.read(raw, name, names)
         if len(self._reading.problems) == before:

@@ -50,6 +50,7 @@ class ReplacementReader:
             **self._tunables,
         }
         self._labels = scene_labels(symbols.space)
+        self._texts = symbols.texts
 
     def read(self, node: Node, pattern: str) -> NodeSpec | None:
         """Return what stands in for the nodes that a pattern fits; None when it is wrong.
@@ -64,7 +65,7 @@ class ReplacementReader:
             return None
         taken = dict.fromkeys(self._tunables, "a tunable")
         written = self._trees.assigned.of_trees([raw], taken, self._types)
-        names = NameScope(self._types, written, labels=self._labels)
+        names = NameScope(self._types, written, labels=self._labels, texts=self._texts)
         spec = self._trees.read(raw, REPLACED, names)
         if spec is None or len(self._reading.problems) > before:
             return None
