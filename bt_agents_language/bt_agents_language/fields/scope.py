@@ -62,6 +62,9 @@ class Assigned:
 class _NoTextInside:
     """The texts that a text may name: none, so that no text can contain itself."""
 
+    def speaking(self, _: str) -> _NoTextInside:
+        return self
+
     def find(self, name: str) -> WrittenText:
         raise NoText(
             f"a text cannot insert another one, '{TEXT_PREFIX}{name[:80]}'",

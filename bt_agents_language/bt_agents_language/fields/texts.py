@@ -32,7 +32,10 @@ class WrittenText:
 
 
 class Texts(Protocol):
-    """Finds texts by their names."""
+    """Finds texts by their names, in one language."""
+
+    def speaking(self, language: str) -> Texts:
+        """Return the texts of another language."""
 
     def find(self, name: str) -> WrittenText:
         """Return the text of a name without its prefix.

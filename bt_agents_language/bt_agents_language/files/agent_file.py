@@ -74,6 +74,10 @@ class _Asked:
         self.paths_loaded.add(path)
         return self._libraries.load(path)
 
+    def speaking(self, language: str) -> _Asked:
+        self._libraries = self._libraries.speaking(language)
+        return self
+
     def paths(self) -> list[str]:
         return self._libraries.paths()
 

@@ -57,6 +57,12 @@ AGENT = FileKind(
         FieldDecl("tags", Items(TEXT), "Words to find it by."),
         IMPORTS,
         FieldDecl(
+            "language",
+            NAME,
+            "Language of what it says, asks and shows, whatever the others speak: "
+            "texts/<language>.yaml.",
+        ),
+        FieldDecl(
             "profile",
             SceneValues(every=True),
             "The scene that it suits best: its bid. Feedback moves it.",
@@ -92,6 +98,9 @@ def read_agent(file: Path | Source, symbols: SymbolTable) -> AgentSpec:
 def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     fields = reading.file(AGENT)
     space = symbols.space
+    language = fields.name("language")
+    if language is not None:
+        symbols = symbols.speaking(language)
     name = fields.name("agent")
     profile = requires = None
     if (node := fields.get("profile")) is not None:

@@ -226,11 +226,14 @@ def broken_files(
     for path in libraries.paths():
         with suppress(ImportProblem):
             libraries.load(path)
-    texts = libraries.texts
     return (
         *(BrokenFile(file=one.file, error=one.error) for one in files if one.error is not None),
         *(BrokenFile(file=folder / name, error=e) for name, e in libraries.broken.items()),
-        *(BrokenFile(file=texts.path, error=e) for e in (texts.broken,) if e is not None),
+        *(
+            BrokenFile(file=one.path, error=one.broken)
+            for one in libraries.texts.spoken
+            if one.broken is not None
+        ),
     )
 
 

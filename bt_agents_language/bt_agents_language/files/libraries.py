@@ -58,6 +58,16 @@ class FolderLibraries:
         self._read: dict[str, Library] = {}
         self._chain: list[str] = []
         self._circles: dict[str, tuple[str, ...]] = {}
+        self._of_languages: dict[str, FolderLibraries] = {self.texts.language: self}
+
+    def speaking(self, language: str) -> FolderLibraries:
+        if language not in self._of_languages:
+            texts = self.texts.speaking(language)
+            other = FolderLibraries(self._folder, self.symbols, self._robot, texts)
+            # What a library imports is the same in every language, but for the texts.
+            other.imports, other._of_languages = self.imports, self._of_languages
+            self._of_languages[language] = other
+        return self._of_languages[language]
 
     def load(self, path: str) -> Library:
         if self._chain:

@@ -108,10 +108,11 @@ class FolderTexts:
     Attributes:
         language: The language, empty for none.
         broken: The errors of its file; None for none.
-        found: Names that were found.
+        found: Names that were found, in whatever language.
     """
 
     def __init__(self, folder: Path, language: str) -> None:
+        self._of_languages: dict[str, FolderTexts] = {language: self}
         self.language = language
         self.broken: ReadError | None = None
         self.found: set[str] = set()
@@ -122,6 +123,18 @@ class FolderTexts:
                 self._file = read_texts(self.path)
             except ReadError as error:
                 self.broken = error
+
+    def speaking(self, language: str) -> FolderTexts:
+        if language not in self._of_languages:
+            other = FolderTexts(self._folder, language)
+            other.found, other._of_languages = self.found, self._of_languages
+            self._of_languages[language] = other
+        return self._of_languages[language]
+
+    @property
+    def spoken(self) -> tuple[FolderTexts, ...]:
+        """These, and those of all languages that were asked for besides."""
+        return tuple(self._of_languages.values())
 
     @property
     def path(self) -> Path:
@@ -222,6 +235,11 @@ class AskedTexts:
     def find(self, name: str) -> WrittenText:
         self.asked = True
         return self._texts.find(name)
+
+    def speaking(self, language: str) -> AskedTexts:
+        """Return these, from now on of another language."""
+        self._texts = self._texts.speaking(language)
+        return self
 
     @property
     def path(self) -> str:

@@ -49,6 +49,9 @@ class Libraries(Protocol):
             ImportProblem: It cannot be imported.
         """
 
+    def speaking(self, language: str) -> Libraries:
+        """Return the libraries with the texts of another language."""
+
     def paths(self) -> list[str]:
         """Return the paths of all libraries that could be imported."""
 
@@ -80,6 +83,14 @@ class SymbolTable:
     def node_types(self) -> Mapping[str, NodeType]:
         """Every node type by key, those of plug-ins included."""
         return {**NODE_TYPES, **self.plugins}
+
+    def speaking(self, language: str) -> SymbolTable:
+        """Return the same with the texts of another language."""
+        return replace(
+            self,
+            texts=self.texts.speaking(language) if self.texts is not None else None,
+            libraries=self.libraries.speaking(language) if self.libraries is not None else None,
+        )
 
     def with_skills(self, skills: Mapping[str, SkillSpec]) -> SymbolTable:
         """Return the same with more skills; nodes of plug-ins with such a name give way."""

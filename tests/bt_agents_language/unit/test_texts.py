@@ -170,6 +170,34 @@ def test_a_text_that_only_a_library_inserts_is_used(folder):
     assert folder.problems() == []
 
 
+def test_an_agent_may_have_a_language_of_its_own_with_the_libraries_that_it_imports(folder):
+    library = 'format: 1\nsubtrees: {greet: {tree: {say: "${t.hello}"}}}\n'
+    folder.write("libraries/manners.yaml", library)
+    tree = "imports: [libraries/manners.yaml]\n" + TREE + "    - subtree: greet\n"
+    folder.tree(tree)
+    english = HEAD.replace("guide", "english") + "language: en\n" + tree
+    folder.write("agents/english.yaml", english)
+    trees = folder.read()
+    assert not trees.broken
+
+    def said(name: str) -> list[object]:
+        [agent] = [one for one in trees.agents if one.name == name]
+        nodes = (agent.tree.children[1], agent.tree.children[3].children[0])
+        return [node.fields["text"].value for node in nodes]
+
+    assert said("guide") == ["Hallo.", "Hallo."]
+    assert said("english") == ["Hello.", "Hello."]
+    [file] = [one for one in trees.files if one.agent.name == "english"]
+    assert "texts/en.yaml" in file.imports
+    assert folder.problems() == []
+
+
+def test_an_agent_whose_own_language_has_no_texts_is_told_so(folder):
+    folder.tree("language: fr\n" + TREE)
+    (first, *_) = folder.problems()
+    assert "there are no texts in the language 'fr'" in first
+
+
 def test_without_a_language_texts_are_refused_with_what_to_write(folder):
     folder.write("scene.yaml", SCENE.replace("language: de\n", ""))
     (broken,) = folder.read().broken
