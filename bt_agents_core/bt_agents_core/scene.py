@@ -43,6 +43,15 @@ class Origin(IntEnum):
     DEFAULT = 4
 
 
+Labels = tuple[tuple[float, str], ...]
+"""Values of a scene parameter, each with a word for it."""
+
+
+def nearest_label(labels: Labels, value: float) -> str:
+    """Return the word for the value that is nearest, of two the smaller one; empty for none."""
+    return min(labels, key=lambda one: (abs(one[0] - value), one[0]), default=(value, ""))[1]
+
+
 @dataclass(frozen=True, kw_only=True)
 class SceneParameter:
     """One named, ranged dimension of every scene and every profile.

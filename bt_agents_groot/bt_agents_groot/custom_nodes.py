@@ -25,6 +25,7 @@ from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, WORDS
 from bt_agents_language.nodes.node_type import Children, Content, NodeType
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
+from bt_agents_language.nodes.skill import ONE_OF
 from bt_agents_language.nodes.symbols import SymbolTable
 
 
@@ -263,7 +264,10 @@ def _skill_node(tree: TreeImport, use: _Use) -> YamlNode:
     for name in use.outputs or usual:
         tree.names.write(name)
     value: Data = use.fields
-    if list(use.fields) == [signature.main]:
+    main = use.fields.get(signature.main or "")
+    if isinstance(main, dict) and list(main) == [ONE_OF]:
+        value = {**{k: v for k, v in use.fields.items() if k != signature.main}, **main}
+    elif list(use.fields) == [signature.main]:
         [only] = use.fields.values()
         value = use.fields if isinstance(only, dict) else only
     siblings: dict[str, Data] = {}

@@ -16,6 +16,7 @@ from bt_agents_groot.yaml_nodes import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
 from bt_agents_language.expression.quantities import QuantityError, quantity
 from bt_agents_language.nodes.node_type import FOREVER
+from bt_agents_language.nodes.skill import ONE_OF
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
@@ -74,6 +75,11 @@ def as_port(node: Node, field_type: FieldType) -> str:
     ):
         return _as_json(node.text)
     return node.text
+
+
+def variants_port(node: Node) -> str:
+    """Return the text of a port for the texts of which a skill takes one."""
+    return _as_json({ONE_OF: plain_data(node)})
 
 
 def plain_port(value: Plain, field_type: FieldType) -> str:

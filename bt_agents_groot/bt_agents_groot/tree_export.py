@@ -15,7 +15,14 @@ from bt_agents_groot.expressions import condition_script, set_script
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Field, Models
 from bt_agents_groot.naming import port
-from bt_agents_groot.ports import JSON, as_port, milliseconds, number_port, plain_data
+from bt_agents_groot.ports import (
+    JSON,
+    as_port,
+    milliseconds,
+    number_port,
+    plain_data,
+    variants_port,
+)
 from bt_agents_groot.translation import Remarks
 from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
@@ -25,6 +32,7 @@ from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, Raw
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
 from bt_agents_language.nodes.set import SET
+from bt_agents_language.nodes.skill import ONE_OF, takes_variants
 from bt_agents_language.nodes.when import WHEN
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
@@ -75,7 +83,11 @@ class TreeExport:
     def _undecorated(self, raw: RawNode) -> Xml:
         if raw.skill is not None:
             skill = raw.skill
-            ports = self._ports(_fields(raw.value, skill.main), skill.inputs)
+            values = _fields(raw.value, skill.main)
+            variants = values.pop(ONE_OF, None) if takes_variants(skill) else None
+            ports = self._ports(values, skill.inputs)
+            if variants is not None and skill.main is not None:
+                ports[port(skill.main)] = variants_port(variants)
             outputs = self._outputs(raw, skill.outputs)
             tag = self._models.leaf(skill.name, skill.inputs, skill.outputs)
             return Xml(tag, ports | outputs)

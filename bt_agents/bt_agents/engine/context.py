@@ -40,6 +40,11 @@ class RunContext:
         self.deadlines[path] = at
         return False
 
+    def pick(self, path: str, count: int, last: int | None) -> int:
+        """Return which of several variants the node at ``path`` takes, not the last one again."""
+        del path
+        return self.random.choice([number for number in range(count) if number != last])
+
     def send(self, path: str, goal: SkillGoal) -> GoalRun:
         """Send a goal in the name of the node at ``path``."""
         return self._track(path, self.environment.send(goal))

@@ -146,7 +146,7 @@ class Run:
         random: Random | None = None,
         stopwatch: Clock | None = None,
         plugins: NodeMaker = PluginLeaf,
-        context: type[RunContext] = RunContext,
+        context: Callable[[Environment, RunScope, Random], RunContext] = RunContext,
         on_visit: OnVisit | None = None,
     ) -> None:
         scope = RunScope(

@@ -27,6 +27,7 @@ from bt_agents_language.model.specs import (
     Reference,
     Text,
     Value,
+    Variants,
 )
 
 _LONGEST_JSON = 100_000
@@ -223,6 +224,8 @@ def evaluate(value: Value, names: ValueSource) -> Plain:
             return _computed(value, names)
         case Text():
             return "".join(_as_text(part, names) for part in value.parts)
+        case Variants():
+            raise AssertionError("variants are picked before they are evaluated")
         case ListValue():
             return tuple(evaluate(item, names) for item in value.items)
         case MapValue():
@@ -242,7 +245,11 @@ def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not
     """
     explanation = f"{verb}: {condition.text}"
     mentioned = list(dict.fromkeys(mention.name for mention in condition.mentions))
-    values = {name: _current(name, names) for name in mentioned[:_MOST_NAMES]}
+    constant = dict(condition.texts)
+    values = {
+        name: f"is {quote(constant[name])}" if name in constant else _current(name, names)
+        for name in mentioned[:_MOST_NAMES]
+    }
     if values == {condition.text: "is false"}:
         return explanation
     parts = [f"{name} {value}" for name, value in values.items()]
@@ -273,7 +280,7 @@ def _computed(value: Computed, names: ValueSource) -> Plain:
     return cast(Plain, value.expression.evaluate(names.lookup))
 
 
-def _as_text(part: str | Reference | Computed, names: ValueSource) -> str:
+def _as_text(part: str | Value, names: ValueSource) -> str:
     match part:
         case str():
             return part
@@ -281,6 +288,7 @@ def _as_text(part: str | Reference | Computed, names: ValueSource) -> str:
             return format_value(names.lookup(part.name), part.type)
         case Computed():
             return format_value(_computed(part, names), FieldType.ANY)
+    return format_value(evaluate(part, names), FieldType.ANY)
 
 
 def format_value(value: Plain, field_type: FieldType) -> str:

@@ -266,6 +266,10 @@ ROBOT = StartParameter(
     name="robot",
     description="robot whose bindings of skills are preferred; empty takes the first that fits",
 )
+LANGUAGE = StartParameter(
+    name="language",
+    description="language of what agents say, ask and show; empty takes that of scene.yaml",
+)
 TUNINGS = StartParameter(
     name="tunings",
     description="file in which tunings outlive the host; empty keeps them in memory",
@@ -281,10 +285,10 @@ def make_node() -> HostNode:
 
     def make(values: Mapping[str, str]) -> HostNode:
         folder = find_trees(values["trees"])
-        trees = read_trees(folder, InstalledInterfaces(), values["robot"])
+        trees = read_trees(folder, InstalledInterfaces(), values["robot"], values["language"])
         return HostNode(trees.tagged(values["tags"]), tunings=values["tunings"])
 
-    return make_from_parameters("agents", (TREES, TAGS, ROBOT, TUNINGS), make)
+    return make_from_parameters("agents", (TREES, TAGS, ROBOT, LANGUAGE, TUNINGS), make)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -111,7 +111,8 @@ class TextFiles:
                     path.parent.mkdir(parents=True, exist_ok=True)
                     path.write_bytes(text.encode())
             try:
-                trees = read_trees(folder, interfaces, str(machine.get("robot", "")))
+                robot, language = (str(machine.get(key, "")) for key in ("robot", "language"))
+                trees = read_trees(folder, interfaces, robot, language)
                 market = folder / MARKET
                 rules = read_market(market, trees.scene.space) if market.exists() else ()
             except OSError as error:

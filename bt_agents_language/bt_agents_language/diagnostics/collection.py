@@ -39,6 +39,12 @@ class Diagnostics:
     def __len__(self) -> int:
         return len(self._found[Severity.ERROR])
 
+    def beside(self, source: SourceText) -> Diagnostics:
+        """Return the same collection for problems of another file."""
+        other = Diagnostics(source)
+        other._found = self._found
+        return other
+
     def add(
         self,
         code: str,

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import Labels
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.ranges import Range
@@ -19,6 +20,9 @@ Lookup = Callable[[str], object]
 
 Evaluator = Callable[[Lookup], object]
 """A compiled part of an expression."""
+
+ANY_LABELS: Labels = ((0.0, ""),)
+"""Labels of a name of which nobody knows whether it is a scene parameter, and of which."""
 
 LARGEST = sys.float_info.max
 """Numbers that an expression computes lie between this and its negative."""
@@ -81,6 +85,7 @@ class Part:
         words: The only texts that it can be; empty for any.
         members: Parts of a list that is written out.
         range: What its value lies in, as far as that is known.
+        labels: Words for values of a scene parameter; None where it is none.
     """
 
     run: Evaluator
@@ -93,6 +98,7 @@ class Part:
     words: tuple[str, ...] = ()
     members: Sequence[Part] = ()
     range: Range | None = None
+    labels: Labels | None = None
 
     def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
         """Refuse the part if its value is certainly of another kind.

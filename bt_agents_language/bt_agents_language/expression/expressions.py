@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ParamSpec, TypeVar
 
+from bt_agents_core.scene import Labels
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression import expression_hints, ranges
 from bt_agents_language.expression.expression_tokens import (
@@ -111,7 +112,7 @@ class Foregone:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Expression:
-    """A parsed expression; two are equal when their texts are.
+    """A parsed expression; two are equal when their texts, and those that they name, are.
 
     Attributes:
         text: As written, without spaces around it.
@@ -120,6 +121,7 @@ class Expression:
         unit: Dimension of its value; None for a plain number, or no number.
         range: What its value lies in, as far as the ranges of the names tell.
         foregone: Comparisons in it that the ranges of the names decide.
+        texts: Names in it that always stand for the same text, with that text.
     """
 
     text: str
@@ -130,6 +132,7 @@ class Expression:
     range: Range | None = field(compare=False)
     foregone: tuple[Foregone, ...] = field(compare=False)
     _run: Evaluator = field(compare=False, repr=False)
+    texts: tuple[tuple[str, str], ...] = ()
 
     def evaluate(self, lookup: Lookup) -> object:
         """Return its value.
@@ -167,6 +170,8 @@ def parse_expression(
     unit_of: Callable[[str], Dimension | None] | None = None,
     words_of: Mapping[str, tuple[str, ...]] | None = None,
     range_of: Callable[[str], Range | None] | None = None,
+    labels_of: Callable[[str], Labels | None] | None = None,
+    texts: Mapping[str, str] | None = None,
 ) -> Expression:
     """Return the expression that a text says.
 
@@ -182,6 +187,8 @@ def parse_expression(
         unit_of: Dimension of a name's value, None for a plain number or no number.
         words_of: Name → the only texts that it can be.
         range_of: What a name's value lies in, None where that is not known.
+        labels_of: Words for the values of a scene parameter, None for other names.
+        texts: Name → the text that it always stands for.
 
     Raises:
         ExpressionError: The text is none, or a name is not known.
@@ -193,7 +200,9 @@ def parse_expression(
             1,
             "split it over several nodes",
         )
-    parser = _Parser(tokenize(text), known, kind_of, unit_of, words_of or {}, range_of)
+    parser = _Parser(
+        tokenize(text), known, kind_of, unit_of, words_of or {}, range_of, labels_of, texts or {}
+    )
     try:
         whole = parser.whole()
     except ExpressionError as error:
@@ -210,6 +219,7 @@ def parse_expression(
         unit=whole.unit,
         range=whole.range,
         foregone=tuple(parser.foregone),
+        texts=tuple(parser.texts.items()),
         _run=whole.run,
     )
 
@@ -225,16 +235,21 @@ class _Parser:
         unit_of: Callable[[str], Dimension | None] | None,
         words_of: Mapping[str, tuple[str, ...]],
         range_of: Callable[[str], Range | None] | None,
+        labels_of: Callable[[str], Labels | None] | None,
+        texts: Mapping[str, str],
     ) -> None:
         self.mentions: list[Mention] = []
         self.foregone: list[Foregone] = []
         self.misfits: list[ExpressionError] = []
+        self.texts: dict[str, str] = {}
         self._tokens = tokens
         self._known = known
         self._kind_of = kind_of
         self._unit_of = unit_of
         self._words_of = words_of
         self._range_of = range_of
+        self._labels_of = labels_of
+        self._texts = texts
         self._token = tokens[0]
         self._next = 0
         self._depth = 0
@@ -412,6 +427,15 @@ class _Parser:
         if self._known is not None and not self._known(name):
             raise token.error(f"there is no name '{name}' here")
         self.mentions.append(Mention(name=name, column=token.column))
+        if name in self._texts:
+            text = self.texts[name] = self._texts[name]
+            return Part(
+                run=lambda _: text,
+                kind=ValueKind.TEXT,
+                column=token.column,
+                width=len(name),
+                constant=text,
+            )
         return Part(
             run=lambda lookup: lookup(name),
             kind=self._kind_of(name) if self._kind_of is not None else None,
@@ -420,6 +444,7 @@ class _Parser:
             unit=self._unit_of(name) if self._unit_of is not None else None,
             words=self._words_of.get(name, ()),
             range=self._range_of(name) if self._range_of is not None else None,
+            labels=self._labels_of(name) if self._labels_of is not None else None,
         )
 
     def _parentheses(self, opening: Token) -> Part:
@@ -482,6 +507,7 @@ class _Parser:
             column=token.column,
             width=len(token.text),
             unit=unit_of_call(token.text, arguments),
+            words=function.words(arguments),
             range=ranges.of_call(token.text, [argument.range for argument in arguments]),
         )
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Context, Decimal
 from itertools import islice
 
+from bt_agents_core.scene import nearest_label
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import (
@@ -53,6 +54,7 @@ class Function:
         most: Arguments that it takes at most.
         gives: Kind of its result.
         asks_for_missing: Whether its arguments may be without a value.
+        words: Returns the only texts that it can give; none for any.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Function:
     most: float = 1
     gives: ValueKind = ValueKind.NUMBER
     asks_for_missing: bool = False
+    words: Callable[[Sequence[Part]], tuple[str, ...]] = lambda arguments: ()
 
     def check(self, arguments: Sequence[Part], column: int) -> None:
         """Refuse arguments whose number or kinds do not fit."""
@@ -290,6 +293,28 @@ def _compile_contains(arguments: Sequence[Part], column: int) -> Evaluator:
     return run
 
 
+def _check_label(arguments: Sequence[Part]) -> None:
+    (only,) = arguments
+    if only.labels is None:
+        raise only.error(
+            "'label' needs the name of a scene parameter", "write one, such as label(live.mood)"
+        )
+    if not only.labels:
+        raise only.error(
+            "this scene parameter has no labels", "add 'labels: {1: …, 5: …}' to it in scene.yaml"
+        )
+
+
+def _compile_label(arguments: Sequence[Part], column: int) -> Evaluator:
+    (only,) = arguments
+    of, labels = only.run, only.labels or ()
+    return lambda lookup: nearest_label(labels, a_number(of(lookup), "label", column))
+
+
+def _labels(arguments: Sequence[Part]) -> tuple[str, ...]:
+    return tuple(word for part in arguments for _, word in part.labels or () if word)
+
+
 def _a_text(value: object, word: str, column: int) -> str:
     if not isinstance(value, str):
         raise EvaluationError(f"'{word}' needs texts, found {described(value)}", column)
@@ -356,6 +381,15 @@ FUNCTIONS: dict[str, Function] = {
             least=2,
             most=math.inf,
             gives=ValueKind.BOOLEAN,
+        ),
+        Function(
+            name="label",
+            usage="label(live.mood)",
+            means="the word that scene.yaml has for the nearest value of a scene parameter",
+            check_kinds=_check_label,
+            compile=_compile_label,
+            gives=ValueKind.TEXT,
+            words=_labels,
         ),
     )
 }

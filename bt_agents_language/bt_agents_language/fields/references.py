@@ -13,12 +13,13 @@ from bt_agents_core.text import join_words, quote
 from bt_agents_language.expression.expression_tokens import NAME, ExpressionError
 from bt_agents_language.expression.expressions import Expression, Foregone, Mention, MisfitError
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.model.specs import Computed, Reference
+from bt_agents_language.fields.texts import TEXT_PREFIX, NoText
+from bt_agents_language.model.specs import Computed, Literal, Reference, Text, Variants
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
-Part = str | Reference | Computed
-"""A piece of a text: plain text, a name, or an expression."""
+Part = str | Reference | Computed | Variants
+"""A piece of a text: plain text, a name, an expression, or one of several texts."""
 
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
 _WHERE_TEXTS_STAND = re.compile(rf"(?:({NAME})\s*)?(?:==|!=|\[|,)\s*$")
@@ -29,15 +30,19 @@ ONE_NAME = re.compile(rf"\$\{{\s*({NAME})\s*\}}")
 """A text that is a name and nothing else."""
 
 
-def read_parts(reading: TypedReader, node: Scalar, names: NameScope) -> tuple[Part, ...] | None:
+def read_parts(
+    reading: TypedReader, node: Scalar, names: NameScope, *, variants: bool = False
+) -> tuple[Part, ...] | None:
     """Return the parts of a text; None when a ``${…}`` in it is wrong, which is then reported.
 
-    ``$${`` stands for the plain text ``${``.
+    ``$${`` stands for the plain text ``${``. Only where ``variants`` are possible it may insert
+    one of several texts.
     """
     if "${" not in node.text:
         return (node.text,)
     alone = ONE_NAME.fullmatch(node.text)
-    if alone is not None and names.problem(alone[1]) is None:
+    is_text = alone is not None and alone[1].startswith(TEXT_PREFIX)
+    if alone is not None and not is_text and names.problem(alone[1]) is None:
         return (_reference(alone[1], names.type_of(alone[1]) or FieldType.ANY),)
     parts: list[Part] = []
     plain = ""
@@ -49,14 +54,18 @@ def read_parts(reading: TypedReader, node: Scalar, names: NameScope) -> tuple[Pa
         if match[1] is None:
             plain += "${"
             continue
-        part = _read_one(reading, node, match, names)
-        if part is None:
+        read = _read_one(reading, node, match, names, variants)
+        if read is None:
             sound = False
             continue
-        if plain:
-            parts.append(plain)
-            plain = ""
-        parts.append(part)
+        for part in read:
+            if isinstance(part, str):
+                plain += part
+                continue
+            if plain:
+                parts.append(plain)
+                plain = ""
+            parts.append(part)
     plain += node.text[at:]
     if plain:
         parts.append(plain)
@@ -64,8 +73,8 @@ def read_parts(reading: TypedReader, node: Scalar, names: NameScope) -> tuple[Pa
 
 
 def _read_one(
-    reading: TypedReader, node: Scalar, match: re.Match[str], names: NameScope
-) -> Reference | Computed | None:
+    reading: TypedReader, node: Scalar, match: re.Match[str], names: NameScope, variants: bool
+) -> tuple[Part, ...] | None:
     inner = match[1].strip()
     offset = match.start(1) + len(match[1]) - len(match[1].lstrip())
     problem, hint = "", ""
@@ -79,14 +88,53 @@ def _read_one(
     if problem:
         reading.error_in("bad-reference", node, match.start(), len(match[0]), problem, hint)
         return None
+    if _DOTTED.fullmatch(inner) and inner.startswith(TEXT_PREFIX):
+        return _read_text(reading, node, inner, offset, names, variants)
     if _DOTTED.fullmatch(inner):
         unknown = names.problem(inner)
         if unknown is None:
-            return _reference(inner, names.type_of(inner) or FieldType.ANY)
+            return (_reference(inner, names.type_of(inner) or FieldType.ANY),)
         _report_name(reading, node, inner, offset, unknown)
         return None
     expression = read_expression(reading, node, inner, offset, quote(inner), names)
-    return None if expression is None else Computed(expression=expression)
+    return None if expression is None else (Computed(expression=expression),)
+
+
+def _read_text(
+    reading: TypedReader, node: Scalar, name: str, offset: int, names: NameScope, variants: bool
+) -> tuple[Part, ...] | None:
+    """Return the parts of the text of a name; what is wrong in it is reported where it stands."""
+    try:
+        written = names.text(name)
+    except NoText as problem:
+        _report_name(reading, node, name, offset, ("unknown-name", problem.message, problem.hint))
+        return None
+    if len(written.scalars) > 1 and not variants:
+        problem_here = (
+            "bad-reference",
+            f"'{name}' is one of several texts, which only the main text of a skill may be",
+            "insert it there, or write one text for it",
+        )
+        _report_name(reading, node, name, offset, problem_here)
+        return None
+    place = f"{node.position.file}:{node.position.line}"
+    other = reading.beside(written.source, f" (inserted in {place})")
+    inner = names.without_texts()
+    read = [read_parts(other, scalar, inner) for scalar in written.scalars]
+    found = [one for one in read if one is not None]
+    if len(found) < len(read):
+        return None
+    return found[0] if len(found) == 1 else (Variants(texts=tuple(map(text_of, found))),)
+
+
+def text_of(parts: tuple[Part, ...]) -> Literal | Reference | Text:
+    """Return parts as one text."""
+    if all(isinstance(part, str) for part in parts):
+        return Literal(value="".join(map(str, parts)))
+    match parts:
+        case (Reference(type=FieldType.TEXT) as only,):
+            return only
+    return Text(parts=parts)
 
 
 @lru_cache(maxsize=1024)

@@ -5,23 +5,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import WEEKDAYS
-from bt_agents_core.scene import SceneSpace
+from bt_agents_core.scene import Labels, SceneSpace
 from bt_agents_core.stop_cause import STOPPERS
 from bt_agents_language.diagnostics.collection import did_you_mean, nearest
 from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
-from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expression_values import ANY_LABELS, ValueKind
 from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.interfaces import MessageFields
+from bt_agents_language.fields.texts import TEXT_PREFIX, NoText, Texts, WrittenText
 
 RESERVED = (
     "scene", "live", "mood", "profile", "clock", "cancel", "msg", "result",
@@ -58,6 +60,19 @@ class Assigned:
     declared: bool = False
 
 
+class _NoTextInside:
+    """The texts that a text may name: none, so that no text can contain itself."""
+
+    def speaking(self, _: str) -> _NoTextInside:
+        return self
+
+    def find(self, name: str) -> WrittenText:
+        raise NoText(
+            f"a text cannot insert another one, '{TEXT_PREFIX}{name[:80]}'",
+            "insert both where they are needed",
+        )
+
+
 class NameScope:
     """Names with their types; remembers which were asked for, and which have a value by now.
 
@@ -69,6 +84,8 @@ class NameScope:
         lenient: True lets unknown names pass, since a declaration that could not be read may
             hold them.
         ranges: What the values of names in ``types`` lie in, where that is declared.
+        labels: Words for the values of scene parameters, by the names of these.
+        texts: Finds the texts of names that start with ``t.``.
 
     Attributes:
         used: Names that were asked for.
@@ -83,6 +100,8 @@ class NameScope:
         hidden: Mapping[str, str] | None = None,
         lenient: bool = False,
         ranges: Mapping[str, Range] | None = None,
+        labels: Mapping[str, Labels] | None = None,
+        texts: Texts | None = None,
     ) -> None:
         self.used: set[str] = set()
         self.given: set[str] = set()
@@ -92,12 +111,42 @@ class NameScope:
         self._hidden = dict(hidden or {})
         self._lenient = lenient
         self._ranges = dict(ranges or {})
+        self._labels = dict(labels or {})
+        self._texts = texts
 
     def and_message(self, name: str, fields: MessageFields) -> NameScope:
         """Return these names and the fields of a message; both remember together."""
         names = copy(self)
         names._messages = {**self._messages, name: fields}
         return names
+
+    def without_texts(self) -> NameScope:
+        """Return these names without texts, as a text may name them; both remember together."""
+        names = copy(self)
+        names._texts = _NoTextInside()
+        return names
+
+    def text(self, name: str) -> WrittenText:
+        """Return the text of a name that starts with ``t.``.
+
+        Raises:
+            NoText: There is none.
+        """
+        if self._texts is None:
+            raise NoText(f"there is no text '{name[:80]}': this file is in no trees folder")
+        return self._texts.find(name.removeprefix(TEXT_PREFIX))
+
+    def _plain_text(self, name: str) -> str:
+        """Return the text of a name in an expression, where it is one text without names."""
+        scalars = self.text(name).scalars
+        if len(scalars) > 1:
+            raise NoText(f"'{name}' is one of several texts, an expression needs a certain one")
+        if "${" in scalars[0].text:
+            raise NoText(
+                f"'{name}' has a name in it, which an expression cannot fill in",
+                "use it in a text, or write a text without ${…}",
+            )
+        return scalars[0].text
 
     def give(self, names: Iterable[str]) -> None:
         """Note that names have a value from here on."""
@@ -126,6 +175,8 @@ class NameScope:
             return self._types[name]
         if name in self._written:
             return self._written[name].type
+        if name.startswith(TEXT_PREFIX):
+            return FieldType.TEXT
         return FieldType.ANY if self._lenient and "." not in name else None
 
     def parse(self, text: str) -> Expression:
@@ -137,7 +188,15 @@ class NameScope:
         # Words that are no names, such as those in quotes, do no harm here.
         words = _WORD.findall(text)
         types = tuple([self._type_of(word) for word in words])
-        return _parsed(text, types, tuple([self._ranges.get(word) for word in words]))
+        ranges = tuple([self._ranges.get(word) for word in words])
+        labels = tuple([self._labels.get(word) for word in words])
+        texts: dict[str, str] = {}
+        for word in words:
+            if word.startswith(TEXT_PREFIX):
+                # One that there is not is a problem of the name.
+                with suppress(NoText):
+                    texts[word] = self._plain_text(word)
+        return _parsed(text, types, ranges, labels, tuple(texts.items()))
 
     def range_of(self, name: str) -> Range | None:
         """Return what the value of a name lies in; None where nothing declares that."""
@@ -153,6 +212,12 @@ class NameScope:
         """
         if name in self._types and not self._messages:
             self.used.add(name)
+            return None
+        if name.startswith(TEXT_PREFIX):
+            try:
+                self._plain_text(name)
+            except NoText as missing:
+                return "unknown-name", missing.message, missing.hint
             return None
         head, _, path = name.partition(".")
         if path and head in self._messages:
@@ -205,17 +270,24 @@ class NameScope:
 
 @lru_cache(maxsize=1024)
 def _parsed(
-    text: str, types: tuple[FieldType | None, ...], ranges: tuple[Range | None, ...]
+    text: str,
+    types: tuple[FieldType | None, ...],
+    ranges: tuple[Range | None, ...],
+    labels: tuple[Labels | None, ...],
+    texts: tuple[tuple[str, str], ...],
 ) -> Expression:
     """Return an expression; files say the same ones again and again."""
     words = _WORD.findall(text)
     known = dict(zip(words, types, strict=True))
+    words_for = dict(zip(words, labels, strict=True))
     return parse_expression(
         text,
         kind_of=lambda name: KINDS.get(known.get(name) or FieldType.ANY),
         unit_of=lambda name: DIMENSIONS.get(known.get(name) or FieldType.ANY),
         words_of={"clock.weekday": WEEKDAYS, "cancel.by": STOPPERS},
         range_of=dict(zip(words, ranges, strict=True)).get,
+        labels_of=lambda name: ANY_LABELS if known.get(name) is None else words_for.get(name),
+        texts=dict(texts),
     )
 
 
@@ -246,6 +318,15 @@ def cancel_names() -> dict[str, FieldType]:
 def mood_names(space: SceneSpace) -> dict[str, FieldType]:
     """Return ``mood.change`` where a system knows a mood."""
     return {} if space.mood is None else {"mood.change": FieldType.NUMBER}
+
+
+def scene_labels(space: SceneSpace) -> dict[str, Labels]:
+    """Return the words for scene values, by every name that these have."""
+    return {
+        f"{group}.{one.name}": tuple(one.labels.items())
+        for group in ("scene", "live", "profile")
+        for one in space.parameters
+    }
 
 
 def scene_ranges(space: SceneSpace) -> dict[str, Range]:

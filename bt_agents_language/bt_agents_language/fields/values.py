@@ -8,7 +8,7 @@ from bt_agents_language.expression import quantities
 from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.expression.units import DIMENSIONS
-from bt_agents_language.fields.references import Part, read_expression, read_parts
+from bt_agents_language.fields.references import read_expression, read_parts, text_of
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import (
     Computed,
@@ -18,6 +18,7 @@ from bt_agents_language.model.specs import (
     Reference,
     Text,
     Value,
+    Variants,
 )
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.typed_reader import Shape, TypedReader
@@ -56,8 +57,13 @@ def read_value(
     names: NameScope,
     what: str,
     minimum: float | None = None,
+    *,
+    variants: bool = False,
 ) -> Value | None:
-    """Return a value that fits a type; None when it does not, which is then reported."""
+    """Return a value that fits a type; None when it does not, which is then reported.
+
+    Where ``variants`` are possible a text may insert one of several.
+    """
     if field_type is FieldType.ANY:
         return _read_any(reading, node, names, what)
     if not isinstance(node, Scalar):
@@ -67,8 +73,8 @@ def read_value(
                 "wrong-type",
                 node,
                 f"{what}: expected a text, found a list",
-                "use 'random' for one of several, 'sequence' for one after the other, with a node "
-                "for each",
+                "for one of several write {one_of: […]} behind the skill; for one after the other "
+                "use 'sequence' with a node for each",
             )
         else:
             reading.wrong_type(node, what, EXPECTED[field_type], shape)
@@ -79,12 +85,15 @@ def read_value(
             text = reading.text(node, what, empty=not node.plain)
             return None if text is None else Literal(value=text)
         return _literal(reading, node, field_type, what, minimum)
-    parts = read_parts(reading, node, names)
+    parts = read_parts(reading, node, names, variants=variants)
     if parts is None:
         return None
     if field_type is FieldType.TEXT:
-        return _text(parts)
-    if len(parts) == 1 and not isinstance(parts[0], str):
+        match parts:
+            case (Variants() as only,):
+                return only
+        return text_of(parts)
+    if len(parts) == 1 and isinstance(parts[0], Reference | Computed):
         return _fitting(reading, node, parts[0], field_type, what)
     if any(not isinstance(part, str) for part in parts):
         reading.error(
@@ -97,6 +106,25 @@ def read_value(
     return _literal(reading, node, field_type, what, minimum)
 
 
+def read_variants(
+    reading: TypedReader, node: Node, names: NameScope, what: str
+) -> Variants | None:
+    """Return several texts; None when one is wrong, which is then reported."""
+    if not isinstance(node, Sequence):
+        reading.wrong_type(node, what, "a list of texts", Shape.LIST)
+        return None
+    if len(node.items) < 2:
+        reading.error(
+            "missing-value",
+            node,
+            f"{what} needs two texts or more, found {len(node.items)}",
+            "add another one, or write the text without 'one_of'",
+        )
+    read = [read_value(reading, one, FieldType.TEXT, names, what) for one in node.items]
+    texts = tuple(one for one in read if isinstance(one, Literal | Reference | Text))
+    return Variants(texts=texts) if len(texts) == len(node.items) > 1 else None
+
+
 def _literal(
     reading: TypedReader, node: Scalar, field_type: FieldType, what: str, minimum: float | None
 ) -> Literal | None:
@@ -106,15 +134,6 @@ def _literal(
         else reading.amount(node, what, field_type, minimum)
     )
     return None if value is None else Literal(value=value, type=field_type)
-
-
-def _text(parts: tuple[Part, ...]) -> Value:
-    if all(isinstance(part, str) for part in parts):
-        return Literal(value="".join(map(str, parts)))
-    match parts:
-        case (Reference(type=FieldType.TEXT) as only,):
-            return only
-    return Text(parts=parts)
 
 
 def _fitting(

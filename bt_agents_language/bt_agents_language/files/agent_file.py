@@ -10,6 +10,7 @@ from pathlib import Path
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.texts_reader import AskedTexts
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.symbols import Library
 from bt_agents_language.tree.tree_fingerprint import TreeFingerprint, tree_fingerprint
@@ -24,7 +25,7 @@ class AgentFile:
         text: Its text; None when it could not be opened.
         agent: The agent; None when there are errors.
         error: The errors; None when there are none.
-        imports: Paths of the libraries that were read for it, one through the other.
+        imports: Paths of the libraries and texts that were read for it, one through the other.
         cause: Why it was read, in words.
     """
 
@@ -45,11 +46,11 @@ class AgentFile:
 def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> AgentFile:
     """Return an agent file, good or broken."""
     text = agent = error = None
-    asked = _Asked(libraries)
+    asked, texts = _Asked(libraries), AskedTexts(libraries.texts)
     try:
         source = read_source(path)
         text = source.text
-        agent = read_agent(source, replace(libraries.symbols, libraries=asked))
+        agent = read_agent(source, replace(libraries.symbols, libraries=asked, texts=texts))
     except ReadError as problem:
         error = problem
     return AgentFile(
@@ -57,7 +58,7 @@ def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> Ag
         text=text,
         agent=agent,
         error=error,
-        imports=libraries.behind(asked.paths_loaded),
+        imports=libraries.behind([*asked.paths_loaded, *([texts.path] if texts.asked else [])]),
         cause=cause,
     )
 
@@ -72,6 +73,10 @@ class _Asked:
     def load(self, path: str) -> Library:
         self.paths_loaded.add(path)
         return self._libraries.load(path)
+
+    def speaking(self, language: str) -> _Asked:
+        self._libraries = self._libraries.speaking(language)
+        return self
 
     def paths(self) -> list[str]:
         return self._libraries.paths()

@@ -11,7 +11,13 @@ from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.scene_values import read_vector
-from bt_agents_language.fields.scope import NameScope, clock_names, scene_names, scene_ranges
+from bt_agents_language.fields.scope import (
+    NameScope,
+    clock_names,
+    scene_labels,
+    scene_names,
+    scene_ranges,
+)
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.files.imports import IMPORTS, read_imports
 from bt_agents_language.files.learning_reader import (
@@ -60,6 +66,12 @@ AGENT = FileKind(
         FieldDecl("tags", Items(TEXT), "Words to find it by."),
         IMPORTS,
         FieldDecl(
+            "language",
+            NAME,
+            "Language of what it says, asks and shows, whatever the others speak: "
+            "texts/<language>.yaml.",
+        ),
+        FieldDecl(
             "profile",
             SceneValues(every=True),
             "The scene that it suits best: its bid. Feedback moves it.",
@@ -101,6 +113,9 @@ def read_agent(file: Path | Source, symbols: SymbolTable) -> AgentSpec:
 def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     fields = reading.file(AGENT)
     space = symbols.space
+    language = fields.name("language")
+    if language is not None:
+        symbols = symbols.speaking(language)
     name = fields.name("agent")
     profile = requires = None
     if (node := fields.get("profile")) is not None:
@@ -111,7 +126,7 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     rules = read_mood_rules(reading, fields, space)
     if (node := fields.get("requires")) is not None:
         known = {**scene_names(space, ("scene",)), **clock_names()}
-        names = NameScope(known, ranges=scene_ranges(space))
+        names = NameScope(known, ranges=scene_ranges(space), labels=scene_labels(space))
         requires = read_condition(reading, node, names, "'requires'")
     tags = tuple(reading.text(tag, "a tag") or "" for tag in fields.items("tags"))
     title, description = fields.text("title"), fields.text("description")

@@ -12,8 +12,9 @@ from bt_agents_language.files.market_reader import MARKET
 from bt_agents_language.files.scene_reader import SCENE
 from bt_agents_language.files.script_reader import SCRIPT
 from bt_agents_language.files.testing.test_reader import TEST
+from bt_agents_language.files.texts_reader import TEXTS
 from bt_agents_language.yaml.field_tables import FileKind
 
 FILE_KINDS: Mapping[str, FileKind] = {
-    kind.name: kind for kind in (AGENT, LIBRARY, TEST, SCENE, MARKET, SCRIPT, EXPERIMENT)
+    kind.name: kind for kind in (AGENT, LIBRARY, TEST, SCENE, MARKET, SCRIPT, TEXTS, EXPERIMENT)
 }

@@ -10,12 +10,14 @@ from pathlib import Path
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_core.text import join_words, quote
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.agent_file import AgentFile, read_agent_file
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.texts_reader import FOLDER, FolderTexts
 from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
@@ -49,7 +51,9 @@ class Trees:
         tags: Only agents with one of these are wanted; empty for all.
         files: The agent files, as they were read.
         holders: Name of an agent → the file that it belongs to, which may be broken since.
-        texts: What the scene and the files with skills and libraries say; None for unreadable.
+        texts: What the scene and all files say that agents share; None for unreadable.
+        language: Language of the agents' texts; empty for none.
+        inserted: Names of the texts that agents and libraries insert.
     """
 
     folder: Path
@@ -64,6 +68,8 @@ class Trees:
     files: tuple[AgentFile, ...] = ()
     holders: Mapping[str, Path] = field(default_factory=dict)
     texts: Mapping[Path, str | None] = field(default_factory=dict)
+    language: str = ""
+    inserted: frozenset[str] = frozenset()
 
     def tagged(self, tags: str) -> Trees:
         """Return the folder with those agents only that have one of some tags ``a, b``, if any.
@@ -82,52 +88,68 @@ class Trees:
         return replace(self, agents=chosen, tags=wanted)
 
 
-def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = "") -> Trees:
+def read_trees(
+    folder: Path, interfaces: Interfaces | None = None, robot: str = "", language: str = ""
+) -> Trees:
     """Return everything in a trees folder.
 
     Args:
-        folder: Holds ``scene.yaml``, ``skills/*.yaml``, ``libraries/*.yaml`` and
+        folder: Holds ``scene.yaml``, ``skills/*.yaml``, ``libraries/*.yaml``, ``texts/*.yaml`` and
             ``agents/*.yaml``.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         robot: Robot whose bindings of skills are preferred; empty takes the first that fits.
+        language: Language of the texts; empty takes that of ``scene.yaml``.
 
     Raises:
         ReadError: ``scene.yaml`` or a skills file is broken, so that no agent can be read.
+        BtAgentsError: There are no texts in the language that is asked for.
     """
     shared = [
         folder / "scene.yaml",
         *yaml_files(folder / "skills"),
         *yaml_files(folder / "libraries"),
+        *yaml_files(folder / FOLDER),
     ]
     # Before they are read: what changes meanwhile differs from these texts at the next look.
     texts = {path: text_of(path) for path in shared}
     scene = read_scene(folder / "scene.yaml", interfaces)
-    libraries = _libraries(folder, scene, interfaces, robot)
+    texts_of_language = FolderTexts(folder, language or scene.language)
+    known = texts_of_language.languages()
+    if language not in ("", scene.language, *known):
+        raise BtAgentsError(
+            f"there are no texts in the language {quote(language)} in '{folder}'; there are some "
+            f"in {join_words(known, 'and') or 'none'}"
+        )
+    libraries = _libraries(folder, scene, interfaces, robot, texts_of_language)
     files = [
         read_agent_file(path, libraries, cause="start") for path in yaml_files(folder / "agents")
     ]
     agents, files, holders = named(files, {})
+    broken = broken_files(files, folder, libraries)
     return Trees(
         folder=folder,
         scene=scene,
         symbols=libraries.symbols,
         agents=agents,
-        broken=broken_files(files, folder, libraries),
+        broken=broken,
         plugin_problems=plugin_problems(libraries),
         robot=robot,
         files=tuple(files),
         holders=holders,
         texts=texts,
+        language=texts_of_language.language,
+        inserted=frozenset(texts_of_language.found),
     )
 
 
 def read_symbols(folder: Path) -> SymbolTable:
     """Return what agents of a folder may speak of, without ROS types; as :func:`read_trees`."""
-    return _libraries(folder, read_scene(folder / "scene.yaml"), None, "").symbols
+    scene = read_scene(folder / "scene.yaml")
+    return _libraries(folder, scene, None, "", FolderTexts(folder, scene.language)).symbols
 
 
 def _libraries(
-    folder: Path, scene: SceneSpec, interfaces: Interfaces | None, robot: str
+    folder: Path, scene: SceneSpec, interfaces: Interfaces | None, robot: str, texts: FolderTexts
 ) -> FolderLibraries:
     skills = read_skills(yaml_files(folder / "skills"), interfaces, robot)
     symbols = SymbolTable(
@@ -136,7 +158,7 @@ def _libraries(
         interfaces=interfaces,
         plugins=installed_plugins().without(skills).kinds,
     )
-    return FolderLibraries(folder, symbols, robot)
+    return FolderLibraries(folder, symbols, robot, texts)
 
 
 def yaml_files(folder: Path, *, tests: bool = False) -> list[Path]:
@@ -207,6 +229,11 @@ def broken_files(
     return (
         *(BrokenFile(file=one.file, error=one.error) for one in files if one.error is not None),
         *(BrokenFile(file=folder / name, error=e) for name, e in libraries.broken.items()),
+        *(
+            BrokenFile(file=one.path, error=one.broken)
+            for one in libraries.texts.spoken
+            if one.broken is not None
+        ),
     )
 
 

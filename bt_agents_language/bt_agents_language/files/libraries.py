@@ -13,6 +13,7 @@ from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.imports import IMPORTS, SUFFIXES, read_imports
 from bt_agents_language.files.skills_reader import SKILLS, SkillsReader
+from bt_agents_language.files.texts_reader import AskedTexts, FolderTexts
 from bt_agents_language.nodes.symbols import ImportProblem, Library, SymbolTable
 from bt_agents_language.tree.trees_reader import SUBTREES, TreesReader
 from bt_agents_language.yaml.field_tables import FileKind
@@ -41,18 +42,32 @@ class FolderLibraries:
     Attributes:
         symbols: What the files of the folder may speak of, with these libraries.
         broken: The libraries that could not be read, by path.
-        imports: Path of a library → what it imports itself.
+        imports: Path of a library → what it imports itself, with the texts that it inserts.
+        texts: The texts of the folder.
     """
 
-    def __init__(self, folder: Path, symbols: SymbolTable, robot: str = "") -> None:
+    def __init__(
+        self, folder: Path, symbols: SymbolTable, robot: str = "", texts: FolderTexts | None = None
+    ) -> None:
         self.broken: dict[str, ReadError] = {}
         self.imports: dict[str, set[str]] = {}
         self._folder = folder
-        self.symbols = replace(symbols, libraries=self)
+        self.texts = texts or FolderTexts(folder, "")
+        self.symbols = replace(symbols, libraries=self, texts=self.texts)
         self._robot = robot
         self._read: dict[str, Library] = {}
         self._chain: list[str] = []
         self._circles: dict[str, tuple[str, ...]] = {}
+        self._of_languages: dict[str, FolderLibraries] = {self.texts.language: self}
+
+    def speaking(self, language: str) -> FolderLibraries:
+        if language not in self._of_languages:
+            texts = self.texts.speaking(language)
+            other = FolderLibraries(self._folder, self.symbols, self._robot, texts)
+            # What a library imports is the same in every language, but for the texts.
+            other.imports, other._of_languages = self.imports, self._of_languages
+            self._of_languages[language] = other
+        return self._of_languages[language]
 
     def load(self, path: str) -> Library:
         if self._chain:
@@ -155,7 +170,8 @@ class FolderLibraries:
                 "add what it offers to the files that import it",
             )
         fields.text("description")
-        symbols, imported = read_imports(reading, fields, self.symbols)
+        texts = AskedTexts(self.texts)
+        symbols, imported = read_imports(reading, fields, replace(self.symbols, texts=texts))
         skills = SkillsReader(symbols.interfaces, self._robot)
         if fields.get("skills") is not None or fields.get("bindings") is not None:
             skills.declare(reading, fields)
@@ -171,6 +187,8 @@ class FolderLibraries:
         symbols = symbols.with_skills(own)
         trees = TreesReader(reading, fields.entries("subtrees"), symbols, imported, {})
         subtrees = trees.library()
+        if texts.asked:
+            self.imports.setdefault(self._chain[-1], set()).add(texts.path)
         reading.problems.raise_if_any()
         return Library(
             file=reading.source.file,

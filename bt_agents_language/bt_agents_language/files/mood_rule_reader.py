@@ -12,7 +12,13 @@ from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expression_values import ValueKind
 from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.ranges import FALSE, Range
-from bt_agents_language.fields.scope import NameScope, mood_names, scene_names, scene_ranges
+from bt_agents_language.fields.scope import (
+    NameScope,
+    mood_names,
+    scene_labels,
+    scene_names,
+    scene_ranges,
+)
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
 from bt_agents_language.yaml.field_tables import (
@@ -98,7 +104,7 @@ def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> MoodRule | Non
                 )
     if when is None or give is None:
         return None
-    if "for" not in fields.keys and _fires_at_once(when):
+    if "for" not in fields.keys and _fires_at_once(when, space):
         reading.warning(
             "hasty-rule",
             fields.nodes["when"],
@@ -132,12 +138,13 @@ def _condition(
     return None if node is None else read_condition(reading, node, _names(space), f"'{key}'")
 
 
-def _fires_at_once(when: Expression) -> bool:
+def _fires_at_once(when: Expression, space: SceneSpace) -> bool:
     """Return whether a change of the mood that nobody would notice can make a condition true."""
     if _CHANGE not in when.names:
         return False
     hardly = {_CHANGE: Range(-_UNNOTICED, _UNNOTICED)}
-    read = parse_expression(when.text, range_of=hardly.get)
+    labels = scene_labels(space)
+    read = parse_expression(when.text, range_of=hardly.get, labels_of=labels.get)
     refused = sum(not one.always and _CHANGE in one.names for one in read.foregone)
     asked = sum(mention.name == _CHANGE for mention in when.mentions)
     return read.range != FALSE and refused < asked
@@ -146,7 +153,7 @@ def _fires_at_once(when: Expression) -> bool:
 def _names(space: SceneSpace) -> NameScope:
     # What changes during a run comes first where a name is proposed.
     types = {**scene_names(space, ("live", "scene")), **mood_names(space)}
-    return NameScope(types, ranges=scene_ranges(space))
+    return NameScope(types, ranges=scene_ranges(space), labels=scene_labels(space))
 
 
 def restore_mood_rule(

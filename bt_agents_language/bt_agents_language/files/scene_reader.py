@@ -27,6 +27,7 @@ from bt_agents_language.model.scene_specs import (
     TrackedSpec,
 )
 from bt_agents_language.yaml.field_tables import (
+    NAME,
     NUMBER,
     TEXT,
     Either,
@@ -92,6 +93,9 @@ SCENE = FileKind(
             "What every scene and every profile is described by.",
             required=True,
         ),
+        FieldDecl(
+            "language", NAME, "Language of what agents say, ask and show: texts/<language>.yaml."
+        ),
         FieldDecl("mood", TEXT, "The parameter whose change becomes feedback."),
         FieldDecl("no_person", Entries(NUMBER), "Values of a scene in which nobody is there."),
         FieldDecl("persons", PERSONS, "Who is tracked, and whom a scene is about."),
@@ -144,6 +148,7 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
         persons=persons,
         place=place,
         missing=missing,
+        language=fields.name("language") or "",
     )
     _check_types(reading, spec)
     reading.problems.raise_if_any()

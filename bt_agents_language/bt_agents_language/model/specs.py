@@ -57,7 +57,14 @@ class Computed:
 class Text:
     """Text with names inside: ``Hello ${who}.``."""
 
-    parts: tuple[str | Reference | Computed, ...]
+    parts: tuple[str | Reference | Computed | Variants, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Variants:
+    """Several texts of which a skill takes another one each time."""
+
+    texts: tuple[Literal | Reference | Text, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,7 +81,7 @@ class MapValue:
     items: Mapping[str, Value]
 
 
-Value = Literal | Reference | Computed | Text | ListValue | MapValue
+Value = Literal | Reference | Computed | Text | Variants | ListValue | MapValue
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,6 +217,15 @@ class NodeSpec:
     outputs: Mapping[str, str] = field(default_factory=_nothing)
     feedback: Mapping[str, str] = field(default_factory=_nothing)
     plugin: type | None = None
+
+    @property
+    def variants(self) -> tuple[Variants, ...]:
+        """The texts of which it takes another one each time, where it has any."""
+        found: list[Variants] = []
+        for value in self.fields.values():
+            parts = value.parts if isinstance(value, Text) else (value,)
+            found += [part for part in parts if isinstance(part, Variants)]
+        return tuple(found)
 
     def moved(self, path: str, children: tuple[NodeSpec, ...]) -> NodeSpec:
         """Return the same node at another path, with other children."""

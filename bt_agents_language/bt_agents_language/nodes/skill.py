@@ -3,8 +3,17 @@
 
 from __future__ import annotations
 
+from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.node_type import NodeType
 from bt_agents_language.nodes.subtree import OUTPUTS
 
 SKILL = NodeType(key="skill", siblings=(OUTPUTS.key,), idle=True)
 """Type of every skill; its fields are the inputs that the skill declares."""
+
+ONE_OF = "one_of"
+"""Key in the place of a skill's main text, with several of which it takes one."""
+
+
+def takes_variants(skill: SkillSpec) -> bool:
+    """Return whether several texts may stand in the place of its main input."""
+    return skill.main_is_text and ONE_OF not in skill.input_names

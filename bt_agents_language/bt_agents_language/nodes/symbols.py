@@ -12,6 +12,7 @@ from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.fields.interfaces import Interfaces
+from bt_agents_language.fields.texts import Texts
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes.catalogue import NODE_TYPES
 from bt_agents_language.nodes.node_type import NodeType
@@ -48,6 +49,9 @@ class Libraries(Protocol):
             ImportProblem: It cannot be imported.
         """
 
+    def speaking(self, language: str) -> Libraries:
+        """Return the libraries with the texts of another language."""
+
     def paths(self) -> list[str]:
         """Return the paths of all libraries that could be imported."""
 
@@ -63,6 +67,7 @@ class SymbolTable:
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         plugins: Node types that plug-ins bring, by key.
         libraries: Finds what ``imports`` names; None where there is no trees folder.
+        texts: Finds the texts of ``${t.…}``; None where there is no trees folder.
         incomplete: True when an import has failed, whose words are not known therefore.
     """
 
@@ -71,12 +76,21 @@ class SymbolTable:
     interfaces: Interfaces | None = None
     plugins: Mapping[str, NodeType] = field(default_factory=dict)
     libraries: Libraries | None = None
+    texts: Texts | None = None
     incomplete: bool = False
 
     @cached_property
     def node_types(self) -> Mapping[str, NodeType]:
         """Every node type by key, those of plug-ins included."""
         return {**NODE_TYPES, **self.plugins}
+
+    def speaking(self, language: str) -> SymbolTable:
+        """Return the same with the texts of another language."""
+        return replace(
+            self,
+            texts=self.texts.speaking(language) if self.texts is not None else None,
+            libraries=self.libraries.speaking(language) if self.libraries is not None else None,
+        )
 
     def with_skills(self, skills: Mapping[str, SkillSpec]) -> SymbolTable:
         """Return the same with more skills; nodes of plug-ins with such a name give way."""

@@ -19,6 +19,7 @@ from bt_agents_language.nodes.node_type import (
     Role,
     declared_field,
 )
+from bt_agents_language.nodes.skill import ONE_OF, takes_variants
 from bt_agents_language.nodes.symbols import SymbolTable
 
 
@@ -227,7 +228,10 @@ def _skill_page(skill: SkillSpec) -> NodePage:
         key=skill.name,
         group=Group.SKILL,
         description=skill.description,
-        forms=_forms(skill.name, fields),
+        forms=(
+            *_forms(skill.name, fields),
+            *([f"{skill.name}: {{{ONE_OF}: [<text>, …]}}"] if takes_variants(skill) else []),
+        ),
         fields=fields,
         outputs=outputs,
         note=skill.unoffered,

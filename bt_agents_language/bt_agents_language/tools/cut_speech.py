@@ -18,6 +18,7 @@ from bt_agents_language.model.specs import (
     Reference,
     Text,
     Value,
+    Variants,
     iter_nodes,
 )
 from bt_agents_language.nodes.catalogue import type_of
@@ -88,13 +89,21 @@ def _seconds(value: Plain, otherwise: float = 0.0) -> float:
     return float(value) if isinstance(value, int | float) else otherwise
 
 
-def _plain(value: Value | Expression | None, defaults: Mapping[str, Plain]) -> Plain:
-    """Return a value as far as it is known before a run, tunables at their defaults."""
+def _plain(value: Value | Expression | str | None, defaults: Mapping[str, Plain]) -> Plain:
+    """Return a value as far as it is known before a run, tunables at their defaults.
+
+    Of variants the longest counts.
+    """
     match value:
+        case str():
+            return value
         case Literal(value=plain):
             return plain
         case Reference(name=name):
             return defaults.get(name)
         case Text(parts=parts):
-            return "".join(part for part in parts if isinstance(part, str))
+            known = (_plain(part, defaults) for part in parts if isinstance(part, str | Variants))
+            return "".join(filter(None, map(str, known)))
+        case Variants(texts=texts):
+            return max((str(_plain(text, defaults) or "") for text in texts), key=len)
     return None

@@ -17,6 +17,13 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
+from bt_agents_language.files.texts_reader import (
+    FOLDER,
+    FolderTexts,
+    TextFile,
+    read_texts,
+    uneven_texts,
+)
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
@@ -48,7 +55,7 @@ def check_folder(
 
     Args:
         folder: Holds ``scene.yaml``, ``market.yaml``, ``skills``, ``libraries``, ``agents``,
-            ``scripts`` and, in ``scenes``, scene files of other robots.
+            ``scripts``, ``texts`` and, in ``scenes``, scene files of other robots.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         only: Files or folders in it to which the answer is to be limited; the scene and the
             skills, which everything needs, are reported when they are broken.
@@ -76,7 +83,7 @@ class _FolderCheck:
         others = yaml_files(folder / "scenes")
         dependent = [
             path
-            for name in ("libraries", "agents", "scripts")
+            for name in ("libraries", "agents", "scripts", FOLDER)
             for path in yaml_files(folder / name, tests=True)
         ]
         if (folder / MARKET_FILE).exists():
@@ -152,6 +159,8 @@ class _FolderCheck:
                     self._add_market(trees, path)
                 elif path.parent.name == "scripts":
                     read_script(path, trees.scene.space)
+                elif path.parent.name == FOLDER:
+                    read_texts(path)
             except ReadError as error:
                 self._add(error.diagnostics)
         if self._only is None and not (trees.agents or trees.broken):
@@ -162,7 +171,35 @@ class _FolderCheck:
                 hint="make one with 'bt-agents new NAME'",
             )
             self._add([no_agents])
+        self._add_texts(trees)
         return agents
+
+    def _add_texts(self, trees: Trees) -> None:
+        """Add what is wrong with the texts of any language, those included that are not in use."""
+        read = {trees.language: trees}
+        for language in FolderTexts(self._folder, "").languages():
+            if language not in read:
+                read[language] = read_trees(self._folder, self._interfaces, language=language)
+        files: dict[Path, TextFile] = {}
+        for other in read.values():
+            for broken in other.broken:
+                # What stands in an agent's own file is said once, in the language of the folder.
+                inserted = [
+                    one
+                    for one in broken.error.diagnostics
+                    if Path(one.position.file).parent.name == FOLDER
+                ]
+                self._add(one for one in inserted if self._is_wanted(Path(one.position.file)))
+        for language in read:
+            texts = FolderTexts(self._folder, language)
+            if language and texts.path.exists() and texts.broken is None:
+                files[texts.path] = read_texts(texts.path)
+        used = None
+        if not any(one.broken for one in read.values()):
+            used = {name for one in read.values() for name in one.inserted}
+        self._add(
+            one for one in uneven_texts(files, used) if self._is_wanted(Path(one.position.file))
+        )
 
     def _add_market(self, trees: Trees, path: Path) -> None:
         rules = read_market(path, trees.scene.space)

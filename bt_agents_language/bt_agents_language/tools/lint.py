@@ -26,6 +26,7 @@ from bt_agents_language.model.specs import (
     Text,
     UnusedInput,
     Value,
+    Variants,
     iter_nodes,
 )
 from bt_agents_language.nodes.catalogue import type_of
@@ -336,6 +337,8 @@ def _parts(values: Iterable[Value | Expression]) -> Iterator[Value | Expression 
         match value:
             case Text(parts=parts):
                 waiting += parts
+            case Variants(texts=texts):
+                waiting += texts
             case ListValue(items=items):
                 waiting += items
             case MapValue(items=entries):

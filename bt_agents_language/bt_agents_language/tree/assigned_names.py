@@ -11,7 +11,7 @@ from typing import NamedTuple
 from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_language.expression.expression_tokens import ExpressionError
-from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expression_values import ANY_LABELS, ValueKind
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.fields.bindings import FEEDBACK
 from bt_agents_language.fields.inputs import read_new_name
@@ -211,6 +211,6 @@ def _kind_of_expression(node: Node | None) -> ValueKind | None:
     if match is None:
         return None
     try:
-        return parse_expression(match[1]).kind
+        return parse_expression(match[1], labels_of=lambda _: ANY_LABELS).kind
     except ExpressionError:
         return None

@@ -9,15 +9,16 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.fields.values import read_value
+from bt_agents_language.fields.values import read_value, read_variants
 from bt_agents_language.model.specs import NOTHING, FieldSpec, NodeSpec, SkillSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import SIBLING_KEYS
 from bt_agents_language.nodes.node_type import FieldValues, RawNode, short
+from bt_agents_language.nodes.skill import ONE_OF, takes_variants
 from bt_agents_language.nodes.subtree import SUBTREE
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import Node, Scalar
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
 
 
 class CallReader:
@@ -48,11 +49,24 @@ class CallReader:
             position=raw.key.position,
             kind=skill.name,
             name=raw.name or _skill_label(skill, nodes),
-            fields=self._inputs(skill.inputs, nodes, names, raw),
+            fields=self._skill_inputs(skill, nodes, names, raw),
             skill=skill,
             outputs=outputs,
             feedback=feedback,
         )
+
+    def _skill_inputs(
+        self, skill: SkillSpec, nodes: Mapping[str, Node], names: NameScope, raw: RawNode
+    ) -> FieldValues:
+        fields = self._inputs(skill.inputs, nodes, names, raw)
+        written = nodes.get(ONE_OF) if takes_variants(skill) else None
+        if written is not None:
+            assert skill.main is not None
+            fields.pop(skill.main, None)
+            variants = read_variants(self._reading, written, names, f"'{ONE_OF}'")
+            if variants is not None:
+                fields[skill.main] = variants
+        return fields
 
     def _skill_outputs(
         self, raw: RawNode, skill: SkillSpec
@@ -116,9 +130,21 @@ class CallReader:
     def _skill_fields(self, value: Node, skill: SkillSpec) -> Mapping[str, Node] | None:
         required = skill.required
         if isinstance(value, MappingNode):
+            known = skill.input_names
+            if takes_variants(skill):
+                known = (*known, ONE_OF)
+                if any(entry.key.text == ONE_OF for entry in value.entries):
+                    required = tuple(name for name in required if name != skill.main)
             fields = self._reading.fields(
-                value, f"'{skill.name}'", skill.input_names, required, beside=SIBLING_KEYS
+                value, f"'{skill.name}'", known, required, beside=SIBLING_KEYS
             )
+            if fields is not None and {ONE_OF, skill.main} <= fields.nodes.keys():
+                self._reading.error(
+                    "contradiction",
+                    fields.keys[ONE_OF],
+                    f"'{skill.name}' has '{skill.main}' and '{ONE_OF}', which stands in its place",
+                    "keep one of them",
+                )
             return fields.nodes if fields is not None else None
         if isinstance(value, Scalar) and value.empty and not required:
             return {}
@@ -156,7 +182,15 @@ class CallReader:
                     fields[one.name] = one.default_value
                 continue
             what = raw.key_meant if raw is not None and node is raw.value else one.name
-            value = read_value(self._reading, node, one.type, names, f"'{what}'")
+            skill = raw.skill if raw is not None else None
+            value = read_value(
+                self._reading,
+                node,
+                one.type,
+                names,
+                f"'{what}'",
+                variants=skill is not None and one.name == skill.main,
+            )
             if value is not None:
                 fields[one.name] = value
         return fields
@@ -202,6 +236,8 @@ class CallReader:
 
 
 def _skill_label(skill: SkillSpec, nodes: Mapping[str, Node]) -> str:
+    if skill.main not in nodes and isinstance(nodes.get(ONE_OF), Sequence):
+        return f"{skill.name} {ONE_OF} …"
     shortened = short(nodes.get(skill.main or ""))
     if shortened and skill.main_is_text:
         shortened = f'"{shortened}"'

@@ -15,6 +15,7 @@ from bt_agents_language.fields.scope import (
     cancel_names,
     clock_names,
     mood_names,
+    scene_labels,
     scene_names,
     scene_ranges,
 )
@@ -89,6 +90,8 @@ class TreesReader:
             **self._tunables,
         }
         self._ranges = {**scene_ranges(symbols.space), **ranges}
+        self._labels = scene_labels(symbols.space)
+        self._texts = symbols.texts
 
     def trees(
         self, tree: Node | None, on_cancel: Node | None
@@ -110,6 +113,8 @@ class TreesReader:
             hidden={**hidden, **only_there},
             lenient=self._lenient,
             ranges=self._ranges,
+            labels=self._labels,
+            texts=self._texts,
         )
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
         names = NameScope(
@@ -118,6 +123,8 @@ class TreesReader:
             hidden=hidden,
             lenient=self._lenient,
             ranges=self._ranges,
+            labels=self._labels,
+            texts=self._texts,
         )
         names.give_all()
         last_spec = self._reader.read(last, "on_cancel", names) if last is not None else None
@@ -214,6 +221,8 @@ class TreesReader:
             hidden=hidden,
             lenient=self._lenient or not subtree.complete,
             ranges=self._ranges,
+            labels=self._labels,
+            texts=self._texts,
         )
         body = self._reader.read(raw, name, names)
         if len(self._reading.problems) == before:

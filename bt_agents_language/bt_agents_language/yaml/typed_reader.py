@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Iterable
+from copy import copy
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -57,6 +58,7 @@ _FILES = {
     "cases": ("a test file", "let its name end with .test.yaml"),
     "rules": ("a market.yaml", "put it beside scene.yaml"),
     "rounds": ("an experiment", "name another file"),
+    "texts": ("a file of texts", "put it under texts/"),
 }
 """Key that only one kind of file has → that kind, and where it belongs."""
 
@@ -84,6 +86,19 @@ class TypedReader:
         self._spoilt = {d.position for d in self.problems.sorted() if d.code in spoiling}
         self._aligned_span = (-1, -1)
         self._aligned: list[int] = []
+        self._note = ""
+
+    def beside(self, source: Source, note: str) -> TypedReader:
+        """Return the reader of values of another file, whose problems are among those of this.
+
+        Each of them ends with a note, which says what the value has to do with this file.
+        """
+        other = copy(self)
+        other.source = source
+        other.problems = self.problems.beside(source)
+        other._aligned_span = (-1, -1)
+        other._note = note
+        return other
 
     @classmethod
     def of(cls, file: Path | Source) -> TypedReader:
@@ -96,6 +111,7 @@ class TypedReader:
 
     def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
         """Add a problem about a whole node, or at one position."""
+        message += self._note
         if isinstance(where, Position):
             self.problems.add(code, where, message, hint)
         elif where.position not in self._spoilt:
@@ -114,6 +130,7 @@ class TypedReader:
         severity: Severity = Severity.ERROR,
     ) -> None:
         """Add a problem about ``width`` characters from ``offset`` on in the text of a scalar."""
+        message += self._note
         start = self._index(scalar, offset)
         last = self._index(scalar, offset + width - 1) if width > 1 else start
         end = self.source.position(last + 1)

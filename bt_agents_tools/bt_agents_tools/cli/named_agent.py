@@ -14,24 +14,25 @@ from bt_agents_language.model.specs import AgentSpec
 
 
 def named_agent(
-    argument: str, directory: str = "", trees: Trees | None = None
+    argument: str, directory: str = "", trees: Trees | None = None, language: str = ""
 ) -> tuple[Trees, AgentSpec]:
     """Return the trees folder and the agent that an argument names, or whose file it is.
 
     An empty directory is found above the file, or as by :func:`find_trees`; ``trees`` is the
-    folder if it is read already.
+    folder if it is read already, in the language of its scene or in another one.
 
     Raises:
         BtAgentsError: There is no such file or agent.
         ReadError: The agent's file is broken, or the scene or the skills of its folder are.
     """
     if not argument.endswith((".yaml", ".yml")) and "/" not in argument:
-        trees = trees or read_trees(find_trees(directory))
+        trees = trees or read_trees(find_trees(directory), language=language)
         return trees, _find(trees, argument, lambda _: False)
     path = Path(argument)
     if not path.is_file():
         raise BtAgentsError(f"there is no file '{argument}'; name an agent file, or an agent")
-    trees = trees or read_trees(find_trees(directory) if directory else enclosing_folder(path))
+    folder = find_trees(directory) if directory else enclosing_folder(path)
+    trees = trees or read_trees(folder, language=language)
     return trees, _find(trees, argument, path.samefile)
 
 

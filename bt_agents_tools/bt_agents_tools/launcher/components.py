@@ -49,12 +49,20 @@ def selector(trees: Path, base_url: str, model: str, key_variable: str = "") -> 
     )
 
 
-def host(trees: Path, tags: str = "", bindings: str = "", tunings: str = "") -> Component:
+def host(
+    trees: Path, tags: str = "", bindings: str = "", tunings: str = "", language: str = ""
+) -> Component:
     """Return the host of all agents of a folder; it stops first, while the robot still runs."""
     return Component(
         name="agents",
         module="bt_agents.host.node",
-        parameters={"trees": str(trees), "tags": tags, "robot": bindings, "tunings": tunings},
+        parameters={
+            "trees": str(trees),
+            "tags": tags,
+            "robot": bindings,
+            "language": language,
+            "tunings": tunings,
+        },
         stops_first=True,
     )
 

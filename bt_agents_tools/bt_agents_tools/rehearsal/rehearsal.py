@@ -8,6 +8,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from random import Random
 
 from py_trees.behaviour import Behaviour
@@ -37,6 +38,7 @@ from bt_agents_tools.rehearsal.instrument import (
     with_picks,
     with_replacements,
 )
+from bt_agents_tools.rehearsal.rehearsal_context import RehearsalContext
 from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
 from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLiveScene, awarded, change_text
 from bt_agents_tools.rehearsal.tick_analysis import add_marks, at_rest, limit_of, running_leaves
@@ -149,6 +151,7 @@ class _Rehearsal:
             environment=self._environment,
             steady=self._clock,
             random=Random(scenario.seed),
+            context=partial(RehearsalContext, variants=scenario.variants),
             on_visit=lambda node, status: self._ticked.append((node, status)),
         )
         self._watch = Watch(agent.rules, self._scene, space, self._clock)

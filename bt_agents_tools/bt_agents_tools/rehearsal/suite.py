@@ -53,9 +53,10 @@ class FileResult:
 
 
 class TreesFolders:
-    """Trees folders of tests, each read once."""
+    """Trees folders of tests, each read once, in a language or that of its scene."""
 
-    def __init__(self) -> None:
+    def __init__(self, language: str = "") -> None:
+        self._language = language
         self._trees: dict[Path, Trees] = {}
 
     def trees_of(self, path: Path) -> Trees:
@@ -67,7 +68,7 @@ class TreesFolders:
         """
         folder = enclosing_folder(path)
         if folder not in self._trees:
-            self._trees[folder] = read_trees(folder)
+            self._trees[folder] = read_trees(folder, language=self._language)
         return self._trees[folder]
 
     def read_test(self, path: Path) -> tuple[AgentTest, SceneSpace]:

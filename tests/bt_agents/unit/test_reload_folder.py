@@ -210,6 +210,42 @@ def test_a_broken_library_is_reported_and_breaks_those_that_import_it(folder):
     assert [one.name for one in mended.agents] == ["ann", "bob", "zoe"]
 
 
+def test_a_changed_text_reads_those_again_that_insert_it(folder):
+    (folder / "scene.yaml").write_text((folder / "scene.yaml").read_text() + "language: de\n")
+    texts = folder / "texts" / "de.yaml"
+    texts.parent.mkdir()
+    texts.write_text("format: 1\ntexts: {hello: Hallo., bye: Ade.}\n")
+    write(folder, "ann", agent("ann", '{say: "${t.hello}"}'))
+    trees = read_trees(folder)
+    watch = FolderWatch(trees)
+    settled(watch)
+    texts.write_text("format: 1\ntexts: {hello: Hallo., bye: Bis bald.}\n")
+    assert specs(settled(watch)) == specs(trees)
+    texts.write_text("format: 1\ntexts: {hello: Guten Tag., bye: Bis bald.}\n")
+    after = settled(watch)
+    assert {n for n, one in specs(after).items() if one != specs(trees)[n]} == {"ann"}
+    assert after.files[0].cause == "texts changed"
+    assert after.agents[0].tree.fields["text"].value == "Guten Tag."
+    texts.unlink()
+    gone = settled(watch)
+    assert [one.file.name for one in gone.broken] == ["ann.yaml"]
+    texts.write_text("format: 1\ntexts: {hello: Hallo.}\n")
+    assert [one.name for one in settled(watch).agents] == ["ann", "bob", "zoe"]
+
+
+def test_a_text_that_is_broken_is_reported_and_the_others_stay(folder):
+    (folder / "scene.yaml").write_text((folder / "scene.yaml").read_text() + "language: de\n")
+    texts = folder / "texts" / "de.yaml"
+    texts.parent.mkdir()
+    texts.write_text("format: 1\ntexts: {hello: Hallo.}\n")
+    write(folder, "ann", agent("ann", '{say: "${t.hello}"}'))
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    texts.write_text("format: 1\ntexts: [hello]\n")
+    after = settled(watch)
+    assert [one.file.name for one in after.broken] == ["ann.yaml", "de.yaml"]
+
+
 def test_changed_skills_read_all_agents_again_and_broken_ones_none(folder):
     trees = read_trees(folder)
     watch = FolderWatch(trees)

@@ -31,6 +31,7 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
+from bt_agents_language.files.texts_reader import read_texts
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField
@@ -82,6 +83,7 @@ FILES: Mapping[str, list[bytes]] = {
     "scene": shipped("scene.yaml") + shipped("scenes/*.yaml") + valid_files("scenes"),
     "market": shipped("market.yaml") + valid_files("markets"),
     "script": shipped("scripts/*.yaml") + valid_files("scripts"),
+    "texts": [b"format: 1\ntexts:\n  hello: Hallo ${who}.\n  bye: {one_of: [Ade., Bis bald.]}\n"],
     "test": TESTS,
 }
 
@@ -102,6 +104,7 @@ READERS: Mapping[str, Callable[[Path], object]] = {
     "scene": read_scene,
     "market": lambda path: read_market(path, SPACE),
     "script": lambda path: read_script(path, SPACE),
+    "texts": read_texts,
     "test": lambda path: read_test(path, AGENTS, SYMBOLS),
 }
 

@@ -64,7 +64,11 @@ def test_a_page_says_what_is_needed_and_what_is_taken_otherwise():
     page = node_page("ask", SYMBOLS)
     assert page is not None
     assert page.group is Group.SKILL
-    assert page.forms == ("ask: <text>", "ask: {text: …, choices: …, wait: …}")
+    assert page.forms == (
+        "ask: <text>",
+        "ask: {text: …, choices: …, wait: …}",
+        "ask: {one_of: [<text>, …]}",
+    )
     assert [(one.name, one.required, one.default) for one in page.fields] == [
         ("text", True, ""),
         ("choices", False, "[]"),

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.files.scene_reader import SCENE
 from bt_agents_language.files.script_reader import SCRIPT, read_script
 from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.texts_reader import FolderTexts, read_texts
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.nodes.plugin_discovery import GROUP, read_plugins
 from bt_agents_language.tools.schema.generator import file_schema
@@ -100,6 +102,9 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
     if {"parameters", "sources"} <= keys.keys():
         assert read_scene_text(text, document).sources
         return
+    if "texts" in keys:
+        assert read_texts(Source(document, text)).texts
+        return
     if "visits" in keys:
         assert read_script(Source(document, text), SPACE).visits
         return
@@ -117,12 +122,27 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
         assert FolderLibraries(tmp_path, SYMBOLS).load("libraries/their.yaml").subtrees
         return
     missing = [line for line in AGENT.splitlines() if line and line.split(":")[0] not in keys]
-    agent = read_agent_text("\n".join(missing) + "\n" + text, document, SYMBOLS)
+    symbols = replace(SYMBOLS, texts=_texts(document, tmp_path))
+    agent = read_agent_text("\n".join(missing) + "\n" + text, document, symbols)
     # It ends, or goes on to the limit, or waits for what nobody announces: it never raises.
     limits = Limits(duration_s=600.0, ticks=2000)
     told = rehearse(agent, SPACE, scenario(agent), limits=limits, force=True)
     assert told.events
     assert told.message
+
+
+def _texts(document: str, folder: Path) -> FolderTexts:
+    """Return the texts that a page has files of, in the language of the first."""
+    files = {
+        path: text
+        for page, text in blocks("yaml")
+        if page == document and (path := text.split("\n")[0].removeprefix("# ")).endswith(".yaml")
+        if path.startswith("texts/")
+    }
+    (folder / "texts").mkdir()
+    for path, text in files.items():
+        (folder / path).write_text(text)
+    return FolderTexts(folder, Path(next(iter(files), "")).stem)
 
 
 def _check_test(text: str, document: str) -> None:

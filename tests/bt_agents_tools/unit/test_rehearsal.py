@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents.engine.run import TreeOutcome
+from bt_agents_core.errors import ReadError
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.testing.scenarios import ScriptedEvent
 from bt_agents_language.model.specs import NodeSpec
@@ -599,3 +600,32 @@ def test_who_is_one_for_the_night_bids_at_night() -> None:
     for hour, bids in ((21, False), (22, True), (5, True), (6, False)):
         case = scenario(spec, f"clock: {{hour: {hour}}}")
         assert (rehearse(spec, SPACE, case).outcome is not None) is bids
+
+
+def test_a_test_says_which_texts_a_node_takes_in_turn_and_the_last_one_for_ever() -> None:
+    tree = "{say: {one_of: [Hello., Hi., Good day.]}, repeat: 4}"
+    result = rehearsed(tree, "variants: {tree: [3, 1]}")
+    assert spoken_texts(result) == ["Good day.", "Hello.", "Hello.", "Hello."]
+    assert spoken_texts(rehearsed(tree, "variants: {'**': 2}")) == ["Hi."] * 4
+
+
+def test_without_picks_the_seed_decides_which_texts_a_node_takes() -> None:
+    tree = "{say: {one_of: [Hello., Hi., Good day.]}, repeat: 6}"
+    once, again = (spoken_texts(rehearsed(tree, "seed: 4")) for _ in range(2))
+    assert once == again
+    assert once != spoken_texts(rehearsed(tree, "seed: 5"))
+
+
+@pytest.mark.parametrize(
+    ("variants", "problem"),
+    [
+        ("{tree: 3}", "[out-of-range]: the text of 'tree' is 3, expected 1 to 2"),
+        ("{tree: first}", "[bad-number]"),
+        ("{tree: []}", "[missing-value]: 'tree' has no number"),
+        ("{tree/7.say: 1}", "[unknown-path]"),
+    ],
+)
+def test_a_text_that_there_is_not_cannot_be_picked(variants: str, problem: str) -> None:
+    with pytest.raises(ReadError) as error:
+        rehearsed("say: {one_of: [Hello., Hi.]}", f"variants: {variants}")
+    assert problem in error.value.lines[0]

@@ -269,3 +269,31 @@ def test_an_agent_is_that_of_the_trees_folder_one_stands_in(
 def test_the_trees_folder_can_be_named(copied: Path) -> None:
     assert "Good day. I carry" in rehearse("attentive_guide", "--dir", str(copied)).output
     assert "Good day. I carry" not in rehearse("attentive_guide").output
+
+
+@pytest.mark.parametrize(("language", "said"), [("", "Guten Tag, Ann."), ("en", "Hello Ann.")])
+def test_an_agent_is_rehearsed_and_tested_in_a_language(
+    tmp_path: Path, language: str, said: str
+) -> None:
+    files = {
+        "scene.yaml": (TREES / "scene.yaml").read_text() + "\nlanguage: de\n",
+        "skills/robot.yaml": (TREES / "skills" / "robot.yaml").read_text(),
+        "texts/de.yaml": 'format: 1\ntexts: {hello: "Guten Tag, ${guest}."}\n',
+        "texts/en.yaml": 'format: 1\ntexts: {hello: "Hello ${guest}."}\n',
+        "agents/guide.yaml": "format: 1\nagent: guide\n"
+        "profile: {age: 3, familiarity: 3, mood: 3}\n"
+        "tree: {sequence: [set: {guest: Ann}, say: '${t.hello}']}\n",
+        "agents/guide.test.yaml": "format: 1\ntest: guide\n"
+        f"cases: [{{name: it greets, expect: {{says: ['{said}']}}}}]\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    chosen = ["--language", language] if language else []
+    shown = rehearse(str(tmp_path / "agents" / "guide.yaml"), *chosen)
+    assert f'say "{said}"' in shown.output, shown.output
+    tested = CliRunner().invoke(bt_agents, ["test", str(tmp_path), *chosen])
+    assert tested.exit_code == 0, tested.output
+    refused = rehearse(str(tmp_path / "agents" / "guide.yaml"), "--language", "fr")
+    assert isinstance(refused.exception, BtAgentsError)
+    assert "there are some in de and en" in str(refused.exception)

@@ -8,22 +8,25 @@ from contextlib import suppress
 
 from py_trees.common import Status
 
+from bt_agents.engine.context import BuildChild, RunContext
 from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
 from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.scope import (
     BindingNames,
     MessageNames,
+    Scope,
     evaluate,
     explain_false,
     field_of,
     format_value,
     is_true,
 )
+from bt_agents.engine.variant_picker import VariantPicker
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind, Plain
 from bt_agents_core.text import ellipsize
-from bt_agents_language.expression.expressions import MissingValue
-from bt_agents_language.model.specs import Binding, Literal
+from bt_agents_language.expression.expressions import Expression, MissingValue
+from bt_agents_language.model.specs import Binding, Literal, NodeSpec
 
 _WHY = {
     GoalState.REJECTED: "its server did not take the goal and says nothing about why",
@@ -48,12 +51,18 @@ class SkillLeaf(Leaf):
     _last_feedback: Mapping[str, Plain] | None = None
     _main_text = ""
 
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild | None = None
+    ) -> None:
+        super().__init__(spec, context, scope, build)
+        self._variants = VariantPicker(context, spec.path)
+
     def begin(self) -> None:
         self._run = self._last_feedback = None
         skill = self.spec.skill
         assert skill is not None
         binding = self._binding()
-        inputs = {one.name: self.fields.value(one.name) for one in skill.inputs}
+        inputs = {one.name: self._input(one.name) for one in skill.inputs}
         self._main_text = self._format_main_input(inputs)
         names = BindingNames(inputs=inputs, around=self.scope)
         goal = SkillGoal(
@@ -90,6 +99,11 @@ class SkillLeaf(Leaf):
     def end(self) -> None:
         if self._run is not None and not self._run.state.ended:
             self._run.cancel()
+
+    def _input(self, name: str) -> Plain:
+        value = self.spec.fields[name]
+        assert not isinstance(value, Expression)
+        return evaluate(self._variants.settled(value), self.scope)
 
     def _binding(self) -> Binding:
         skill = self.spec.skill

@@ -22,6 +22,7 @@ from bt_agents_language.files.folder_reader import (
 )
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.texts_reader import FOLDER, FolderTexts
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import SymbolTable
 
@@ -91,8 +92,7 @@ class Rereading:
         if any(path.parent == self._folder / "skills" for path in self._differing):
             before = self._with_skills(before)
         if self._differing:
-            symbols = before.trees.symbols
-            before = replace(before, libraries=_libraries(before.trees, symbols))
+            before = replace(before, libraries=_libraries(before.trees, before.trees.symbols))
         files = self._files(before)
         same = len(files) == len(trees.files) and all(map(operator.is_, files, trees.files))
         if same and not self._differing and problems == trees.problems:
@@ -101,7 +101,7 @@ class Rereading:
         return replace(before, trees=replace(renewed, texts=texts, problems=problems))
 
     def _texts(self) -> Mapping[Path, str | None]:
-        """Return the current texts of the files with skills and libraries."""
+        """Return the current texts of the files that agents share."""
         texts = dict(self._before.trees.texts)
         for path in self._changed:
             first = path.relative_to(self._folder).parts[0]
@@ -154,6 +154,8 @@ class Rereading:
                 return before
         self._pause()
         cause = "skills changed" if self._skills_changed else "library changed"
+        if before is not None and {*map(_folder, before.imports & shared)} == {FOLDER}:
+            cause = "texts changed"
         after = read_agent_file(path, libraries, cause=cause)
         if before is None:
             return replace(after, cause="new file")
@@ -169,7 +171,8 @@ class Rereading:
 
 
 def _libraries(trees: Trees, symbols: SymbolTable) -> FolderLibraries:
-    return FolderLibraries(trees.folder, replace(symbols, libraries=None), trees.robot)
+    texts = FolderTexts(trees.folder, trees.language)
+    return FolderLibraries(trees.folder, replace(symbols, libraries=None), trees.robot, texts)
 
 
 def _with_files(before: KnownFiles, files: list[AgentFile], symbols: SymbolTable) -> Trees:
@@ -188,6 +191,10 @@ def _with_files(before: KnownFiles, files: list[AgentFile], symbols: SymbolTable
 
 def _is_same(before: AgentFile, after: AgentFile) -> bool:
     return (before.text, before.agent, _lines(before)) == (after.text, after.agent, _lines(after))
+
+
+def _folder(path: str) -> str:
+    return path.partition("/")[0]
 
 
 def _lines(file: AgentFile) -> tuple[str, ...]:

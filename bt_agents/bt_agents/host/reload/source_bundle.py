@@ -13,7 +13,7 @@ from bt_agents_core.field_types import INTERFACE_FOLDERS
 from bt_agents_language.files.folder_reader import text_of
 
 HOST = "host.json"
-"""Name of the text with the reader's other inputs: ``robot`` and installed ``packages``."""
+"""Name of the text with the reader's other inputs: robot, language and installed packages."""
 
 MARKET = "market.yaml"
 
@@ -50,6 +50,7 @@ def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -
             files[file.file.relative_to(trees.folder).as_posix()] = file.text
     named = sorted({package for text in files.values() for package in _TYPE.findall(text)})
     packages = [package for package in named if has_package(package)]
-    files[HOST] = json.dumps({"robot": trees.robot, "packages": packages})
+    machine = {"robot": trees.robot, "language": trees.language, "packages": packages}
+    files[HOST] = json.dumps(machine)
     in_force = {name: one.current.number for name, one in versions.histories.items()}
     return SourceBundle(files=files, versions=in_force)

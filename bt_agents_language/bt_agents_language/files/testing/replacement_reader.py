@@ -6,7 +6,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.fields.scope import NameScope, clock_names, mood_names, scene_names
+from bt_agents_language.fields.scope import (
+    NameScope,
+    clock_names,
+    mood_names,
+    scene_labels,
+    scene_names,
+)
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED
 from bt_agents_language.model.specs import NodeSpec, Tunable, iter_nodes
@@ -43,6 +49,8 @@ class ReplacementReader:
             **clock_names(),
             **self._tunables,
         }
+        self._labels = scene_labels(symbols.space)
+        self._texts = symbols.texts
 
     def read(self, node: Node, pattern: str) -> NodeSpec | None:
         """Return what stands in for the nodes that a pattern fits; None when it is wrong.
@@ -57,7 +65,8 @@ class ReplacementReader:
             return None
         taken = dict.fromkeys(self._tunables, "a tunable")
         written = self._trees.assigned.of_trees([raw], taken, self._types)
-        spec = self._trees.read(raw, REPLACED, NameScope(self._types, written))
+        names = NameScope(self._types, written, labels=self._labels, texts=self._texts)
+        spec = self._trees.read(raw, REPLACED, names)
         if spec is None or len(self._reading.problems) > before:
             return None
         places = sum(matches(pattern, one.path) for one in self._nodes)

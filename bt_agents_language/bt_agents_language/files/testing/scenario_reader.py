@@ -30,6 +30,7 @@ from bt_agents_language.files.testing.scenarios import (
     Scenario,
     ScriptedAnswer,
     ScriptedEvent,
+    VariantRule,
 )
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, SkillSpec
 from bt_agents_language.nodes.catalogue import NODE_TYPES, type_of
@@ -137,6 +138,12 @@ SCENARIO = KeyTable(
             "Skill or path of a node → how the world answers.",
         ),
         FieldDecl(
+            "variants",
+            Entries(Several(integer(1)), "paths and numbers", keys=Key.ANY),
+            "Path of a node with 'one_of' → which of its texts it takes, the first is 1; several "
+            "in turn.",
+        ),
+        FieldDecl(
             "replace",
             Entries(Either((WordChoice(tuple(AT_ONCE)), FIELDS)), "paths and nodes", keys=Key.ANY),
             "Path of a node → what stands in for it.",
@@ -188,6 +195,7 @@ class ScenarioReader:
                 scene, "'scene'", "a mapping such as {age: 4, mood: 3}", Shape.MAPPING
             )
         rules = map(self._rule, fields.entries("answers"))
+        variants = map(self._variant, fields.entries("variants"))
         replacements = map(self._replacement, fields.entries("replace"))
         happenings = map(self._happening, fields.items("during"))
         return Scenario(
@@ -198,6 +206,7 @@ class ScenarioReader:
             seed=fields.integer("seed", maximum=2**63 - 1) or 0,
             picks=self._picks(fields.get("picks")),
             answers=tuple(one for one in rules if one is not None),
+            variants=tuple(one for one in variants if one is not None),
             replace=tuple(one for one in replacements if one is not None),
             during=tuple(one for one in happenings if one is not None),
         )
@@ -364,6 +373,36 @@ class ScenarioReader:
                 return None
             values[name] = self.plain(entry.value, outputs.types[name], f"'{name}'")
         return values
+
+    def _variant(self, entry: MappingEntry) -> VariantRule | None:
+        pattern = self._reading.text(entry.key, "the path of a node with variants")
+        if pattern is None:
+            return None
+        choosing = {one.path: one.variants for one in self._nodes if one.variants}
+        counts = [
+            len(one.texts)
+            for path, variants in choosing.items()
+            if matches(pattern, path)
+            for one in variants
+        ]
+        if not counts:
+            self._reading.error(
+                "unknown-path",
+                entry.key,
+                f"no node of the agent that has several texts has the path {quote(pattern)}",
+                path_hint(pattern, [*choosing]),
+            )
+            return None
+        items = entry.value.items if isinstance(entry.value, Sequence) else (entry.value,)
+        if not items:
+            self._reading.error("missing-value", entry.value, f"{quote(pattern)} has no number")
+        what = f"the text of {quote(pattern)}"
+        numbers = [self._reading.integer(item, what, 1, min(counts)) for item in items]
+        if not numbers or None in numbers:
+            return None
+        return VariantRule(
+            pattern=pattern, numbers=tuple(one - 1 for one in numbers if one is not None)
+        )
 
     def _replacement(self, entry: MappingEntry) -> Replacement | None:
         pattern = self.path(entry.key, "the path of what is replaced")

@@ -55,6 +55,14 @@ class AnswerRule:
 
 
 @dataclass(frozen=True, kw_only=True)
+class VariantRule:
+    """Which of their variants the nodes of a pattern take, from 0, in turn, the last for ever."""
+
+    pattern: str
+    numbers: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Replacement:
     """Another node, with paths below ``REPLACED``, in place of those that a pattern fits."""
 
@@ -96,6 +104,7 @@ class Scenario:
         tunables: Values that differ from the defaults.
         answers: Those of paths count before those of skills, else the first that fits.
         picks: Paths of children of ``random`` nodes, each node takes its own in turn.
+        variants: The first that fits a node counts; the others take any of theirs.
         replace: The first that fits a node counts.
         during: What happens, in any order.
     """
@@ -107,6 +116,7 @@ class Scenario:
     seed: int = 0
     picks: tuple[str, ...] = ()
     answers: tuple[AnswerRule, ...] = ()
+    variants: tuple[VariantRule, ...] = ()
     replace: tuple[Replacement, ...] = ()
     during: tuple[ScriptedEvent, ...] = ()
 

@@ -19,6 +19,7 @@ from bt_agents_language.model.specs import (
     Text,
     Tunable,
     Value,
+    Variants,
 )
 
 LONGEST_TEXT = 60
@@ -48,6 +49,8 @@ def format_value(
         case Text():
             parts = (part if isinstance(part, str) else inner(part) for part in value.parts)
             return f'"{excerpt("".join(parts), longest_text)}"'
+        case Variants():
+            return f"one of {', '.join(map(inner, value.texts))}"
         case ListValue():
             return f"[{', '.join(map(inner, value.items))}]"
         case MapValue():

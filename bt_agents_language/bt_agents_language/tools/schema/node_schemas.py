@@ -11,7 +11,7 @@ from bt_agents_language.fields.bindings import HEARTBEAT, TIMEOUTS
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
-from bt_agents_language.nodes.skill import SKILL
+from bt_agents_language.nodes.skill import ONE_OF, SKILL, takes_variants
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.node_pages import NodePage, node_page
 from bt_agents_language.tools.schema import value_schemas
@@ -179,7 +179,19 @@ def _skill(skill: SkillSpec) -> Schema:
         properties[one.name] = described({**values[one.name], **default}, one.description)
     required = [one.name for one in skill.inputs if one.required]
     main = None if skill.main is None else (skill.main, values[skill.main])
-    return _leaf(skill.name, properties, required, main, empty=True)
+    variants = takes_variants(skill)
+    if variants:
+        properties[ONE_OF] = described(
+            {"type": "array", "minItems": 2, "items": value_schemas.TEXT},
+            f"Several texts in the place of '{skill.main}', of which it takes another one each "
+            "time.",
+        )
+    schema = _leaf(skill.name, properties, required, main, empty=True)
+    if variants and skill.main in required:
+        others = [name for name in required if name != skill.main]
+        either = _one_of([skill.main, ONE_OF], f"'{skill.name}' needs '{skill.main}'")
+        schema = {**schema, "required": others, **either}
+    return schema
 
 
 def _leaf(

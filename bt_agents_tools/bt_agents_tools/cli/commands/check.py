@@ -84,7 +84,7 @@ def check_paths(paths: Iterable[str], interfaces: Interfaces | None) -> Checked:
         if only and not checked.files and not checked.unchecked:
             raise BtAgentsError(
                 f"'{only[0]}' is no file that the robot reads: in '{folder}' these are scene.yaml "
-                "and the .yaml files of agents, skills, libraries and scripts"
+                "and the .yaml files of agents, skills, libraries, scripts and texts"
             )
         found.append(checked)
     return Checked(

@@ -52,6 +52,7 @@ Examples:
 @click.option("--answer", multiple=True, metavar="SKILL=ANSWER", help="ask=yes, drive={fails: x}.")
 @click.option("--at", multiple=True, metavar="'TIME WHAT'", help="'2s mood=1.5', '5s cancel' …")
 @click.option("--tune", multiple=True, metavar="NAME=VALUE", help="A tunable from the start.")
+@click.option("--language", default="", help="Language of the texts: de for texts/de.yaml.")
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of everything random.")
 @click.option("--pick", multiple=True, metavar="PATH", help="The child that a 'random' takes.")
 @click.option("-i", "--interactive", is_flag=True, help="Type the answers yourself.")
@@ -66,6 +67,7 @@ def rehearse(
     answer: tuple[str, ...],
     at: tuple[str, ...],
     tune: tuple[str, ...],
+    language: str,
     seed: int | None,
     pick: tuple[str, ...],
     interactive: bool,
@@ -83,7 +85,7 @@ def rehearse(
     agent = agents[0] if agents else ""
     if agent.partition(":")[0].endswith(TEST_SUFFIXES):
         agent, script = "", agent
-    trees, spec, case = _material(agent, script, directory)
+    trees, spec, case = _material(agent, script, directory, language)
     space, symbols = trees.scene.space, with_installed_types(trees.symbols)
     options = scenario_yaml(
         spec,
@@ -119,13 +121,17 @@ def rehearse(
 
 
 def _material(
-    agent: str, script: str, directory: str
+    agent: str, script: str, directory: str, language: str
 ) -> tuple[Trees, AgentSpec, AgentTestCase | None]:
     if not script:
-        return (*named_agent(agent, directory), None)
+        return (*named_agent(agent, directory, language=language), None)
     file, _, name = script.partition(":")
     path = Path(file)
-    trees = read_trees(find_trees(directory)) if directory else TreesFolders().trees_of(path)
+    trees = (
+        read_trees(find_trees(directory), language=language)
+        if directory
+        else TreesFolders(language).trees_of(path)
+    )
     test = read_test(path, trees.agents, with_installed_types(trees.symbols))
     case = _chosen(test.cases, name, file)
     if not agent:

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.scene import Origin, SceneParameter, finite_or_none
+from bt_agents_core.scene import Origin, SceneParameter, finite_or_none, nearest_label
 from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.scene_reader import read_scene
@@ -148,8 +148,7 @@ def _value(value: Any, labels: Labels) -> str:
     parameter = labels.get(value.name)
     if parameter is None or not parameter.labels:
         return text
-    nearest = min(parameter.labels, key=lambda number: (abs(number - value.value), number))
-    return f"{text} ({parameter.labels[nearest]})"
+    return f"{text} ({nearest_label(tuple(parameter.labels.items()), value.value)})"
 
 
 def _age(seconds: float) -> str:

@@ -39,9 +39,15 @@ from bt_agents_tools.rehearsal.transcript import ending, transcript
 @click.option(
     "--coverage", is_flag=True, help="List nodes and branches that no case goes through."
 )
+@click.option("--language", default="", help="Language of the texts: de for texts/de.yaml.")
 @click.option("-v", "--verbose", is_flag=True, help="Show what happened in each case.")
 def test(
-    paths: tuple[Path, ...], word: str, junit_file: Path | None, coverage: bool, verbose: bool
+    paths: tuple[Path, ...],
+    word: str,
+    junit_file: Path | None,
+    coverage: bool,
+    language: str,
+    verbose: bool,
 ) -> None:
     """Rehearse the cases of test files and compare them with what they expect.
 
@@ -50,7 +56,7 @@ def test(
     """
     start = time.perf_counter()
     console = Console(highlight=False, soft_wrap=True)
-    folders = TreesFolders()
+    folders = TreesFolders(language)
     results = [run_file(path, folders, word) for path in find_tests(paths or (find_trees(),))]
     for result in results:
         _show(console, result, verbose)

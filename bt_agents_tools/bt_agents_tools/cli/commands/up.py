@@ -18,6 +18,7 @@ from bt_agents_tools.launcher import components
 @click.argument("directory", required=False, default="")
 @click.option("--robot/--no-robot", default=True, help="Start the simulated robot.")
 @click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
+@click.option("--language", default="", help="Language of the texts; else that of scene.yaml.")
 @click.option("--bindings", default="", help="Robot whose bindings of skills are preferred.")
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @click.option("--ledger", default="", help="File of the learned profiles.")
@@ -48,6 +49,7 @@ def up(
     directory: str,
     robot: bool,
     tags: str,
+    language: str,
     bindings: str,
     voice: bool,
     ledger: str,
@@ -78,7 +80,7 @@ def up(
             orders=str(logs / "orders.json"),
         ),
         components.scene_layer(trees, memory=memory),
-        components.host(trees, tags, bindings, str(state_folder() / "tunings.sqlite")),
+        components.host(trees, tags, bindings, str(state_folder() / "tunings.sqlite"), language),
         components.feedback(trees, ledger=profiles),
     ]
     if bool(selector) != bool(model):

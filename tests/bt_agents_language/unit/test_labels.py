@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Labels of scene parameters as words in expressions and texts."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from bt_agents_core.scene import nearest_label
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import MissingValue
+from bt_agents_language.fields.scope import NameScope, scene_labels, scene_names
+from bt_agents_language.files.mood_rule_reader import restore_mood_rule
+from tree_harness import SPACE, Stage, agent, scene
+
+NAMES = NameScope(scene_names(SPACE), labels=scene_labels(SPACE))
+
+
+def label(text: str, **values: float) -> object:
+    def lookup(name: str) -> float:
+        if name not in values:
+            raise MissingValue(name)
+        return values[name]
+
+    return NAMES.parse(text).evaluate(lambda name: lookup(name.rpartition(".")[2]))
+
+
+@pytest.mark.parametrize(
+    ("mood", "word"),
+    [(1.0, "upset"), (1.4, "upset"), (1.5, "upset"), (1.6, "unhappy"), (4.9, "delighted")],
+)
+def test_the_nearest_label_is_taken_and_of_two_that_of_the_smaller_value(mood, word):
+    assert label("label(live.mood)", mood=mood) == word
+
+
+def test_a_value_far_from_every_label_has_the_nearest_too():
+    assert nearest_label(((1.0, "first"), (3.0, "later")), 90.0) == "later"
+
+
+def test_a_missing_value_has_no_label():
+    with pytest.raises(MissingValue):
+        label("label(live.mood)")
+    assert label("label(live.mood) else 'quiet'") == "quiet"
+    assert label("known(label(live.mood))") is False
+
+
+def test_a_label_is_a_text_of_which_the_words_are_known():
+    assert NAMES.parse("label(live.mood)").kind is ValueKind.TEXT
+    assert label("label(live.mood) == 'upset'", mood=1.0) is True
+
+
+@pytest.mark.parametrize(
+    ("condition", "message", "hint"),
+    [
+        ("label(live.mood) == 'hapy'", "it is never 'hapy'", "upset, unhappy, neutral, content"),
+        ("label(live.mood) > 2", "'>' needs a number on each side", ""),
+        ("label(2) == 'upset'", "'label' needs the name of a scene parameter", "label(live.mood)"),
+        ("label(live.person) == 'x'", "'label' needs the name of a scene parameter", ""),
+        ("label(live.moood) == 'x'", "there is no name 'live.moood' here", "live.mood"),
+    ],
+)
+def test_what_can_have_no_label_is_refused(condition, message, hint):
+    with pytest.raises(ReadError) as error:
+        agent(f"sequence:\n  - check: {condition}")
+    found = [one for one in error.value.diagnostics if message in one.message]
+    assert found
+    assert hint in found[0].hint
+
+
+def test_a_label_is_said():
+    stage = Stage("say: You look ${label(live.mood)}.", awarded=scene(mood=4.2))
+    stage.tick()
+    assert stage.said == ["You look content."]
+
+
+def test_a_name_that_is_given_a_label_is_given_no_number_elsewhere():
+    with pytest.raises(ReadError, match="a text"):
+        agent("sequence:\n  - set: {felt: '${label(live.mood)}'}\n  - set: {felt: 3}")
+
+
+def test_a_mood_rule_may_name_a_label():
+    rule = restore_mood_rule(SPACE, when="label(live.mood) == 'upset'", give=2)
+    assert rule.when.is_true(lambda _: 1.2) is True
+    head = "feedback: [{when: label(live.mood) == 'upset' and mood.change < -1, give: negative}]"
+    assert len(agent("wait: 1 s", head).rules) == 1

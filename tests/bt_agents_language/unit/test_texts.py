@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Texts of a language: files, what inserts them, and what is told about both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_language.files.texts_reader import FolderTexts, read_texts
+from bt_agents_language.model.specs import Literal, Reference, Text, Variants
+from bt_agents_language.tools.folder_check import check_folder
+from bt_agents_language.tools.lint import lint
+from bt_agents_language.yaml.source import Source
+from tree_harness import TREES
+
+SCENE = (TREES / "scene.yaml").read_text() + "\nlanguage: de\n"
+HEAD = "format: 1\nagent: guide\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+DE = "format: 1\ntexts:\n  hello: Hallo.\n  ask: Fertig, ${guest}?\n"
+EN = "format: 1\ntexts:\n  hello: Hello.\n  ask: Ready, ${guest}?\n"
+TREE = """tree:
+  sequence:
+    - set: {guest: Ann}
+    - say: ${t.hello}
+    - ask: "${t.ask}"
+"""
+
+
+class Folder:
+    """A trees folder with one agent and texts in two languages."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.write("scene.yaml", SCENE)
+        self.write("skills/robot.yaml", (TREES / "skills" / "robot.yaml").read_text())
+        self.write("texts/de.yaml", DE)
+        self.write("texts/en.yaml", EN)
+        self.tree(TREE)
+
+    def write(self, name: str, text: str) -> None:
+        (self.path / name).parent.mkdir(exist_ok=True)
+        (self.path / name).write_text(text, encoding="utf-8")
+
+    def tree(self, text: str) -> None:
+        self.write("agents/guide.yaml", HEAD + text)
+
+    def read(self, language: str = "") -> Trees:
+        return read_trees(self.path, language=language)
+
+    def said(self, tree: str, language: str = "") -> object:
+        self.tree(f"tree:\n  say: {tree}\n")
+        trees = self.read(language)
+        assert not trees.broken, trees.broken[0].error
+        return trees.agents[0].tree.fields["text"]
+
+    def problems(self) -> list[str]:
+        found = []
+        for one in check_folder(self.path).problems:
+            file = Path(one.position.file)
+            place = f"{file.parent.name}/{file.name}:{one.position.line}:{one.position.column}"
+            found.append(f"{place}: {one.code}: {one.message} | {one.hint}")
+        return found
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    return Folder(tmp_path)
+
+
+def test_a_text_is_that_of_the_language_of_the_folder_or_of_another_that_is_asked_for(folder):
+    assert folder.said("${t.hello}") == Literal(value="Hallo.")
+    assert folder.said("${t.hello}", "en") == Literal(value="Hello.")
+    assert folder.problems()[:1] == [
+        "texts/de.yaml:4:3: unused-text: nothing inserts the text 'ask' | "
+        "write ${t.ask} where it is needed, or remove it"
+    ]
+
+
+def test_names_in_a_text_are_those_of_the_place_where_it_is_inserted(folder):
+    tree = folder.read().agents[0].tree
+    assert tree.children[2].fields["text"] == Text(
+        parts=("Fertig, ", Reference(name="guest"), "?")
+    )
+    assert folder.problems() == []
+
+
+def test_a_text_stands_in_the_middle_of_another_and_in_lists(folder):
+    assert folder.said('"${t.hello} ${t.hello}!"') == Literal(value="Hallo. Hallo.!")
+    folder.tree('tree: {ask: {text: a, choices: ["${t.hello}", no]}}\n')
+    assert [item.value for item in folder.read().agents[0].tree.fields["choices"].items] == [
+        "Hallo.",
+        "no",
+    ]
+
+
+def test_one_of_several_texts_is_taken_where_a_skill_says_one(folder):
+    folder.write("texts/de.yaml", DE + "  bye: {one_of: [Ade., 'Bis ${clock.weekday}.']}\n")
+    variants = folder.said("${t.bye}")
+    assert isinstance(variants, Variants)
+    assert variants.texts[0] == Literal(value="Ade.")
+    inside = folder.said('"Gut. ${t.bye}"')
+    assert isinstance(inside, Text)
+    assert inside.parts == ("Gut. ", variants)
+    folder.tree('tree: {log: "${t.bye}"}\n')
+    (broken,) = folder.read().broken
+    assert "'t.bye' is one of several texts" in broken.error.lines[0]
+
+
+def test_a_longer_text_is_the_one_that_counts_where_speech_is_cut_off(folder):
+    long = "Bitte legen Sie Ihre Tasche auf die Plattform, wenn Sie so weit sind."
+    folder.write("texts/de.yaml", f"{DE}  bye: {{one_of: [Ade., '{long}']}}\n")
+    folder.tree('tree: {say: "Gut. ${t.bye}", timeout: 3 s}\n')
+    assert [one.code for one in lint(folder.read().agents[0])] == ["cut-speech"]
+
+
+def test_a_condition_compares_with_a_text_without_names(folder):
+    folder.tree("tree: {sequence: [ask: a, check: 'contains(lower(answer), t.hello)']}\n")
+    condition = folder.read().agents[0].tree.children[1].fields["condition"]
+    assert condition.evaluate(lambda _: "na, HALLO.") is False
+    folder.write("texts/de.yaml", DE.replace("Hallo.", "hallo"))
+    again = folder.read().agents[0].tree.children[1].fields["condition"]
+    assert again.evaluate(lambda _: "na, HALLO.") is True
+    assert again != condition
+    folder.tree("tree: {sequence: [ask: a, check: answer == t.ask]}\n")
+    (broken,) = folder.read().broken
+    assert "'t.ask' has a name in it, which an expression cannot fill in" in broken.error.lines[0]
+
+
+def test_what_is_wrong_in_a_text_is_told_where_it_stands_and_in_every_language(folder):
+    folder.write("texts/en.yaml", EN.replace("${guest}", "${gest}"))
+    assert [one.partition(": ")[2] for one in folder.problems()] == [
+        "unknown-name: there is no name 'gest' here (inserted in "
+        f"{folder.path}/agents/guide.yaml:8) | did you mean 'guest'?"
+    ]
+    assert folder.problems()[0].startswith("texts/en.yaml:4:17: ")
+    assert not folder.read().broken
+    assert folder.read("en").broken
+
+
+def test_an_unknown_text_is_told_with_the_one_that_is_meant(folder):
+    folder.tree('tree: {say: "${t.helo}"}\n')
+    (first, *_) = folder.problems()
+    assert first == (
+        "agents/guide.yaml:4:16: unknown-name: there is no text 'helo' in texts/de.yaml | "
+        "did you mean 't.hello'?"
+    )
+
+
+def test_a_text_that_a_language_lacks_is_told_and_one_that_nothing_inserts(folder):
+    folder.write("texts/de.yaml", DE + "  bye: Ade.\n")
+    assert folder.problems() == [
+        "texts/de.yaml:5:3: unused-text: nothing inserts the text 'bye' | "
+        "write ${t.bye} where it is needed, or remove it",
+        "texts/en.yaml:1:1: missing-text: there is no text 'bye', which de.yaml has | "
+        "add 'bye: …' below 'texts'",
+    ]
+
+
+def test_a_text_that_only_a_library_inserts_is_used(folder):
+    folder.write("texts/de.yaml", DE + "  bye: Ade.\n")
+    folder.write("texts/en.yaml", EN + "  bye: Bye.\n")
+    library = 'format: 1\nsubtrees: {leave: {tree: {say: "${t.bye}"}}}\n'
+    folder.write("libraries/manners.yaml", library)
+    folder.tree("imports: [libraries/manners.yaml]\n" + TREE + "    - subtree: leave\n")
+    trees = folder.read("en")
+    assert trees.agents[0].tree.children[3].children[0].fields["text"] == Literal(value="Bye.")
+    assert trees.files[0].imports == {"libraries/manners.yaml", "texts/en.yaml"}
+    assert folder.problems() == []
+
+
+def test_an_agent_may_have_a_language_of_its_own_with_the_libraries_that_it_imports(folder):
+    library = 'format: 1\nsubtrees: {greet: {tree: {say: "${t.hello}"}}}\n'
+    folder.write("libraries/manners.yaml", library)
+    tree = "imports: [libraries/manners.yaml]\n" + TREE + "    - subtree: greet\n"
+    folder.tree(tree)
+    english = HEAD.replace("guide", "english") + "language: en\n" + tree
+    folder.write("agents/english.yaml", english)
+    trees = folder.read()
+    assert not trees.broken
+
+    def said(name: str) -> list[object]:
+        [agent] = [one for one in trees.agents if one.name == name]
+        nodes = (agent.tree.children[1], agent.tree.children[3].children[0])
+        return [node.fields["text"].value for node in nodes]
+
+    assert said("guide") == ["Hallo.", "Hallo."]
+    assert said("english") == ["Hello.", "Hello."]
+    [file] = [one for one in trees.files if one.agent.name == "english"]
+    assert "texts/en.yaml" in file.imports
+    assert folder.problems() == []
+
+
+def test_an_agent_whose_own_language_has_no_texts_is_told_so(folder):
+    folder.tree("language: fr\n" + TREE)
+    (first, *_) = folder.problems()
+    assert "there are no texts in the language 'fr'" in first
+
+
+def test_without_a_language_texts_are_refused_with_what_to_write(folder):
+    folder.write("scene.yaml", SCENE.replace("language: de\n", ""))
+    (broken,) = folder.read().broken
+    assert "no language is chosen for this text" in broken.error.report
+    assert "write 'language: de or en' in scene.yaml" in broken.error.report
+    assert not folder.read("en").broken
+
+
+def test_a_language_without_texts_is_refused(folder):
+    with pytest.raises(BtAgentsError, match=r"no texts in the language 'fr'.*some in de and en"):
+        folder.read("fr")
+    with pytest.raises(BtAgentsError, match="no texts in the language"):
+        folder.read("../agents/guide")
+    assert FolderTexts(folder.path, "../agents/guide").broken is None
+
+
+def test_a_broken_file_of_texts_breaks_the_agents_that_insert_them_and_no_other(folder):
+    folder.write("texts/de.yaml", "format: 1\ntexts: 3\n")
+    folder.write("agents/plain.yaml", HEAD.replace("guide", "plain") + "tree: {say: Hello.}\n")
+    trees = folder.read()
+    assert [one.name for one in trees.agents] == ["plain"]
+    assert [one.file.name for one in trees.broken] == ["guide.yaml", "de.yaml"]
+    assert (
+        "'texts/de.yaml' has errors itself: wrong-type in line 2" in trees.broken[0].error.report
+    )
+
+
+@pytest.mark.parametrize(
+    ("texts", "problem"),
+    [
+        ("{}", "there is no text"),
+        ("{Hello: a}", "[bad-name]"),
+        ("{hello: }", "text 'hello' is empty"),
+        ("{hello: [a, b]}", "expected a text, found a list"),
+        ("{hello: {one_of: [a]}}", "text 'hello' needs two texts or more, found 1"),
+        ("{hello: {one_off: [a, b]}}", "[unknown-key]"),
+        ("{hello: {one_of: [a, {b: c}]}}", "expected a text, found a mapping"),
+        ("{hello: a, hello: b}", "[duplicate-key]"),
+    ],
+)
+def test_a_file_of_texts_says_what_is_wrong_with_it(texts, problem):
+    with pytest.raises(ReadError) as error:
+        read_texts(Source("de.yaml", f"format: 1\ntexts: {texts}\n"))
+    assert problem in error.value.report
+
+
+def test_a_text_cannot_insert_another_one_so_that_none_contains_itself(folder):
+    folder.write("texts/de.yaml", "format: 1\ntexts: {hello: '${t.hello}', ask: b}\n")
+    (broken,) = folder.read().broken
+    first = broken.error.diagnostics[0]
+    assert first.message.startswith("a text cannot insert another one, 't.hello'")
+    assert Path(first.position.file).name == "de.yaml"
+    assert "${t.hello}" in first.excerpt

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several texts of a skill, as they are written, checked, drawn and exported."""
+
+from __future__ import annotations
+
+import pytest
+from jsonschema import Draft7Validator
+
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.agent_export import export_agent
+from bt_agents_groot.agent_import import import_agent
+from bt_agents_language.model.specs import Literal, NodeSpec, Variants
+from bt_agents_language.tools.drawing.value_format import format_value
+from bt_agents_language.tools.lint import lint
+from bt_agents_language.tools.schema.folder import schema_of
+from bt_agents_language.yaml.source import Source
+from core_schema import loaded
+from file_texts import read_agent_text
+from tree_harness import SYMBOLS, agent
+
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+SCHEMA = Draft7Validator(schema_of("agent", SYMBOLS))
+
+
+def node(tree: str) -> NodeSpec:
+    return agent(tree).tree
+
+
+def refused_by_schema(tree: str) -> bool:
+    return bool(list(SCHEMA.iter_errors(loaded(f"{HEAD}tree: {{{tree}}}\n"))))
+
+
+def test_variants_stand_in_the_place_of_the_main_text_beside_the_other_inputs():
+    spec = node("say: {one_of: [Hello., Hi.], rate: 0.8}")
+    assert spec.fields["text"] == Variants(texts=(Literal(value="Hello."), Literal(value="Hi.")))
+    assert spec.fields["rate"] == Literal(value=0.8)
+    assert spec.name == "say one_of …"
+    assert not refused_by_schema("say: {one_of: [Hello., Hi.], rate: 0.8}")
+
+
+def test_a_skill_whose_main_text_may_be_left_out_takes_them_too():
+    assert node("show: {one_of: [Hello., Hi.]}").variants
+
+
+@pytest.mark.parametrize(
+    ("tree", "code", "message", "hint", "by_schema"),
+    [
+        ("say: {one_of: [Hello.]}", "missing-value", "needs two texts or more", "without", True),
+        ("say: {one_of: []}", "missing-value", "needs two texts or more", "", True),
+        ("say: {one_of: Hello.}", "wrong-type", "expected a list of texts", "'- '", True),
+        ("say: {one_of: [Hello., [a]]}", "wrong-type", "expected a text", "", True),
+        ("say: {one_of: [a, b], text: c}", "contradiction", "in its place", "keep one", False),
+        ("say: {rate: 1}", "missing-key", "needs the key 'text'", "", True),
+        ("say: [a, b]", "wrong-type", "found a list", "write {one_of: […]}", True),
+        ("drive: {oneof: [a, b]}", "unknown-key", "no key 'oneof'", "'one_of'", True),
+        ("say: {one_of: [a, 'b ${nmae}']}", "unknown-name", "no name 'nmae'", "", False),
+        ("say: {rate: {one_of: [1, 2]}, text: a}", "wrong-type", "expected a number", "", True),
+        ("log: {one_of: [a, b]}", "unknown-key", "no key 'one_of'", "", True),
+    ],
+)
+def test_what_is_wrong_with_them_is_said(tree, code, message, hint, by_schema):
+    with pytest.raises(ReadError) as error:
+        agent(tree)
+    [found] = [one for one in error.value.diagnostics if one.code == code]
+    assert message in found.message
+    assert hint in found.hint
+    assert refused_by_schema(tree) is by_schema
+
+
+def test_the_longest_of_them_decides_whether_speech_is_cut_off():
+    long = "Put your bag on the platform, please, and tell me when you are ready to go."
+    warnings = lint(agent(f"{{say: {{one_of: [Hi., '{long}', Hello.]}}, timeout: 2 s}}"))
+    assert [one.code for one in warnings] == ["cut-speech"]
+    assert not lint(agent("{say: {one_of: [Hi., Hello.]}, timeout: 2 s}"))
+
+
+def test_a_tunable_that_only_a_variant_names_is_read():
+    head = "tunables: {place: {default: gate 7, description: where to}}"
+    assert not lint(agent("say: {one_of: [Hi., 'To ${place}.']}", head))
+
+
+def test_a_picture_shows_them_all():
+    shown = format_value(node("say: {one_of: [Hello., 'Hi ${clock.hour}.']}").fields["text"])
+    assert shown == 'one of "Hello.", "Hi ${clock.hour}."'
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "say: {one_of: [Hello., Hi there.]}",
+        "ask: {one_of: ['Shall we?', 'Ready, ${clock.weekday}?'], choices: [yes, no], wait: 3 s}",
+    ],
+)
+def test_groot_keeps_them(tree):
+    text = f"{HEAD}tree: {{{tree}}}\n"
+    exported = export_agent(Source("a.yaml", text), SYMBOLS)
+    imported = import_agent(Source("a.xml", exported.text), "a", SYMBOLS)
+    again = agent_of(imported.text)
+    assert again.fields == agent_of(text).fields
+
+
+def agent_of(text: str) -> NodeSpec:
+    return read_agent_text(text, "a.yaml", SYMBOLS).tree
