@@ -261,8 +261,13 @@ class Encounters:
 
     @property
     def enabled(self) -> bool:
-        """Whether updates are needed: for persons with ids, or values to remember."""
-        return self.identified or bool(self._remembered)
+        """Whether updates are needed: for persons with ids, or for values of theirs."""
+        return self.identified or bool(self._remembered or self._spec.personal)
+
+    @property
+    def here(self) -> tuple[str, ...]:
+        """Who is here, as of the last update; :data:`NOBODY` for somebody without an id."""
+        return self._here
 
     def update(self, now: float, wall: float, held: str | None = None) -> bool:
         """Update who is here, and remember what was measured of them; times steady and unix [s].

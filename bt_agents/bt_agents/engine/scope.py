@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of names during a run: inputs, tunables, outputs, scene, mood, profile, clock."""
+"""Values of names during a run: inputs, tunables, outputs, scene, mood, person, clock."""
 
 from __future__ import annotations
 
@@ -64,6 +64,8 @@ class RunScope:
         profile: The agent's own vector.
         tunables: Current values by name, shared with the host, which tunes them.
         clock: Returns the local time; None where nobody knows it.
+        told: Values that nodes have put into the scene or remembered of the person, by full name:
+            what ``scene`` and the live scene of that moment do not say yet.
         blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
             write is not there.
     """
@@ -74,6 +76,7 @@ class RunScope:
     profile: Vector
     tunables: Mapping[str, Plain]
     clock: Callable[[], LocalTime] | None = None
+    told: dict[str, Plain] = field(default_factory=dict)
     blackboard: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
@@ -91,7 +94,17 @@ class RunScope:
         """Return the value of a name that no node writes; see :class:`ValueSource`."""
         if name in self.tunables:
             return self.tunables[name]
-        return resolve(name, self.scene, self.live, self._mood_change, self._own_value, self.clock)
+        if name in self.told:
+            return self.told[name]
+        return resolve(
+            name,
+            self.scene,
+            self.live,
+            self._mood_change,
+            self._own_value,
+            self.clock,
+            lambda member: self.live().of_person(member),
+        )
 
     def _mood_change(self, live: Scene) -> float:
         return mood_of(live, self.space) - mood_of(self.scene, self.space)

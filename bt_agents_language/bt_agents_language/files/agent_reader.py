@@ -11,7 +11,13 @@ from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.scene_values import read_vector
-from bt_agents_language.fields.scope import NameScope, clock_names, scene_names, scene_ranges
+from bt_agents_language.fields.scope import (
+    NameScope,
+    clock_names,
+    person_names,
+    scene_names,
+    scene_ranges,
+)
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.files.imports import IMPORTS, read_imports
 from bt_agents_language.files.learning_reader import (
@@ -60,7 +66,8 @@ AGENT = FileKind(
         FieldDecl(
             "requires",
             CONDITION,
-            "It does not bid unless this is true of the scene and the time of day: scene.person",
+            "It does not bid unless this is true of the scene, the person and the time of day: "
+            "scene.person",
         ),
         FieldDecl(
             "tunables",
@@ -95,7 +102,7 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     tunables = _tunables(reading, fields)
     rules = read_mood_rules(reading, fields, space)
     if (node := fields.get("requires")) is not None:
-        known = {**scene_names(space, ("scene",)), **clock_names()}
+        known = {**scene_names(space, ("scene",)), **clock_names(), **person_names(space)}
         names = NameScope(known, ranges=scene_ranges(space))
         requires = read_condition(reading, node, names, "'requires'")
     tags = tuple(reading.text(tag, "a tag") or "" for tag in fields.items("tags"))

@@ -209,6 +209,7 @@ class SceneSpec:
         place: Where the robot is, or the source that says so.
         missing: What a scene holds for parameters that nobody measures; what is not named is left
             out.
+        personal: Parameters whose given and told values belong to the person, not the interaction.
     """
 
     space: SceneSpace
@@ -217,6 +218,7 @@ class SceneSpec:
     persons: PersonsSpec | None = None
     place: str | SourceSpec = ""
     missing: Mapping[str, MissingRule] = field(default_factory=dict)
+    personal: frozenset[str] = frozenset()
 
     @cached_property
     def every_source(self) -> tuple[SourceSpec, ...]:

@@ -11,7 +11,13 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, COMPARISON, PREFIXES
 from bt_agents_language.expression.units import DIMENSIONS
-from bt_agents_language.fields.scope import RESERVED, clock_names, mood_names, scene_names
+from bt_agents_language.fields.scope import (
+    RESERVED,
+    clock_names,
+    mood_names,
+    person_names,
+    scene_names,
+)
 
 Rows = tuple[tuple[str, str], ...]
 
@@ -122,6 +128,10 @@ def _names(space: SceneSpace) -> ReferenceTopic:
         (of("live"), "the same now; live.stale: nothing comes, the others have no value"),
         *mood,
         (of("profile"), "the agent's own profile"),
+        (
+            "  ".join(person_names(space)),
+            "somebody known by name: who, how often here, and what 'remember' has stored",
+        ),
         (
             "  ".join(clock_names()),
             f"the hour of the day, 0 to 23, and the day of the week: {', '.join(WEEKDAYS)}",

@@ -14,6 +14,7 @@ from bt_agents_language.fields.scope import (
     NameScope,
     clock_names,
     mood_names,
+    person_names,
     scene_names,
     scene_ranges,
 )
@@ -83,6 +84,7 @@ class TreesReader:
             **scene_names(symbols.space, ("scene", "live", "profile")),
             **mood_names(symbols.space),
             **clock_names(),
+            **person_names(symbols.space),
             **self._tunables,
         }
         self._ranges = {**scene_ranges(symbols.space), **ranges}

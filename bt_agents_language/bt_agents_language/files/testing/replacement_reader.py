@@ -6,7 +6,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.fields.scope import NameScope, clock_names, mood_names, scene_names
+from bt_agents_language.fields.scope import (
+    NameScope,
+    clock_names,
+    mood_names,
+    person_names,
+    scene_names,
+)
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED
 from bt_agents_language.model.specs import NodeSpec, Tunable, iter_nodes
@@ -41,6 +47,7 @@ class ReplacementReader:
             **scene_names(symbols.space, ("scene", "live", "profile")),
             **mood_names(symbols.space),
             **clock_names(),
+            **person_names(symbols.space),
             **self._tunables,
         }
 
