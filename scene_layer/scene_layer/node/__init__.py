@@ -22,7 +22,7 @@ from bt_agents_interfaces.srv import Analyze, Remember
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec
-from bt_agents_language.model.specs import Script
+from bt_agents_language.model.specs import Script, Visit
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg, to_time
@@ -112,7 +112,9 @@ class SceneLayerNode(BaseNode):
             )
         else:
             listened = self._market_listens
-            self._player = ScriptPlayer(self, script, self._announce, self._give, listened)
+            self._player = ScriptPlayer(
+                self, script, self._announce_visit, self._begin_visit, self._give, listened
+            )
 
     def request_stop(self) -> None:
         self._store.request_stop()
@@ -233,6 +235,14 @@ class SceneLayerNode(BaseNode):
         self._on_change()
         return response
 
+    def _begin_visit(self, visit: Visit) -> None:
+        self._estimate.encounters.begin_visit(visit.name, time.monotonic(), time.time())
+
+    def _announce_visit(self, visit: Visit) -> Scene:
+        return self._announce(
+            visit.label, visit.values, visit.person, visit.urgent, person_id=visit.name or None
+        )
+
     def _announce(
         self,
         label: str,
@@ -241,13 +251,21 @@ class SceneLayerNode(BaseNode):
         urgent: bool,
         *,
         told: bool = False,
+        person_id: str | None = None,
     ) -> Scene:
         if self._estimate.encounters.enabled:
             self._poll()
         now = time.monotonic()
         self._announced_id = self._ids()
         self._estimate.begin(
-            self._announced_id, label, values, person, now, urgent=urgent, told=told
+            self._announced_id,
+            label,
+            values,
+            person,
+            now,
+            urgent=urgent,
+            told=told,
+            person_id=person_id,
         )
         scene = self._put_together(self._announced_id, now)
         self._scene.publish(scene_to_msg(scene))

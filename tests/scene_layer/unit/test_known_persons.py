@@ -278,3 +278,21 @@ def test_a_told_value_of_a_foreign_scene_stays_told() -> None:
     other.see(0.0, "anna")
     other.estimate.adopt(room.scene("s"), 0.0)
     assert other.scene("s").values[1].origin is Origin.TOLD
+
+
+def test_somebody_whom_a_script_names_is_known_until_the_next_visit_begins() -> None:
+    room = Room(WITHOUT_IDS)
+    begin = room.estimate.encounters.begin_visit
+    for now, visitor, visits, remembered in (
+        (0.0, "anna", 1, {}),
+        (1.0, "", 0, {}),
+        (2.0, "anna", 2, {"favourite": "tea"}),
+        (3.0, "anna", 3, {"favourite": "tea"}),
+    ):
+        begin(visitor, now, 1000.0 + now)
+        scene_id = f"s{now:g}"
+        room.estimate.begin(scene_id, "", {}, True, now, person_id=visitor or None)
+        scene = room.scene(scene_id)
+        assert (scene.person_id, scene.visits, scene.remembered) == (visitor, visits, remembered)
+        if visits == 1:
+            room.remember("anna", favourite="tea")
