@@ -73,6 +73,7 @@ REMEMBER = NodeType(
     key="remember",
     order=75,
     open=True,
+    declared=lambda space: space.remembers,
     description="Remembers values of the person until their next visit: person.<name>.",
     read=_read,
     idle=True,

@@ -98,6 +98,7 @@ SET = NodeType(
     order=70,
     open=True,
     assigns=True,
+    declared=lambda space: {SCENE + name: FieldType.NUMBER for name in space.names},
     description="Gives names values that later nodes can use. Behind 'scene.' it is a value that "
     "the person has told, which goes into the live scene.",
     read=_read,

@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 import pytest
+from jsonschema import Draft7Validator
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.tools.schema.folder import schema_of
 from file_texts import read_scene_text
 from rehearsal_harness import cases_for, scenario
-from tree_harness import agent
+from tree_harness import SYMBOLS, agent
 
 SCENE = """
 format: 1
@@ -144,3 +146,19 @@ def test_slips_about_the_person_of_a_rehearsal_are_named(person: str, problem: s
     with pytest.raises(ReadError) as caught:
         cases_for(agent("say: hello"), f"- name: one\n  person: {person}\n  ends: succeeded")
     assert problem in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("tree", "sound"),
+    [
+        ({"remember": {"favourite": "${answer}"}}, True),
+        ({"remember": {"favorite": "tea"}}, False),
+        ({"remember": {}}, False),
+        ({"set": {"scene.age": 4, "n": "anything"}}, True),
+        ({"set": {"scene.age": "old"}}, False),
+    ],
+)
+def test_an_editor_knows_what_can_be_remembered_and_told(tree: object, sound: bool) -> None:
+    profile = {"age": 3, "familiarity": 3, "mood": 3}
+    document = {"format": 1, "agent": "a", "profile": profile, "tree": tree}
+    assert Draft7Validator(schema_of("agent", SYMBOLS)).is_valid(document) is sound
