@@ -11,6 +11,8 @@ from enum import IntEnum
 from functools import cached_property
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.person_facts import Fact
 
 Vector = tuple[float, ...]
 """Values of all scene parameters, in the order of the space; NaN marks a missing one."""
@@ -41,6 +43,7 @@ class Origin(IntEnum):
     GIVEN = 2
     ESTIMATED = 3
     DEFAULT = 4
+    TOLD = 5
 
 
 Labels = tuple[tuple[float, str], ...]
@@ -131,8 +134,8 @@ class SceneValue:
 
     @property
     def observed(self) -> bool:
-        """True for a measured or given value, which is neither estimated nor assumed."""
-        return self.origin in (Origin.MEASURED, Origin.GIVEN)
+        """True for a measured, given or told value, which is neither estimated nor assumed."""
+        return self.origin in (Origin.MEASURED, Origin.GIVEN, Origin.TOLD)
 
     @classmethod
     def missing(cls, name: str) -> SceneValue:
@@ -159,6 +162,9 @@ class Scene:
         person_id: Who it is, by name or as a tracker calls them; empty when nobody knows.
         place: Where it is; may be empty.
         persons: How many persons are tracked; 0 when nobody counts them.
+        visits: How often the person has been here, this visit included; 0 for somebody who is not
+            known by name.
+        remembered: What agents have remembered of the person.
         stamp: Time of the analysis [s].
         stale_s: Of a live scene: how long the scene layer has been silent, once that is so long
             that the values tell nothing about now; 0 otherwise [s].
@@ -172,6 +178,8 @@ class Scene:
     person_id: str = ""
     place: str = ""
     persons: int = 0
+    visits: int = 0
+    remembered: Mapping[str, Fact] = field(default_factory=dict)
     stamp: float = 0.0
     stale_s: float = 0.0
 
@@ -182,7 +190,7 @@ class Scene:
 
     @cached_property
     def observed(self) -> Vector:
-        """The values that were measured or given, in the order of the space, NaN for others."""
+        """The values measured, given or told, in the order of the space, NaN for others."""
         return tuple(value.value if value.observed else MISSING for value in self.values)
 
     @cached_property
@@ -197,6 +205,21 @@ class Scene:
                 return value.value
         raise KeyError(name)
 
+    def of_person(self, member: str) -> Fact:
+        """Return ``name``, ``visits`` or something remembered of a person who is known by name.
+
+        Raises:
+            KeyError: Nobody who is there is known by name, or nothing of the kind is remembered.
+        """
+        if not self.visits or not self.person_id:
+            raise KeyError(member)
+        match member:
+            case "name":
+                return self.person_id
+            case "visits":
+                return self.visits
+        return self.remembered[member]
+
     def with_id(self, scene_id: str) -> Scene:
         """Return the same scene under another id."""
         return replace(self, scene_id=scene_id)
@@ -209,10 +232,12 @@ class SceneSpace:
     Attributes:
         parameters: At least one, names unique.
         mood: Name of the parameter that is the person's mood; None when there is none.
+        remembers: What agents may remember of a person, with its type.
     """
 
     parameters: tuple[SceneParameter, ...]
     mood: str | None = None
+    remembers: Mapping[str, FieldType] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -335,8 +360,8 @@ class SceneSpace:
 def mood_of(scene: Scene, space: SceneSpace, *, confidence: float = 0.0) -> float:
     """Return the mood of the person in a scene, NaN when it is not known.
 
-    It is known of a person who is there, when it was measured or given, with ``confidence`` or
-    more: a person who is lost is not unhappy, and neither is one whose mood is only assumed.
+    It is known of a person who is there, when it was measured, given or told, with ``confidence``
+    or more: a person who is lost is not unhappy, and neither is one whose mood is only assumed.
     """
     if space.mood is None or not scene.person:
         return MISSING

@@ -37,6 +37,7 @@ def _own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
         values = element.attributes.get("values")
         outputs = _port_value(tree, values, FieldType.ANY) if values is not None else None
         fields = outputs if isinstance(outputs, dict) else None
+        outputs = outputs if own.assigns else None
     else:
         fields = _own_fields(tree, element, own)
         outputs = fields.get("outputs") if fields is not None else None

@@ -67,6 +67,8 @@ def set_script(entries: tuple[MappingEntry, ...]) -> str:
     statements: list[str] = []
     names: set[str] = set()
     for entry in entries:
+        if "." in entry.key.text:
+            raise Untranslatable("a script sets names of its blackboard only")
         value = _formula(entry.value)
         if names & set(names_in_formula(value)):
             raise Untranslatable("the values of a script follow each other")

@@ -78,7 +78,7 @@ _SCRIPT_WORDS = {"or": "||", "and": "&&"}
 _SCRIPT_PREFIX = 20
 _NOT, _MINUS, _OPERAND = 3, 7, 99
 
-GROUPS = ("scene", "live", "profile", "mood", "clock", "cancel")
+GROUPS = ("scene", "live", "profile", "mood", "clock", "person", "cancel")
 """Prefixes of dotted names, as in ``scene.age``."""
 
 _GROUPED = re.compile(rf"({'|'.join(GROUPS)})__(\w+)")

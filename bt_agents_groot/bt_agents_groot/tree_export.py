@@ -31,7 +31,6 @@ from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, RawNode
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
-from bt_agents_language.nodes.set import SET
 from bt_agents_language.nodes.skill import ONE_OF, takes_variants
 from bt_agents_language.nodes.when import WHEN
 from bt_agents_language.yaml.scalars import boolean
@@ -205,9 +204,12 @@ class TreeExport:
         try:
             return Xml("Script", {"code": set_script(raw.value.entries)})
         except Untranslatable:
-            values = as_port(raw.value, FieldType.ANY)
-            tag = self._declared_tag(raw.key, "Action", SET.key, (_VALUES,))
-            return Xml(tag, {"values": values})
+            return self._open(raw)
+
+    def _open(self, raw: RawNode) -> Xml:
+        values = as_port(raw.value, FieldType.ANY)
+        tag = self._declared_tag(raw.key, "Action", raw.key.text, (_VALUES,))
+        return Xml(tag, {"values": values})
 
     def _wait(self, raw: RawNode) -> Xml:
         try:
@@ -296,6 +298,7 @@ NODES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
     "choose": TreeExport._choose,
     "random": TreeExport._random,
     "check": TreeExport._check,
+    "remember": TreeExport._open,
     "set": TreeExport._set,
     "wait": TreeExport._wait,
     "wait_for": TreeExport._wait_for,

@@ -4,16 +4,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.person_facts import Fact, facts, message_fields, values_of
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_interfaces.msg import PersonFact
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
+from bt_agents_ros.types import fill
 
-_SAME = ("scene_id", "label", "person", "urgent", "person_id", "place", "persons")
+_SAME = ("scene_id", "label", "person", "urgent", "person_id", "place", "persons", "visits")
 """Fields that a scene and its message have alike."""
 
 _NUMBERS = ("value", "age_s", "std", "confidence")
@@ -50,6 +54,7 @@ def scene_to_msg(scene: Scene) -> SceneMsg:
             )
             for v in scene.values
         ],
+        remembered=facts_to_msg(scene.remembered),
         **{field: getattr(scene, field) for field in _SAME},
     )
 
@@ -59,7 +64,7 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
 
     Raises:
         Refused: As in :meth:`SceneSpace.scene`; also ``EMPTY`` without a scene id,
-            ``TOO_LONG`` and ``UNKNOWN_ORIGIN``.
+            ``TOO_LONG`` and ``UNKNOWN_ORIGIN``; or as in :func:`facts`.
     """
     if not message.scene_id:
         raise Refused("EMPTY", "scene: no scene_id; every scene needs a unique one")
@@ -76,12 +81,23 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
         if origin is None:
             raise Refused(
                 "UNKNOWN_ORIGIN",
-                f"scene: '{value.name}' has the origin {value.origin}, expected 0-4",
+                f"scene: '{value.name}' has the origin {value.origin}, expected 0-5",
             )
         numbers = {field: getattr(value, field) for field in _NUMBERS}
         values.append(SceneValue(name=value.name, origin=origin, source=value.source, **numbers))
     return Scene(
         values=space.scene(values),
         stamp=seconds(message.stamp),
+        remembered=facts(values_of(message.remembered)),
         **{field: getattr(message, field) for field in _SAME},
     )
+
+
+def facts_to_msg(remembered: Mapping[str, Fact]) -> list[PersonFact]:
+    """Return what is remembered of a person as a part of a message."""
+    found = []
+    for key, value in remembered.items():
+        message = PersonFact()
+        fill(message, message_fields(key, value))
+        found.append(message)
+    return found

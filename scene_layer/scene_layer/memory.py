@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Memory of persons and places: what was measured before, and the file that outlives a restart."""
+"""Memory of persons and places, and the file that outlives a restart."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from bt_agents_core.atomic_file import write_atomically
-from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.person_facts import Fact, fact, facts, has_type
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 
 MOST_KNOWN = 1000
@@ -87,18 +88,26 @@ class KnownPerson:
     Attributes:
         visits: How often the person came; of a place, how many came.
         seen_at: Last time, in unix time [s].
+        facts: What agents have remembered of a person.
         lent: Whether a copy has the same values, so that they must not be changed in place.
     """
 
     visits: int = 0
     values: dict[str, Running] = field(default_factory=dict)
     seen_at: float = 0.0
+    facts: Mapping[str, Fact] = field(default_factory=dict)
     lent: bool = field(default=False, repr=False, compare=False)
 
     def copy(self) -> KnownPerson:
         """Return one that later measurements do not change; until then they share the values."""
         self.lent = True
-        return KnownPerson(visits=self.visits, values=self.values, seen_at=self.seen_at, lent=True)
+        return KnownPerson(
+            visits=self.visits,
+            values=self.values,
+            seen_at=self.seen_at,
+            facts=self.facts,
+            lent=True,
+        )
 
     def add(self, name: str, value: float, std: float, weight: float, at: float) -> None:
         """Take a value of a parameter; see :meth:`Running.after`."""
@@ -129,7 +138,9 @@ class KnownPerson:
 
 
 class Memory:
-    """Running estimates of persons and averages of places, made of measured values only.
+    """Running estimates of persons and averages of places, and what agents remember of persons.
+
+    Estimates and averages are made of measured values only.
 
     A person is remembered over the end of tracking only when the id is the name of a known
     person. Each visit counts once in the average of its place, with what was measured of it. All
@@ -177,7 +188,7 @@ class Memory:
         remembered.seen_at = now
         if measured:
             self._count(place, remembered, measured, now)
-        if known and person not in self._shunned and remembered.values:
+        if (known or remembered.facts) and person not in self._shunned:
             self._persons[person] = remembered
         self._shunned.discard(person)
         self._bound()
@@ -196,6 +207,49 @@ class Memory:
             found = here.estimate(parameter, now, f"everybody {where}, {visits}")
         return found
 
+    def visits(self, person: str) -> int:
+        """Return how often a person has been here, this visit included."""
+        known = self._persons.get(person)
+        return 0 if known is None else known.visits
+
+    def facts(self, person: str) -> Mapping[str, Fact]:
+        """Return what agents have remembered of a person."""
+        known = self._persons.get(person)
+        return {} if known is None else known.facts
+
+    def remember(
+        self, person: str, given: Iterable[tuple[str, object]], *, known: Collection[str]
+    ) -> None:
+        """Remember values of a person by key; None forgets one.
+
+        Of those who are present only those ``known`` by name are remembered.
+
+        Raises:
+            Refused: ``UNKNOWN_PERSON``, ``FORGOTTEN``, ``BAD_KEY`` or ``BAD_VALUE``; then nothing
+                is changed.
+        """
+        if person not in self._persons or (person in self._visits and person not in known):
+            raise Refused(
+                "UNKNOWN_PERSON",
+                f"{_shown(person)} is not known by name, expected somebody who is",
+            )
+        if person in self._shunned:
+            raise Refused("FORGOTTEN", f"{person} is to be forgotten until the next visit")
+        changed = dict(self._persons[person].facts)
+        for key, value in given:
+            wanted = self._space.remembers.get(key)
+            if wanted is None:
+                known_keys = ", ".join(self._space.remembers) or "nothing"
+                raise Refused(
+                    "BAD_KEY", f"{_shown(key)} is not remembered; scene.yaml declares {known_keys}"
+                )
+            if value is None:
+                changed.pop(key, None)
+            else:
+                changed[key] = fact(key, value, wanted)
+        self._persons[person].facts = changed
+        self.changes += 1
+
     def forget(self, *, person: str = "", place: str = "") -> bool:
         """Forget a person or a place; return whether anything was known.
 
@@ -204,7 +258,8 @@ class Memory:
         if place:
             found = self._places.pop(place, None) is not None
         else:
-            found = bool(self._persons.get(person, KnownPerson()).values)
+            one = self._persons.get(person, KnownPerson())
+            found = bool(one.values or one.facts)
             if person in self._visits:
                 self._shunned.add(person)
                 self._persons[person] = KnownPerson(visits=1)
@@ -225,7 +280,7 @@ class Memory:
         persons = {
             person: one.copy()
             for person, one in self._persons.items()
-            if one.values and (person not in self._visits or person in names)
+            if person not in self._visits or person in names
         }
         return persons, {place: one.copy() for place, one in self._places.items()}
 
@@ -379,6 +434,7 @@ def _plain(known: KnownPerson) -> dict[str, Any]:
         "values": {
             name: [one.mean, one.scatter, one.weight, one.at] for name, one in known.values.items()
         },
+        **({"remembers": dict(known.facts)} if known.facts else {}),
     }
 
 
@@ -394,8 +450,24 @@ def _known(document: Mapping[str, Any], space: SceneSpace, now: float) -> dict[s
             raise ValueError(f"{name}: {_shown(visits)} visits, expected a whole number")
         [seen_at] = _numbers([one["seen_at"]], name)
         values = dict(_values(one["values"], name, space, now))
-        found[name] = KnownPerson(visits=visits, values=values, seen_at=min(seen_at, now))
+        remembered = _facts(one.get("remembers", {}), name, space)
+        found[name] = KnownPerson(
+            visits=visits, values=values, seen_at=min(seen_at, now), facts=remembered
+        )
     return found
+
+
+def _facts(document: Mapping[str, Any], owner: str, space: SceneSpace) -> dict[str, Fact]:
+    """Return what is remembered of a person, without what scene.yaml does not declare so."""
+    try:
+        found = facts(document.items())
+    except Refused as refused:
+        raise ValueError(f"{owner}: {refused.reason}") from None
+    return {
+        key: value
+        for key, value in found.items()
+        if key in space.remembers and has_type(value, space.remembers[key])
+    }
 
 
 def _values(

@@ -248,6 +248,7 @@ class Encounters:
         self._away: dict[str, _Departure] = {}
         self._observed_at: dict[str, float] = {}
         self._names: set[str] = set()
+        self._visitor = NOBODY
         self._remembered = tuple(
             name
             for name in spec.space.names
@@ -261,8 +262,13 @@ class Encounters:
 
     @property
     def enabled(self) -> bool:
-        """Whether updates are needed: for persons with ids, or values to remember."""
-        return self.identified or bool(self._remembered)
+        """Whether updates are needed: for persons with ids, or for values of theirs."""
+        return self.identified or bool(self._remembered or self._spec.personal)
+
+    @property
+    def here(self) -> tuple[str, ...]:
+        """Who is here, as of the last update; :data:`NOBODY` for somebody without an id."""
+        return self._here
 
     def update(self, now: float, wall: float, held: str | None = None) -> bool:
         """Update who is here, and remember what was measured of them; times steady and unix [s].
@@ -287,6 +293,19 @@ class Encounters:
         self._end_visits(now, held)
         self._forget_others()
         return before != (self._here, self.persons.addressee)
+
+    def begin_visit(self, visitor: str, now: float, wall: float) -> None:
+        """Begin the visit of somebody whom a script names, and end that of the one before.
+
+        A ``visitor`` without a name is :data:`NOBODY`.
+        """
+        if self._visitor:
+            self._memory.left(self._visitor, self._sources.place(now), known=True, now=wall)
+            self._names.discard(self._visitor)
+        self._visitor = visitor
+        if visitor:
+            self._memory.came(visitor, wall)
+            self._names.add(visitor)
 
     @property
     def known(self) -> frozenset[str]:

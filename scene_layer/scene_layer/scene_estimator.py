@@ -43,6 +43,23 @@ def check_given(
 
 
 @dataclass(frozen=True, kw_only=True)
+class GivenValue:
+    """A value that somebody has named.
+
+    Attributes:
+        at: When, in steady time [s].
+        origin: ``GIVEN``, or ``TOLD`` where the person has told it an agent.
+    """
+
+    value: float
+    at: float
+    origin: Origin = Origin.GIVEN
+
+
+_SOURCES = {Origin.GIVEN: "given", Origin.TOLD: "the person"}
+
+
+@dataclass(frozen=True, kw_only=True)
 class SceneInteraction:
     """Values given for one interaction, from its scene to the end of its runs.
 
@@ -56,19 +73,18 @@ class SceneInteraction:
 
     scene_id: str
     label: str = ""
-    values: Mapping[str, Reading] = field(default_factory=dict)
+    values: Mapping[str, GivenValue] = field(default_factory=dict)
     person: Reading | None = None
     urgent: bool = False
     person_id: str = NOBODY
     met: bool = False
 
     def with_given(
-        self, values: Mapping[str, float], person: bool | None, now: float
+        self, values: Mapping[str, GivenValue], person: bool | None, now: float
     ) -> SceneInteraction:
         """Return the interaction with more values given; a person of None stays as it was."""
-        given = {name: Reading(value=value, at=now) for name, value in values.items()}
         present = self.person if person is None else Reading(value=float(person), at=now)
-        return replace(self, values={**self.values, **given}, person=present)
+        return replace(self, values={**self.values, **values}, person=present)
 
 
 class SceneEstimator:
@@ -77,7 +93,12 @@ class SceneEstimator:
     A given value holds for its interaction until a source brings a newer reading. It never
     reaches another interaction: a scene that waits does not change the one that runs. An
     interaction stays with the person whom it began with; one that began with nobody takes the
-    first addressee there is. Here ``now`` is steady time [s] and ``wall`` unix time [s].
+    first addressee there is.
+
+    A value of a parameter that is ``of: person`` belongs to whoever is there when it is given:
+    it holds in each of their interactions until they have gone.
+
+    Here ``now`` is steady time [s] and ``wall`` unix time [s].
     """
 
     def __init__(self, spec: SceneSpec, sources: Sources, memory: Memory) -> None:
@@ -85,6 +106,7 @@ class SceneEstimator:
         self._sources = sources
         self._memory = memory
         self._interactions: dict[str, SceneInteraction] = {}
+        self._personal: dict[str, dict[str, GivenValue]] = {}
         self.encounters = Encounters(spec, sources, memory)
         self._persons = self.encounters.persons
 
@@ -97,24 +119,49 @@ class SceneEstimator:
         now: float,
         *,
         urgent: bool = False,
+        told: bool = False,
         person_id: str | None = None,
     ) -> SceneInteraction:
         """Open an interaction with checked values, which may stop a running tree if ``urgent``.
 
         Whether there is a ``person`` is as measured where it is None; it is about ``person_id``,
-        else about the addressee.
+        else about the addressee. The values are ``told`` by the person, or given.
         """
-        empty = SceneInteraction(scene_id=scene_id, label=label, urgent=urgent)
-        begun = empty.with_given(values, person, now)
+        begun = SceneInteraction(scene_id=scene_id, label=label, urgent=urgent)
         if person_id is not None:
             begun = replace(begun, person_id=person_id, met=bool(person_id))
-        return self._store(begun)
+        self._store(begun)
+        return self.give(scene_id, values, person, now, told=told)
 
     def give(
-        self, scene_id: str, values: Mapping[str, float], person: bool | None, now: float
+        self,
+        scene_id: str,
+        values: Mapping[str, float],
+        person: bool | None,
+        now: float,
+        *,
+        told: bool = False,
     ) -> SceneInteraction:
-        """Add checked given values to an interaction, known or not."""
-        return self._store(self._known(scene_id).with_given(values, person, now))
+        """Add checked values to an interaction, known or not, given or ``told`` by the person."""
+        origin = Origin.TOLD if told else Origin.GIVEN
+        given = {
+            name: GivenValue(value=value, at=now, origin=origin) for name, value in values.items()
+        }
+        known = self._store(self._known(scene_id).with_given({}, person, now))
+        if given.keys() & self._spec.personal:
+            known = self._bound(known.scene_id)
+            if self._is_here(known, now):
+                own = self._personal.setdefault(known.person_id, {})
+                own.update({name: given.pop(name) for name in self._spec.personal & given.keys()})
+        return self._store(known.with_given(given, None, now))
+
+    def _is_here(self, interaction: SceneInteraction, now: float) -> bool:
+        """Whether the person of an interaction is measured, and not said to be away."""
+        if interaction.person is not None and not interaction.person.value:
+            return False
+        if self.encounters.identified:
+            return interaction.person_id in self._persons.tracked
+        return somebody_is_measured(self._spec, self._sources, now)
 
     def adopt(self, scene: Scene, now: float) -> SceneInteraction:
         """Return the interaction of an awarded scene; for a foreign scene, its given values.
@@ -124,7 +171,10 @@ class SceneEstimator:
         known = self._known(scene.scene_id)
         if known.scene_id in self._interactions:
             return known
-        given = {v.name: v.value for v in scene.values if v.origin is Origin.GIVEN}
+        given, told = (
+            {v.name: v.value for v in scene.values if v.origin is origin}
+            for origin in (Origin.GIVEN, Origin.TOLD)
+        )
         measured = self._spec.person is not None or self.encounters.identified
         begun = self.begin(
             scene.scene_id,
@@ -136,13 +186,16 @@ class SceneEstimator:
             person_id=scene.person_id if self.encounters.identified else None,
         )
         if measured and scene.person:
-            begun = replace(begun, person=Reading(value=1.0, at=-math.inf))
-        return self._store(begun)
+            begun = self._store(replace(begun, person=Reading(value=1.0, at=-math.inf)))
+        return self.give(scene.scene_id, told, None, now, told=True) if told else begun
 
     def update(self, now: float, wall: float, running: str | None) -> bool:
         """Update who is here, while the scene ``running`` has a run; return True for a change."""
         held = None if running is None else self._bound(running).person_id
-        return self.encounters.update(now, wall, held)
+        moved = self.encounters.update(now, wall, held)
+        for person in self._personal.keys() - set(self.encounters.here):
+            del self._personal[person]
+        return moved
 
     def scene(self, scene_id: str, *, now: float, wall: float, stamp: float) -> Scene:
         """Put the scene of an interaction together; an unknown one has no given values."""
@@ -160,7 +213,11 @@ class SceneEstimator:
         present = self._present(interaction, values, now)
         if present and not interaction.met:
             interaction = self._update(replace(interaction, met=True))
+        elif not present and interaction.met and self._spec.personal:
+            interaction = self._without_personal(interaction)
+            values = [self._value(name, interaction, now) for name in self._spec.space.names]
         place = self._sources.place(now)
+        known = interaction.person_id in self.encounters.known
         return Scene(
             scene_id=interaction.scene_id,
             label=interaction.label,
@@ -169,6 +226,8 @@ class SceneEstimator:
             person_id=interaction.person_id,
             place=place,
             persons=len(self._persons.tracked),
+            visits=self._memory.visits(interaction.person_id) if known else 0,
+            remembered=self._memory.facts(interaction.person_id) if known else {},
             values=tuple(
                 self._expected(value.name, interaction, place, wall)
                 if value.origin is Origin.MISSING
@@ -177,6 +236,16 @@ class SceneEstimator:
             ),
             stamp=stamp,
         )
+
+    def _without_personal(self, interaction: SceneInteraction) -> SceneInteraction:
+        """Forget what was given of the person of an interaction, who has gone."""
+        self._personal.pop(interaction.person_id, None)
+        remaining = {
+            name: given
+            for name, given in interaction.values.items()
+            if name not in self._spec.personal
+        }
+        return self._update(replace(interaction, values=remaining))
 
     def _known(self, scene_id: str) -> SceneInteraction:
         """Return an interaction by the id of its scene, or of one of its follow-up rounds."""
@@ -212,12 +281,14 @@ class SceneEstimator:
 
     def _value(self, name: str, interaction: SceneInteraction, now: float) -> SceneValue:
         """Return a value as given or measured, else missing."""
-        given = interaction.values.get(name)
         person = interaction.person_id
+        given = self._personal.get(person, {}).get(name) or interaction.values.get(name)
         lost = bool(person) and person not in self._persons.tracked
         read = self._sources.latest(name, now, person, alone=lost)
         if given is not None and (read is None or read.at <= given.at):
-            return SceneValue(name=name, value=given.value, origin=Origin.GIVEN, source="given")
+            return SceneValue(
+                name=name, value=given.value, origin=given.origin, source=_SOURCES[given.origin]
+            )
         if read is None or now > read.stale_at:
             return SceneValue.missing(name)
         return SceneValue(

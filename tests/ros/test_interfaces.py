@@ -167,6 +167,8 @@ def test_a_message_becomes_plain_data_and_back():
         "person_id": "anna",
         "place": "lobby",
         "persons": 2,
+        "visits": 3,
+        "remembered": [],
         "values": [
             {
                 "name": "mood",

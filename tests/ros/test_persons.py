@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,9 @@ from typing import Any
 import pytest
 from std_msgs.msg import Empty, Float64, Int32MultiArray, String
 
+from bt_agents.engine.run import Run as TreeRun
+from bt_agents.host.environment.ros_environment import RosEnvironment
+from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.msg import (
     Face,
@@ -21,10 +25,12 @@ from bt_agents_interfaces.msg import (
     Scene,
     SceneValue,
 )
-from bt_agents_interfaces.srv import Analyze, ManageProfiles
+from bt_agents_interfaces.srv import Analyze, ManageProfiles, Remember
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
-from file_texts import read_scene_text
+from bt_agents_ros.messages import scene_from_msg
+from file_texts import read_agent_text, read_scene_text
 from scene_layer.node import SceneLayerNode
 
 pytestmark = pytest.mark.ros
@@ -63,6 +69,18 @@ persons:
 sources:
   age: {{topic: persons/<person>/age, type: std_msgs/msg/Float64, field: data, stale_after: 60 s}}
   mood: {{topic: faces/<face>/mood, type: std_msgs/msg/Float64, field: data, stale_after: 60 s}}
+"""
+
+
+REMEMBERS = """
+format: 1
+agent: a
+profile: {pain: 0, age: 40, mood: 3}
+tree:
+  sequence:
+    - remember: {favourite: "tea for ${person.name}"}
+    - set: {scene.pain: 8}
+    - check: live.pain == 8 and person.favourite == 'tea for anna'
 """
 
 
@@ -227,6 +245,43 @@ def test_who_is_known_by_name_is_remembered_over_a_restart_and_can_be_forgotten(
     ):
         answer = ros.call(manage, ManageProfiles.Request(action=action, layer=layer_name))
         assert (answer.accepted, answer.code) == (False, code)
+
+
+def test_a_tree_remembers_somebody_and_puts_what_they_say_into_the_live_scene(ros):
+    more = "remembers: {favourite: text}\nplace: lobby\n"
+    pain = "parameters:\n  pain: {min: 0, max: 10, default: 0, of: person}\n"
+    layer = Layer(ros, FACES.replace("place: lobby\n", more).replace("parameters:\n", pain))
+    anna = face("anna", known=True)
+    layer.see_until(lambda: layer.shown() == "anna*", anna)
+    message = layer.announce()
+    assert (message.visits, message.remembered) == (1, [])
+    layer.runs.publish(Run(epoch="e", round=1, event=Run.STARTED, scene=message))
+    space = layer.spec.space
+    awarded = scene_from_msg(message, space)
+    spec = read_agent_text(REMEMBERS, "a.yaml", SymbolTable(space, {}))
+    run = TreeRun(
+        spec,
+        space=space,
+        scene=awarded,
+        profile=spec.profile,
+        live=LiveScene(ros.node, space).begin_run(awarded),
+        tunables={},
+        environment=RosEnvironment(ros.node, lambda: None, space=space, agent=lambda: "a"),
+        steady=time.monotonic,
+    )
+    layer.see_until(lambda: (run.tick(), run.result)[1], anna)
+    assert run.result is not None
+    assert (run.result.outcome.name, run.result.message) == ("SUCCEEDED", "the tree succeeded")
+    later = layer.announce()
+    assert value(later, "pain") == (SceneValue.TOLD, 8.0)
+    assert [(one.key, one.value.string_value) for one in later.remembered] == [
+        ("favourite", "tea for anna")
+    ]
+    live = scene_from_msg(layer.live[-1], space)
+    assert (live.get("pain"), live.remembered) == (8.0, {"favourite": "tea for anna"})
+    client = ros.node.create_client(Remember, "scene_layer/remember")
+    refused = ros.call(client, Remember.Request(person_id="face7"))
+    assert (refused.accepted, refused.code) == (False, "UNKNOWN_PERSON")
 
 
 def test_a_damaged_memory_is_kept_aside_and_the_node_starts_empty(ros, tmp_path):

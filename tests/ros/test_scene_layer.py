@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import count
 
 import pytest
@@ -348,7 +349,8 @@ def visit(label: str, mood: float, *changes: SceneChange) -> Visit:
 
 def test_a_script_is_played_visit_by_visit(ros):
     change = SceneChange(after_s=0.0, values={"mood": 1.0}, person=False)
-    script = Script(title="", visits=(visit("a", 4.0, change), visit("b", 2.0)))
+    anna = [replace(visit(label, 2.0), name="anna") for label in "bc"]
+    script = Script(title="", visits=(visit("a", 4.0, change), *anna))
     layer = Layer(ros, script=script)
     ros.turns(20)
     assert layer.scenes == []
@@ -368,8 +370,15 @@ def test_a_script_is_played_visit_by_visit(ros):
     ros.until(lambda: len(layer.scenes) == 2)
     assert (layer.scenes[1].label, plain(layer.scenes[1])) == ("b", {"mood": 2.0})
     layer.status(round=2, agents=1, finished_scene_id="s2")
+    ros.until(lambda: len(layer.scenes) == 3)
+    assert [(scene.person_id, scene.visits) for scene in layer.scenes] == [
+        ("", 0),
+        ("anna", 1),
+        ("anna", 2),
+    ]
+    layer.status(round=3, agents=1, finished_scene_id="s3")
     ros.turns(40)
-    assert len(layer.scenes) == 2
+    assert len(layer.scenes) == 3
 
 
 def test_a_long_script_is_played_at_full_speed(ros):

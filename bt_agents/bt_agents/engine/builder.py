@@ -37,7 +37,7 @@ def build(spec: NodeSpec, context: RunContext, plugins: NodeMaker = PluginLeaf) 
 
     def build_node(spec: NodeSpec, scope: Scope) -> Behaviour:
         scope.declare(spec.outputs)
-        if type_of(spec).open:
+        if type_of(spec).assigns:
             scope.declare(spec.fields)
         if spec.plugin is not None:
             maker = plugins

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from bt_agents.engine.scope import ValueSource, evaluate, explain_false, is_true
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
+from bt_agents_core.scene import SceneSpace, check_value
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.specs import Literal, NodeSpec
@@ -96,6 +97,23 @@ class NodeFields:
         if number is None or number < 0:
             raise Refused(code, f"'{name}' is {described(value)}, expected {expected}")
         return number
+
+
+def scene_value(space: SceneSpace, name: str, value: Plain, what: str) -> float:
+    """Return a value for a scene parameter.
+
+    Raises:
+        Refused: ``UNKNOWN_PARAMETER``, ``NOT_A_NUMBER`` or ``OUT_OF_RANGE``.
+    """
+    parameter = space.parameter(name, what=what)
+    number = finite(value)
+    if number is None:
+        raise Refused(
+            "NOT_A_NUMBER",
+            f"{what}: {name} is {described(value)}, expected a number between "
+            f"{parameter.minimum:g} and {parameter.maximum:g}",
+        )
+    return check_value(parameter, number, what=what)
 
 
 def finite(value: Plain) -> float | None:

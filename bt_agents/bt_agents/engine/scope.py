@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of names during a run: inputs, tunables, outputs, scene, mood, profile, clock."""
+"""Values of names during a run: inputs, tunables, outputs, scene, mood, person, clock."""
 
 from __future__ import annotations
 
@@ -67,6 +67,8 @@ class RunScope:
         tunables: Current values by name, shared with the host, which tunes them.
         clock: Returns the local time; None where nobody knows it.
         cancellation: Who stopped the run and why; None while nobody has said.
+        told: Values that nodes have put into the scene or remembered of the person, by full name:
+            what ``scene`` and the live scene of that moment do not say yet.
         blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
             write is not there.
     """
@@ -78,6 +80,7 @@ class RunScope:
     tunables: Mapping[str, Plain]
     clock: Callable[[], LocalTime] | None = None
     cancellation: Cancellation | None = None
+    told: dict[str, Plain] = field(default_factory=dict)
     blackboard: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
@@ -99,7 +102,17 @@ class RunScope:
             return self.cancellation.by
         if name == "cancel.reason" and self.cancellation is not None:
             return self.cancellation.reason
-        return resolve(name, self.scene, self.live, self._mood_change, self._own_value, self.clock)
+        if name in self.told:
+            return self.told[name]
+        return resolve(
+            name,
+            self.scene,
+            self.live,
+            self._mood_change,
+            self._own_value,
+            self.clock,
+            lambda member: self.live().of_person(member),
+        )
 
     def _mood_change(self, live: Scene) -> float:
         return mood_of(live, self.space) - mood_of(self.scene, self.space)

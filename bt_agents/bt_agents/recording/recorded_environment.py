@@ -276,6 +276,8 @@ def _live_fields(scene: Scene) -> Entry:
         "person_id": scene.person_id,
         "place": scene.place,
         "persons": scene.persons,
+        "visits": scene.visits,
+        "remembered": dict(scene.remembered),
         "stale_s": scene.stale_s,
         "values": list(scene.vector),
     }

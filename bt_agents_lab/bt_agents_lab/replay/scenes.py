@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from bt_agents_core.person_facts import facts, values_of
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_lab.replay.recording_index import Round
 from marketplace_node.round.decision import AcceptedBid, External, Terms
@@ -16,7 +17,7 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
     """Return the scene of a message.
 
     Raises:
-        Refused: As in :meth:`SceneSpace.scene`.
+        Refused: As in :meth:`SceneSpace.scene` and :func:`facts`.
     """
     values = [
         SceneValue(
@@ -39,6 +40,9 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
         person_id=message.person_id,
         place=message.place,
         persons=message.persons,
+        # Journals of before have neither.
+        visits=getattr(message, "visits", 0),
+        remembered=facts(values_of(getattr(message, "remembered", ()))),
         stamp=message.stamp.sec + message.stamp.nanosec * 1e-9,
     )
 

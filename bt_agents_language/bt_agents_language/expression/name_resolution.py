@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of the names that every condition may use: scene, live scene, mood, profile, clock."""
+"""Values of the names of conditions: scene, live scene, mood, profile, clock, person."""
 
 from __future__ import annotations
 
@@ -55,6 +55,7 @@ def resolve(
     mood_change: Callable[[SceneT], float] | None = None,
     profile: Callable[[str], float] | None = None,
     clock: Callable[[], LocalTime] | None = None,
+    person: Callable[[str], bool | float | str] | None = None,
 ) -> bool | float | str:
     """Return the value of a name such as ``scene.age`` or ``mood.change``.
 
@@ -65,6 +66,7 @@ def resolve(
         mood_change: Mood of a live scene minus that at the start, NaN when it is not known.
         profile: Returns the agent's own value of a parameter.
         clock: Returns the local time; None where nobody knows it.
+        person: Returns what is known of the person; None where conditions do not name it.
 
     Raises:
         MissingValue: The name has no value here; a stale live scene raises :class:`StaleValue`.
@@ -82,6 +84,8 @@ def resolve(
                 return _known(name, mood_change(_fresh(name, live())))
         if group == "profile" and profile is not None:
             return profile(member)
+        if group == "person" and person is not None:
+            return person(member)
         if name == "clock.hour" and clock is not None:
             return clock().hour
         if name == "clock.weekday" and clock is not None:

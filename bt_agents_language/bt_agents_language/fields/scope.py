@@ -202,6 +202,10 @@ class NameScope:
         """Return what the value of a name lies in; None where nothing declares that."""
         return self._ranges.get(name)
 
+    def members(self, group: str) -> list[str]:
+        """Return the names that begin with a group such as ``person.``, without it."""
+        return [one.removeprefix(group) for one in self._types if one.startswith(group)]
+
     def problem(
         self, name: str, *, maybe_text: bool = False, beside: str = "", may_miss: bool = False
     ) -> tuple[str, str, str] | None:
@@ -313,6 +317,12 @@ def clock_names() -> dict[str, FieldType]:
 def cancel_names() -> dict[str, FieldType]:
     """Return the names that tell in ``on_cancel`` who stopped the run, and why."""
     return {"cancel.by": FieldType.TEXT, "cancel.reason": FieldType.TEXT}
+
+
+def person_names(space: SceneSpace) -> dict[str, FieldType]:
+    """Return the names of what is known of a person who is known by name."""
+    remembered = {f"person.{key}": kind for key, kind in space.remembers.items()}
+    return {"person.name": FieldType.TEXT, "person.visits": FieldType.INTEGER, **remembered}
 
 
 def mood_names(space: SceneSpace) -> dict[str, FieldType]:

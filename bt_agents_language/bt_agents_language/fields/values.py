@@ -156,11 +156,14 @@ def _fitting(
         found = f"'{part.expression.text}' gives {given}"
     if fits:
         return part
+    text = isinstance(part, Reference) and part.type is FieldType.TEXT
     reading.error(
         "wrong-value",
         node,
         f"{what}: expected {EXPECTED[field_type]}, but {found}",
-        "use a name with a fitting value",
+        f"for the number in it write ${{number({part.name})}}"
+        if isinstance(part, Reference) and text and field_type is FieldType.NUMBER
+        else "use a name with a fitting value",
     )
     return None
 

@@ -14,6 +14,7 @@ from bt_agents_language.fields.scene_values import read_vector
 from bt_agents_language.fields.scope import (
     NameScope,
     clock_names,
+    person_names,
     scene_labels,
     scene_names,
     scene_ranges,
@@ -81,7 +82,8 @@ AGENT = FileKind(
         FieldDecl(
             "requires",
             CONDITION,
-            "It does not bid unless this is true of the scene and the time of day: scene.person",
+            "It does not bid unless this is true of the scene, the person and the time of day: "
+            "scene.person",
         ),
         FieldDecl(
             "tunables",
@@ -125,7 +127,7 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     tunables = _tunables(reading, fields)
     rules = read_mood_rules(reading, fields, space)
     if (node := fields.get("requires")) is not None:
-        known = {**scene_names(space, ("scene",)), **clock_names()}
+        known = {**scene_names(space, ("scene",)), **clock_names(), **person_names(space)}
         names = NameScope(known, ranges=scene_ranges(space), labels=scene_labels(space))
         requires = read_condition(reading, node, names, "'requires'")
     tags = tuple(reading.text(tag, "a tag") or "" for tag in fields.items("tags"))

@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.person_facts import FACT_TYPES, MOST_FACTS
 from bt_agents_core.scene import MAX_VALUE, MAX_WEIGHT, MIN_WIDTH, SceneParameter, SceneSpace
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -74,6 +76,12 @@ _PARAMETER = KeyTable(
             "of the person or the place (estimate), or else the default (default).",
             default=MissingRule.LEAVE_OUT.value,
         ),
+        FieldDecl(
+            "of",
+            WordChoice((PERSON,)),
+            "Whose a given or told value is: with 'person' it holds as long as they are there, "
+            "also in later interactions; without it, as long as its interaction.",
+        ),
     )
 )
 SCENE = FileKind(
@@ -98,6 +106,12 @@ SCENE = FileKind(
         ),
         FieldDecl("mood", TEXT, "The parameter whose change becomes feedback."),
         FieldDecl("no_person", Entries(NUMBER), "Values of a scene in which nobody is there."),
+        FieldDecl(
+            "remembers",
+            Entries(WordChoice(tuple(one.value for one in FACT_TYPES)), "names and types"),
+            "What agents may remember of a person who is known by name: person.<name>, and its "
+            "type.",
+        ),
         FieldDecl("persons", PERSONS, "Who is tracked, and whom a scene is about."),
         FieldDecl(
             "sources",
@@ -111,6 +125,10 @@ SCENE = FileKind(
     ),
     shared={"source": SOURCE, "text_source": TOPIC},
 )
+_KNOWN_OF_A_PERSON = {
+    "name": "the name of the person",
+    "visits": "how often the person has been here",
+}
 _TAKEN = {
     PERSON: "whether a person is there",
     "stale": "whether the live scene is too old to count",
@@ -126,10 +144,15 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
     fields = reading.file(SCENE)
     entries = fields.entries("parameters")
     missing: dict[str, MissingRule] = {}
-    read = {entry.key.text: _parameter(reading, entry, missing) for entry in entries}
+    personal: set[str] = set()
+    read = {entry.key.text: _parameter(reading, entry, missing, personal) for entry in entries}
     parameters = {name: parameter for name, parameter in read.items() if parameter is not None}
     names = [*read]
-    space = SceneSpace(parameters=tuple(parameters.values()), mood=_mood(reading, fields, names))
+    space = SceneSpace(
+        parameters=tuple(parameters.values()),
+        mood=_mood(reading, fields, names),
+        remembers=_remembers(reading, fields),
+    )
     persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
     place = _place(reading, fields, source_reader)
     sources, person = _sources(reading, fields, names, parameters, source_reader)
@@ -149,6 +172,7 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
         place=place,
         missing=missing,
         language=fields.name("language") or "",
+        personal=frozenset(personal),
     )
     _check_types(reading, spec)
     reading.problems.raise_if_any()
@@ -210,6 +234,33 @@ def _sources(
     return sources, person
 
 
+def _remembers(reading: TypedReader, fields: MappingReader) -> dict[str, FieldType]:
+    found: dict[str, FieldType] = {}
+    for entry in fields.entries("remembers"):
+        name = reading.name(entry.key, "the name of what is remembered")
+        if name in _KNOWN_OF_A_PERSON:
+            reading.error(
+                "name-taken",
+                entry.key,
+                f"'person.{name}' is {_KNOWN_OF_A_PERSON[name]}",
+                "choose another name",
+            )
+        word = reading.choice(
+            entry.value, f"the type of '{entry.key.text[:40]}'", [one.value for one in FACT_TYPES]
+        )
+        if len(found) == MOST_FACTS:
+            reading.error(
+                "out-of-range",
+                entry.key,
+                f"at most {MOST_FACTS} values are remembered of a person",
+                "remove some",
+            )
+            break
+        if name is not None and word is not None:
+            found[name] = FieldType(word)
+    return found
+
+
 def _place(
     reading: TypedReader, fields: MappingReader, source_reader: SourceReader
 ) -> str | SourceSpec:
@@ -231,9 +282,9 @@ def _place(
 
 
 def _parameter(
-    reading: TypedReader, entry: MappingEntry, missing: dict[str, MissingRule]
+    reading: TypedReader, entry: MappingEntry, missing: dict[str, MissingRule], personal: set[str]
 ) -> SceneParameter | None:
-    """Return a parameter, and note what stands for it where nobody measures it."""
+    """Return a parameter; note what stands for it where nobody measures it, and whose it is."""
     name = reading.name(entry.key, "the name of a scene parameter")
     if name in _TAKEN:
         reading.error(
@@ -262,6 +313,8 @@ def _parameter(
     description = fields.text("description")
     weight = fields.number("weight")
     rule = fields.choice("missing")
+    if fields.choice("of") is not None and name is not None:
+        personal.add(name)
     if rule is not None and name is not None:
         missing[name] = MissingRule(rule)
     if name is None or minimum is None or maximum is None or default is None:

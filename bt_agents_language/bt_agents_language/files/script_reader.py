@@ -25,6 +25,9 @@ from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
+LONGEST_NAME = 100
+"""Characters of the name of a person."""
+
 _PERSON = FieldDecl("person", BOOLEAN, "Whether a person is there.")
 _CHANGE = KeyTable(
     what="a change",
@@ -39,6 +42,7 @@ _VISIT = KeyTable(
     fields=(
         FieldDecl("label", TEXT, "Who comes, in words.", required=True),
         _PERSON,
+        FieldDecl("name", TEXT, "Who it is, for person.name; without it somebody unknown."),
         FieldDecl(
             "urgent",
             BOOLEAN,
@@ -102,7 +106,27 @@ def _visit(reading: TypedReader, node: Node, space: SceneSpace) -> Visit | None:
         answers=_answers(reading, fields),
         buttons=_buttons(reading, fields),
         urgent=bool(fields.boolean("urgent")),
+        name=_name(reading, fields, person),
     )
+
+
+def _name(reading: TypedReader, fields: MappingReader, person: bool | None) -> str:
+    name = fields.text("name")
+    if name and person is False:
+        reading.error(
+            "misplaced-key",
+            fields.keys["name"],
+            "nobody is there, so nobody has a name",
+            "remove 'name', or 'person: false'",
+        )
+    if len(name) > LONGEST_NAME or not name.isprintable():
+        reading.error(
+            "bad-name",
+            fields.nodes["name"],
+            f"the name of a person is one line of at most {LONGEST_NAME} characters",
+            "write a shorter one",
+        )
+    return name
 
 
 def _change(reading: TypedReader, node: Node, space: SceneSpace) -> SceneChange | None:

@@ -210,6 +210,7 @@ class SceneSpec:
         missing: What a scene holds for parameters that nobody measures; what is not named is left
             out.
         language: Language of the agents' texts where nothing else says one; may be empty.
+        personal: Parameters whose given and told values belong to the person, not the interaction.
     """
 
     space: SceneSpace
@@ -219,6 +220,7 @@ class SceneSpec:
     place: str | SourceSpec = ""
     missing: Mapping[str, MissingRule] = field(default_factory=dict)
     language: str = ""
+    personal: frozenset[str] = frozenset()
 
     @cached_property
     def every_source(self) -> tuple[SourceSpec, ...]:

@@ -374,6 +374,7 @@ class Visit:
         answers: Word in a question → answer; the first that fits counts.
         buttons: Topic of a button → words that the robot says or shows before it is pressed.
         urgent: True may stop a running tree at once, where new scenes preempt.
+        name: Who it is; empty for somebody who is not known by name.
     """
 
     label: str
@@ -383,6 +384,7 @@ class Visit:
     answers: Mapping[str, str] = field(default_factory=dict)
     buttons: Mapping[str, str] = field(default_factory=dict)
     urgent: bool = False
+    name: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

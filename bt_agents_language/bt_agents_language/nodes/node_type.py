@@ -11,6 +11,7 @@ from typing import Protocol
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
+from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.interfaces import Interfaces
@@ -301,7 +302,9 @@ class NodeType:
         main: Field that a scalar stands for; None when there is none.
         fields: In the order of the documentation; a decorator without any is written ``true``.
         children: How many children are written behind the key.
-        open: True takes names of the author's choice as fields, and gives them values.
+        open: True takes names of the author's choice as fields.
+        assigns: True gives those names values, which later nodes can use.
+        declared: Of an open one, the names that ``scene.yaml`` declares, with their types.
         handler: Of a decorator, whether a node is written behind it.
         example: Part of an agent file; empty makes one from the fields.
         plugin: Class of a node that a plug-in brings; None for nodes of the language itself.
@@ -345,6 +348,8 @@ class NodeType:
     fields: tuple[NodeField, ...] = ()
     children: Children = Children.NONE
     open: bool = False
+    assigns: bool = False
+    declared: Callable[[SceneSpace], Mapping[str, FieldType]] = lambda space: {}
     handler: bool = False
     description: str = ""
     example: str = ""
@@ -384,7 +389,7 @@ class NodeType:
     @cached_property
     def writes(self) -> bool:
         """Whether a node of this type may give names values."""
-        return self.open or self.message is not None or "outputs" in self.siblings
+        return self.assigns or self.message is not None or "outputs" in self.siblings
 
 
 def wrapped(

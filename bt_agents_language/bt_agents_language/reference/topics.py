@@ -17,6 +17,7 @@ from bt_agents_language.fields.scope import (
     cancel_names,
     clock_names,
     mood_names,
+    person_names,
     scene_names,
 )
 
@@ -129,6 +130,10 @@ def _names(space: SceneSpace) -> ReferenceTopic:
         (of("live"), "the same now; live.stale: nothing comes, the others have no value"),
         *mood,
         (of("profile"), "the agent's own profile"),
+        (
+            "  ".join(person_names(space)),
+            "somebody known by name: who, how often here, and what 'remember' has stored",
+        ),
         (
             "  ".join(clock_names()),
             f"the hour of the day, 0 to 23, and the day of the week: {', '.join(WEEKDAYS)}",

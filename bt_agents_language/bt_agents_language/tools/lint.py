@@ -251,7 +251,7 @@ def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
         return
     known = {tunable.name for tunable in agent.tunables}
     known |= {name for node in nodes for name in (*node.outputs, *node.feedback)}
-    known |= {name for node in nodes if type_of(node).open for name in node.fields}
+    known |= {name for node in nodes if type_of(node).assigns for name in node.fields}
     for node, match in candidates:
         name = match[1] or match[2]
         if name in known:

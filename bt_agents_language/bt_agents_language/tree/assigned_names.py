@@ -157,8 +157,10 @@ class AssignedNames:
                 yield item.key.text, item.key, types.get(source, FieldType.ANY), None
         elif node.type is None:
             return
-        elif node.type.open:
+        elif node.type.assigns:
             for item in entries_of(node.value):
+                if "." in item.key.text:
+                    continue  # a value of the scene, which is no name of the tree
                 yield item.key.text, item.key, self._type_of(item.value), item.value
         elif node.type.message is not None and isinstance(node.value, MappingNode):
             yield from self._message_outputs(node.type.message, node.value)

@@ -15,6 +15,7 @@ from bt_agents_language.fields.scope import (
     cancel_names,
     clock_names,
     mood_names,
+    person_names,
     scene_labels,
     scene_names,
     scene_ranges,
@@ -87,6 +88,7 @@ class TreesReader:
             **scene_names(symbols.space, ("scene", "live", "profile")),
             **mood_names(symbols.space),
             **clock_names(),
+            **person_names(symbols.space),
             **self._tunables,
         }
         self._ranges = {**scene_ranges(symbols.space), **ranges}

@@ -17,6 +17,7 @@ from bt_agents_language.files.testing.path_patterns import nodes_of
 from bt_agents_language.model.specs import AgentSpec, Literal
 
 _PLAIN = re.compile(r"[\w.+][\w.+ /%-]*")
+_OF_A_PERSON = ("person:", "  name:", "  visits:")
 _TIME = re.compile(r"\s*([0-9.]+\s*(?:ms|s|min|h))\b\s*(.*)", re.DOTALL)
 _CANCELLED_BY = re.compile(r"by=(\"[^\"]*\"|'[^']*'|\S+)")
 _QUOTES = "\"'"
@@ -65,6 +66,7 @@ def scenario_yaml(
     agent: AgentSpec,
     *,
     scene: Iterable[str] = (),
+    person: Iterable[str] = (),
     clock: Iterable[str] = (),
     tunables: Iterable[str] = (),
     answers: Iterable[str] = (),
@@ -79,6 +81,7 @@ def scenario_yaml(
     """
     lines = [("format: 1", "")]
     lines += _section("scene", "--scene", scene, "age=4")
+    lines += _person_section(person)
     lines += _section("clock", "--clock", clock, "hour=22")
     lines += _section("tunables", "--tune", tunables, "patience=5s")
     lines += _section("answers", "--answer", answers, "ask=yes")
@@ -204,6 +207,14 @@ def _section(key: str, option: str, given: Iterable[str], example: str) -> list[
         key_text = _value(name.strip())
         lines[key_text] = (f"  {key_text}: {_value(value.strip())}", _option(option, text))
     return [(f"{key}:", ""), *lines.values()] if lines else []
+
+
+def _person_section(given: Iterable[str]) -> list[tuple[str, str]]:
+    """Return who the person is, with what is remembered of them below a key of its own."""
+    lines = _section("person", "--person", given, "name=anna")
+    own = [line for line in lines if line[0].startswith(_OF_A_PERSON)]
+    others = [(f"  {text}", origin) for text, origin in lines if (text, origin) not in own]
+    return own + ([("  remembers:", ""), *others] if others else [])
 
 
 def _option(option: str, text: str) -> str:

@@ -34,6 +34,10 @@ class Strategies:
     shadow: str
 
 
+_OF_LAST_SCENE = ("person_id", "place", "persons", "visits", "remembered")
+"""Fields of a scene with given values that are as in the last one."""
+
+
 def scene_of(
     observer: Observer,
     names: Sequence[str],
@@ -57,7 +61,8 @@ def scene_of(
         values=[_value(name, given, known) for name in names],
     )
     if last is not None:
-        scene.person_id, scene.place, scene.persons = last.person_id, last.place, last.persons
+        for field in _OF_LAST_SCENE:
+            setattr(scene, field, getattr(last, field))
     return scene
 
 

@@ -10,17 +10,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from random import Random
+from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from bt_agents.engine.environment import SkillGoal
 from bt_agents.engine.node_errors import LocatedReason
 from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
+from bt_agents.engine.scope import format_value
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.field_types import Plain
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.local_time import next_hour_s
+from bt_agents_core.person_facts import from_message_fields
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import Cancellation, StopCause, StoppedBy, stopper
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
@@ -29,6 +33,7 @@ from bt_agents_language.model.mood_rule import MoodAction
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.node_type import Mark, Waits
+from bt_agents_language.nodes.remember import BINDING as REMEMBER
 from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
@@ -134,6 +139,7 @@ class _Rehearsal:
             ask=self._question,
             on_event=self._publish,
             on_feedback=self._feedback,
+            tell_scene_layer=self._tell_scene_layer,
             begin=scenario.clock,
         )
         self._clock = self._environment.clock
@@ -327,6 +333,21 @@ class _Rehearsal:
         self._feedback_given.append(kind)
         self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {text}")
 
+    def _tell_scene_layer(self, goal: SkillGoal) -> bool:
+        """Take what the tree puts into the scene or remembers; return whether that was heard."""
+        if self._live.silent:
+            return False
+        fields: Mapping[str, Any] = goal.fields
+        if goal.name == REMEMBER.name:
+            facts = dict(map(from_message_fields, fields["facts"]))
+            self._live.remember(facts)
+            self._event(EventKind.SCENE, f"remembered: {_named(facts)}")
+        else:
+            values = dict(zip(fields["names"], fields["values"], strict=True))
+            self._live.tell(values)
+            self._event(EventKind.SCENE, f"told: {_named(values)}")
+        return True
+
     def _publish_changes(self, changes: Sequence[StatusChange]) -> None:
         """Publish the changes of a tick that are not published yet, and the held events."""
         new = changes[self._published :]
@@ -394,3 +415,8 @@ class _Rehearsal:
         self._events.append(event)
         if self._on_event is not None:
             self._on_event(event)
+
+
+def _named(values: Mapping[str, Plain]) -> str:
+    parts = [f"{name} {format_value(one, FieldType.ANY)}" for name, one in values.items()]
+    return ", ".join(parts)

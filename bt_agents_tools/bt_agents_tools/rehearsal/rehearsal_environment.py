@@ -6,22 +6,33 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from bt_agents.engine.environment import GoalState, SkillGoal
-from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedGoal
+from bt_agents.engine.environment import GoalState, SkillGoal, server_missing
+from bt_agents.engine.scripted_environment import (
+    ManualClock,
+    ScriptedEnvironment,
+    ScriptedGoal,
+    ScriptedReply,
+)
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_core.local_time import LocalTime
 from bt_agents_language.files.testing.scenarios import ScriptedAnswer
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes import remember
+from bt_agents_language.nodes import set as set_
 from bt_agents_tools.rehearsal.answers import Answers
 from bt_agents_tools.rehearsal.events import Event, EventKind, Use
+
+SCENE_LAYER = (remember.BINDING.name, set_.BINDING.name)
+"""Services that nodes of the language itself use."""
 
 
 class RehearsalEnvironment(ScriptedEnvironment):
     """Environment that answers skills from a script.
 
     ``ask`` returns a function that asks a person about a use of a skill once its begin is
-    published, or None to ask nobody; ``on_feedback`` takes feedback that the tree gives.
+    published, or None to ask nobody; ``on_feedback`` takes feedback that the tree gives;
+    ``tell_scene_layer`` takes what is for the scene layer, and returns whether that was heard.
 
     Attributes:
         uses: The skills that were used, in order.
@@ -37,6 +48,7 @@ class RehearsalEnvironment(ScriptedEnvironment):
         ask: Callable[[Use], Callable[[], ScriptedAnswer | None] | None],
         on_event: Callable[[Event], None],
         on_feedback: Callable[[FeedbackKind, str], None],
+        tell_scene_layer: Callable[[SkillGoal], bool],
         begin: LocalTime,
     ) -> None:
         super().__init__(clock=ManualClock(), begin=begin)
@@ -48,6 +60,8 @@ class RehearsalEnvironment(ScriptedEnvironment):
         self._ask = ask
         self._on_event = on_event
         self._on_feedback = on_feedback
+        self._tell_scene_layer = tell_scene_layer
+        self._requests: list[ScriptedGoal] = []
         self._open_goals: list[tuple[ScriptedGoal, Use, Mapping[str, Plain]]] = []
 
     def local_time(self) -> LocalTime:
@@ -56,6 +70,10 @@ class RehearsalEnvironment(ScriptedEnvironment):
 
     def send(self, goal: SkillGoal) -> ScriptedGoal:
         self.active = True
+        if goal.name in SCENE_LAYER:
+            request = ScriptedGoal(goal, self._answer_of_scene_layer(goal), self.clock)
+            self._requests.append(request)
+            return request
         self.report_ended()
         use = self._use(goal)
         question = self._ask(use)
@@ -88,7 +106,9 @@ class RehearsalEnvironment(ScriptedEnvironment):
     @property
     def next_change(self) -> float:
         """Time of the next change of an open goal [s]; infinite for none."""
-        return min((goal.next_change for goal, *_ in self._open_goals), default=float("inf"))
+        self._requests = [one for one in self._requests if not one.state.ended]
+        goals = [*self._requests, *(goal for goal, *_ in self._open_goals)]
+        return min((goal.next_change for goal in goals), default=float("inf"))
 
     def report_ended(self) -> None:
         """Report the goals that have ended by now as events."""
@@ -102,6 +122,14 @@ class RehearsalEnvironment(ScriptedEnvironment):
             else:
                 text = ": ".join(filter(None, (goal.state.value, goal.message)))
                 self._event(EventKind.FAILS, use, text=text)
+
+    def _answer_of_scene_layer(self, goal: SkillGoal) -> ScriptedReply:
+        if self._tell_scene_layer(goal):
+            return ScriptedReply(result={"accepted": True})
+        limit_s = goal.timeouts.server_s
+        return ScriptedReply(
+            state=GoalState.UNREACHABLE, message=server_missing(limit_s), after_s=limit_s
+        )
 
     def _use(self, goal: SkillGoal) -> Use:
         use = Use(node=self._nodes[goal.sender], inputs=goal.fields)

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.person_facts import Fact
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
+from bt_agents_language.files.testing.scenarios import RehearsedPerson, Scenario, ScriptedEvent
 
 
 def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
@@ -17,6 +19,7 @@ def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
         scene_id="rehearsed",
         label="",
         person=scenario.person,
+        **_who(scenario.known),
         values=tuple(
             SceneValue(name=name, value=scenario.scene[name], origin=Origin.GIVEN)
             if name in scenario.scene
@@ -25,6 +28,12 @@ def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
         ),
     )
     return space.completed(scene, met=scene.person)
+
+
+def _who(known: RehearsedPerson | None) -> dict[str, Any]:
+    if known is None:
+        return {}
+    return {"person_id": known.name, "visits": known.visits, "remembered": known.remembers}
 
 
 class RehearsedLiveScene:
@@ -44,21 +53,34 @@ class RehearsedLiveScene:
 
     def change(self, event: ScriptedEvent) -> None:
         """Apply a scripted event; changes during a silence are visible once it is over."""
-        values = tuple(
-            SceneValue(name=one.name, value=event.values[one.name], origin=Origin.MEASURED)
-            if one.name in event.values
+        person = self._scene.person if event.person is None else event.person
+        if event.silent is False:
+            self._silent_since = None
+        self._change(event.values, Origin.MEASURED, person)
+        if not self.silent:
+            self._silent_since = self._clock() if event.silent else None
+
+    def _change(self, values: Mapping[str, float], origin: Origin, person: bool) -> None:
+        changed = tuple(
+            SceneValue(name=one.name, value=values[one.name], origin=origin)
+            if one.name in values
             else one
             for one in self._scene.values
         )
-        person = self._scene.person if event.person is None else event.person
         self._met = self._met or person
-        changed = replace(self._scene, values=values, person=person)
-        self._scene = self._space.completed(changed, met=self._met)
-        if event.silent is False:
-            self._silent_since = None
+        scene = replace(self._scene, values=changed, person=person)
+        self._scene = self._space.completed(scene, met=self._met)
         if not self.silent:
             self._seen = self._scene
-            self._silent_since = self._clock() if event.silent else None
+
+    def tell(self, values: Mapping[str, float]) -> None:
+        """Take values that the person has told."""
+        self._change(values, Origin.TOLD, self._scene.person)
+
+    def remember(self, facts: Mapping[str, Fact]) -> None:
+        """Remember values of the person."""
+        self._scene = replace(self._scene, remembered={**self._scene.remembered, **facts})
+        self._seen = self._scene
 
     def now(self) -> Scene:
         """Return the scene as it is now, or the last one of a silence, marked as stale."""

@@ -13,15 +13,16 @@ from typing import Any
 from std_msgs.msg import Empty
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.person_facts import values_of
 from bt_agents_core.scene import Scene, first_id
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Persons, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_interfaces.srv import Analyze
+from bt_agents_interfaces.srv import Analyze, Remember
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec
-from bt_agents_language.model.specs import Script
+from bt_agents_language.model.specs import Script, Visit
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg, to_time
@@ -83,7 +84,7 @@ class SceneLayerNode(BaseNode):
         self._spec = spec
         self._ids = ids or (lambda: uuid.uuid4().hex)
         self._sources = Sources(spec)
-        known = Memory(spec.space)
+        known = self._memory = Memory(spec.space)
         self._estimate = SceneEstimator(spec, self._sources, known)
         self._runs = RunTracker()
         self._announced_id = ""
@@ -101,6 +102,7 @@ class SceneLayerNode(BaseNode):
         self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
         self.create_subscription(Empty, "~/trigger", self._on_trigger, qos.EVENTS)
         self.create_service(Analyze, "~/analyze", self._on_analyze, qos_profile=qos.SERVICE)
+        self.create_service(Remember, "~/remember", self._on_remember, qos_profile=qos.SERVICE)
         self._player: ScriptPlayer | None = None
         self._source_subscriptions: SourceSubscriptions | None = None
         if script is None:
@@ -110,7 +112,9 @@ class SceneLayerNode(BaseNode):
             )
         else:
             listened = self._market_listens
-            self._player = ScriptPlayer(self, script, self._announce, self._give, listened)
+            self._player = ScriptPlayer(
+                self, script, self._announce_visit, self._begin_visit, self._give, listened
+            )
 
     def request_stop(self) -> None:
         self._store.request_stop()
@@ -208,33 +212,73 @@ class SceneLayerNode(BaseNode):
             response.code, response.message = refused.code, refused.reason
             return response
         if request.announce:
-            scene = self._announce(request.label, values, person, request.urgent)
+            scene = self._announce(
+                request.label, values, person, request.urgent, told=request.told
+            )
             response.message = f"scene {scene.scene_id} announced"
         else:
-            scene = self._give(values, person)
+            scene = self._give(values, person, told=request.told)
             response.message = "live scene updated, nothing announced"
         response.accepted = True
         response.scene = scene_to_msg(scene)
         return response
 
+    def _on_remember(self, request: Any, response: Any) -> Any:
+        try:
+            given = values_of(request.facts)
+            self._memory.remember(request.person_id, given, known=self._estimate.encounters.known)
+        except Refused as refused:
+            response.code, response.message = refused.code, refused.reason
+            return response
+        response.accepted = True
+        response.message = f"remembered of {request.person_id}"
+        self._on_change()
+        return response
+
+    def _begin_visit(self, visit: Visit) -> None:
+        self._estimate.encounters.begin_visit(visit.name, time.monotonic(), time.time())
+
+    def _announce_visit(self, visit: Visit) -> Scene:
+        return self._announce(
+            visit.label, visit.values, visit.person, visit.urgent, person_id=visit.name or None
+        )
+
     def _announce(
-        self, label: str, values: Mapping[str, float], person: bool | None, urgent: bool
+        self,
+        label: str,
+        values: Mapping[str, float],
+        person: bool | None,
+        urgent: bool,
+        *,
+        told: bool = False,
+        person_id: str | None = None,
     ) -> Scene:
         if self._estimate.encounters.enabled:
             self._poll()
         now = time.monotonic()
         self._announced_id = self._ids()
-        self._estimate.begin(self._announced_id, label, values, person, now, urgent=urgent)
+        self._estimate.begin(
+            self._announced_id,
+            label,
+            values,
+            person,
+            now,
+            urgent=urgent,
+            told=told,
+            person_id=person_id,
+        )
         scene = self._put_together(self._announced_id, now)
         self._scene.publish(scene_to_msg(scene))
         return scene
 
-    def _give(self, values: Mapping[str, float], person: bool | None) -> Scene:
+    def _give(
+        self, values: Mapping[str, float], person: bool | None, *, told: bool = False
+    ) -> Scene:
         """Give values to the present interaction; without one they are for nothing."""
         now = time.monotonic()
         scene_id = self._present_id()
         if scene_id:
-            self._estimate.give(scene_id, values, person, now)
+            self._estimate.give(scene_id, values, person, now, told=told)
             self._on_change()
         return self._put_together(scene_id, now)
 

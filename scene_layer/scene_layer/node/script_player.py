@@ -23,7 +23,8 @@ class ScriptPlayer:
     """Announces the visits of a script and gives their changes.
 
     Args:
-        announce: Announces the scene of a visit by its label, values, person and urgency.
+        announce: Announces the scene of a visit, maybe again.
+        begin_visit: Called once for each visit, before its scene is announced.
         listened: Says whether a market takes scenes.
     """
 
@@ -31,12 +32,15 @@ class ScriptPlayer:
         self,
         node: Node,
         script: Script,
-        announce: Callable[[str, Mapping[str, float], bool | None, bool], Scene],
+        announce: Callable[[Visit], Scene],
+        begin_visit: Callable[[Visit], None],
         give: Callable[[Mapping[str, float], bool | None], object],
         listened: Callable[[], bool],
     ) -> None:
         self._node = node
         self._announce = announce
+        self._begin_visit = begin_visit
+        self._begun = 0
         self._give = give
         self._listened = listened
         wait_for_agents = declare(
@@ -90,6 +94,9 @@ class ScriptPlayer:
             self._give(change.values, change.person)
 
     def _begin(self, visit: Visit) -> None:
-        scene = self._announce(visit.label, visit.values, visit.person, visit.urgent)
+        if self._begun != self._performance.number:
+            self._begun = self._performance.number
+            self._begin_visit(visit)
+        scene = self._announce(visit)
         self._performance.announced(scene.scene_id)
         self._node.get_logger().info(f"visit {self._performance.number}: {visit.label}")

@@ -30,9 +30,10 @@ from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict
 from bt_agents_lab.replay.recording_index import index_entries
 from bt_agents_lab.replay.replay_learning import replay_feedback
+from bt_agents_lab.replay.scenes import scene_of
 from bt_agents_lab.replay.trees import replay_runs
 from journal_fixture import NAN, Town, index_of, morning
-from tree_harness import scene
+from tree_harness import SPACE, scene
 
 STRATEGIES = {
     "manhattan": {},
@@ -438,3 +439,37 @@ def test_a_round_of_format_1_is_decided_again_with_what_its_options_said(tmp_pat
     assert list(one.auction.shadow_option_names) == ["epsilon"]
     [finding] = replay_decisions(recording.rounds)
     assert (finding.verdict, finding.text) == (ReplayVerdict.EQUAL, "")
+
+
+def as_before(message: Any, *newer: str) -> SimpleNamespace:
+    """Return a message as it was recorded when it had no such fields."""
+    names = message.get_fields_and_field_types()
+    return SimpleNamespace(**{name: getattr(message, name) for name in names if name not in newer})
+
+
+def test_a_round_from_before_persons_were_known_by_name_is_decided_again(tmp_path: Path) -> None:
+    made = Town(tmp_path / "trees", "softmax", {"temperature": 2.0})
+    made.round(scene("s1", age=4, familiarity=2, mood=3))
+    messages = []
+    for sent in made.published:
+        message: Any = sent.message
+        if isinstance(message, Auction):
+            message = as_before(message, "scene")
+            message.scene = as_before(sent.message.scene, "visits", "remembered")
+        messages.append(message)
+    recording = index_entries(
+        JournalEntry(
+            topic=sent.topic,
+            type=f"bt_agents_interfaces/msg/{type(sent.message).__name__}",
+            sent_ns=number,
+            lost=0,
+            data=b"",
+            decoder=lambda _, message=message: message,
+        )
+        for number, (sent, message) in enumerate(zip(made.published, messages, strict=True), 1)
+    )
+    assert recording.problems == []
+    [finding] = replay_decisions(recording.rounds)
+    assert (finding.verdict, finding.text) == (ReplayVerdict.EQUAL, "")
+    old = scene_of(recording.rounds[0].auction.scene, SPACE)
+    assert (old.visits, old.remembered) == (0, {})

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bt_agents_core.errors import ReadError
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.specs import SceneChange, Visit
 from bt_agents_language.yaml.source import Source
@@ -27,6 +28,7 @@ visits:
       - {after: 500 ms, scene: {mood: 1.5}}
   - {label: a ladder, person: false}
   - {label: an alarm, person: false, urgent: true}
+  - {label: somebody known, name: anna}
 """
     script = read_script(Source("s.yaml", text), SPACE)
     assert script.title == "A day"
@@ -44,7 +46,22 @@ visits:
         ),
         Visit(label="a ladder", person=False, values={}),
         Visit(label="an alarm", person=False, values={}, urgent=True),
+        Visit(label="somebody known", person=True, values={}, name="anna"),
     )
+
+
+@pytest.mark.parametrize(
+    ("visit", "problem"),
+    [
+        ("{label: a, name: anna, person: false}", "misplaced-key"),
+        (f"{{label: a, name: {'x' * 101}}}", "bad-name"),
+        ('{label: a, name: "an\\nna"}', "bad-name"),
+    ],
+)
+def test_a_name_is_that_of_somebody_who_is_there(visit: str, problem: str):
+    with pytest.raises(ReadError) as caught:
+        read_script(Source("s.yaml", f"format: 1\ntitle: t\nvisits:\n  - {visit}\n"), SPACE)
+    assert [one.code for one in caught.value.diagnostics] == [problem]
 
 
 @pytest.mark.parametrize("path", sorted((TREES / "scripts").glob("*.yaml")), ids=lambda p: p.stem)

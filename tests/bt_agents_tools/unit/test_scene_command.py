@@ -11,6 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
+from bt_agents_core.person_facts import message_fields
 from bt_agents_core.scene import Origin, SceneParameter
 from bt_agents_tools.cli.commands.scene import as_document, page
 
@@ -27,7 +28,8 @@ def value(name: str, number: float, origin: Origin, **more: Any) -> SimpleNamesp
 
 
 def scene(*values: SimpleNamespace, **more: Any) -> SimpleNamespace:
-    fields = {"label": "", "person": True, "person_id": "", "place": "", "persons": 0} | more
+    who = {"label": "", "person": True, "person_id": "", "place": "", "persons": 0}
+    fields = who | {"visits": 0, "remembered": []} | more
     stamp = SimpleNamespace(sec=0, nanosec=0)
     return SimpleNamespace(stamp=stamp, scene_id="s", values=values, **fields)
 
@@ -72,6 +74,18 @@ def test_who_is_there_is_said_in_words() -> None:
     assert shown(scene())[0].startswith("somebody is there (")
     lost = scene(person=False, person_id="anna")
     assert shown(lost)[0].startswith("anna is not there any more (")
+
+
+def test_a_visit_and_what_is_remembered_are_shown() -> None:
+    fields = message_fields("favourite", "tea")
+    fact = SimpleNamespace(key="favourite", value=SimpleNamespace(**fields["value"]))
+    told = value("mood", 2.0, Origin.TOLD, source="the person")
+    message = scene(told, person_id="anna", visits=3, remembered=[fact])
+    head, _, row, remembered = shown(message)
+    assert head.startswith("anna is there, visit 3 (")
+    assert row == "mood 2 told 100% the person"
+    assert remembered == "remembered: favourite tea"
+    assert as_document(message, None)["scene"]["remembered"] == {"favourite": "tea"}
 
 
 def test_the_addressee_is_marked_with_the_reason() -> None:

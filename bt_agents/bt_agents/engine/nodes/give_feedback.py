@@ -8,13 +8,10 @@ from collections.abc import Mapping
 from py_trees.common import Status
 
 from bt_agents.engine.environment import GoalRun, GoalState
-from bt_agents.engine.fields import finite
+from bt_agents.engine.fields import scene_value
 from bt_agents.engine.leaf import Leaf
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_core.field_types import Plain
-from bt_agents_core.scene import check_value
-from bt_agents_language.expression.expression_values import described
 
 _DIRECT = "direct feedback"
 
@@ -60,18 +57,8 @@ class GiveFeedback(Leaf):
                 f"{_DIRECT} has no values, expected at least one scene parameter with the "
                 "value that the profile moves to; write values: {age: 4}",
             )
-        return {name: self._wanted(name, value) for name, value in given.items()}
-
-    def _wanted(self, name: str, value: Plain) -> float:
-        parameter = self.context.scope.space.parameter(name, what=_DIRECT)
-        number = finite(value)
-        if number is None:
-            raise Refused(
-                "NOT_A_NUMBER",
-                f"{_DIRECT}: {name} is {described(value)}, expected a number between "
-                f"{parameter.minimum:g} and {parameter.maximum:g}",
-            )
-        return check_value(parameter, number, what=_DIRECT)
+        space = self.context.scope.space
+        return {name: scene_value(space, name, value, _DIRECT) for name, value in given.items()}
 
 
 BEHAVIOURS = {"give_feedback": GiveFeedback}

@@ -1,21 +1,59 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Set: gives names values."""
+"""Set: gives names values, and puts what the person has told into the scene."""
 
 from __future__ import annotations
 
 from py_trees.common import Status
 
-from bt_agents.engine.leaf import Leaf
-from bt_agents.engine.light_behaviour import SUCCESS
+from bt_agents.engine.fields import scene_value
+from bt_agents.engine.light_behaviour import RUNNING, SUCCESS
+from bt_agents.engine.scene_layer_leaf import SceneLayerLeaf
+from bt_agents_language.nodes.set import BINDING, SCENE
+
+_SHOWN_WITHIN_S = 0.5
+"""Longest wait for a live scene with what was told; something newer may take its place [s]."""
 
 
-class Set(Leaf):
-    """Gives names values, one after the other; always SUCCESS."""
+class Set(SceneLayerLeaf):
+    """Gives names values, one after the other.
+
+    SUCCESS at once, but where values of the scene are among them: then when the live scene has
+    them, and FAILURE with the reason when the scene layer does not take them.
+    """
+
+    binding = BINDING
+    _shown_by: float | None = None
+
+    def begin(self) -> None:
+        self._run = self._shown_by = None
+        self._told: dict[str, float] = {}
+        for name in self.spec.fields:
+            value = self.fields.value(name)
+            if not name.startswith(SCENE):
+                self.scope.write(name, value)
+                continue
+            parameter = name.removeprefix(SCENE)
+            space = self.context.scope.space
+            self._told[parameter] = scene_value(space, parameter, value, "set")
+        if self._told:
+            names, values = tuple(self._told), tuple(self._told.values())
+            self.request({"names": names, "values": values, "told": True})
 
     def step(self) -> Status:
-        for name in self.spec.fields:
-            self.scope.write(name, self.fields.value(name))
-        return SUCCESS
+        if not self._told:
+            return SUCCESS
+        status = self.answered()
+        if status is not SUCCESS:
+            return status
+        scope = self.context.scope
+        scope.told.update({SCENE + name: value for name, value in self._told.items()})
+        if self._shown_by is None:
+            self._shown_by = self.context.clock() + _SHOWN_WITHIN_S
+        live = scope.live()
+        shown = all(live.get(name) == value for name, value in self._told.items())
+        if shown or self.context.is_due(self.spec.path, self._shown_by):
+            return SUCCESS
+        return RUNNING
 
 
 BEHAVIOURS = {"set": Set}

@@ -10,6 +10,7 @@ from bt_agents_language.fields.scope import (
     NameScope,
     clock_names,
     mood_names,
+    person_names,
     scene_labels,
     scene_names,
 )
@@ -47,6 +48,7 @@ class ReplacementReader:
             **scene_names(symbols.space, ("scene", "live", "profile")),
             **mood_names(symbols.space),
             **clock_names(),
+            **person_names(symbols.space),
             **self._tunables,
         }
         self._labels = scene_labels(symbols.space)

@@ -6,11 +6,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.local_time import NOON, WEEKDAYS, LocalTime
+from bt_agents_core.person_facts import Fact, fact
 from bt_agents_core.stop_cause import STOPPERS, Cancellation
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.inputs import read_constant
 from bt_agents_language.fields.interfaces import read_ros_name
 from bt_agents_language.fields.scene_values import read_values
 from bt_agents_language.fields.scope import NameScope
@@ -26,6 +29,7 @@ from bt_agents_language.files.testing.replacement_reader import AT_ONCE, Replace
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,
     GoalEnd,
+    RehearsedPerson,
     Replacement,
     Scenario,
     ScriptedAnswer,
@@ -56,6 +60,8 @@ from bt_agents_language.yaml.field_tables import (
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
+
+MOST_VISITS = 1_000_000
 
 _ENDS = tuple(end.value for end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE, GoalEnd.NEVER))
 _SILENT = {"silent": True, "back": False}
@@ -111,6 +117,18 @@ _CLOCK = KeyTable(
         FieldDecl("weekday", WordChoice(WEEKDAYS), "Day of the week.", default=NOON.weekday),
     ),
 )
+_PERSON = KeyTable(
+    what="'person'",
+    fields=(
+        FieldDecl("name", TEXT, "The name: person.name.", required=True),
+        FieldDecl("visits", integer(1, MOST_VISITS), "How often they have been here.", default=1),
+        FieldDecl(
+            "remembers",
+            Entries(ANY, "names and values"),
+            "What is remembered of them: {favourite: tea}.",
+        ),
+    ),
+)
 SCENARIO = KeyTable(
     what="a rehearsal",
     fields=(
@@ -119,7 +137,11 @@ SCENARIO = KeyTable(
             SceneValues(person="Whether a person is there."),
             "The scene as awarded; the rest is as scene.yaml says of what is missing.",
         ),
-        FieldDecl("person", BOOLEAN, "Whether a person is there."),
+        FieldDecl(
+            "person",
+            Either((BOOLEAN, _PERSON)),
+            "Whether a person is there; or who it is: {name: anna, visits: 3}.",
+        ),
         FieldDecl("clock", _CLOCK, "The local time at the start, on the hour."),
         FieldDecl(
             "tunables", Entries(ANY, "names and values"), "Values that differ from the defaults."
@@ -182,7 +204,7 @@ class ScenarioReader:
         """Return the scenario that the keys of a case say."""
         scene = fields.get("scene")
         values: dict[str, float] = {}
-        person = fields.boolean("person")
+        person, known = self._person(fields.get("person"))
         if isinstance(scene, MappingNode):
             node = None if "person" in self._space.names else scene.get("person")
             inner = None if node is None else self._reading.boolean(node, "'person'")
@@ -201,6 +223,7 @@ class ScenarioReader:
         return Scenario(
             scene=values,
             person=True if person is None else person,
+            known=known,
             clock=self._clock(fields.get("clock")),
             tunables=self._tuned(fields.entries("tunables")),
             seed=fields.integer("seed", maximum=2**63 - 1) or 0,
@@ -230,6 +253,37 @@ class ScenarioReader:
                 "unknown-path", item, f"no child of a 'random' has the path {quote(text)}", hint
             )
         return tuple(picks)
+
+    def _person(self, node: Node | None) -> tuple[bool | None, RehearsedPerson | None]:
+        """Return whether somebody is there, as far as it is written, and who."""
+        if node is None:
+            return None, None
+        if not isinstance(node, MappingNode):
+            return self._reading.boolean(node, "'person'"), None
+        fields = self._reading.keys(node, _PERSON)
+        if fields is None:
+            return True, None
+        remembers: dict[str, Fact] = {}
+        for entry in fields.entries("remembers"):
+            key = entry.key.text
+            wanted = self._space.remembers.get(key)
+            if wanted is None:
+                problem = "scene.yaml does not say that agents remember"
+                self.refuse_name(
+                    entry.key, problem, key, self._space.remembers, "declare it there"
+                )
+                continue
+            value = read_constant(self._reading, entry.value, wanted, f"'{key}'")
+            if value is None:
+                continue
+            try:
+                remembers[key] = fact(key, value, wanted)
+            except Refused as refused:
+                self._reading.error("wrong-value", entry.value, refused.reason)
+        visits = fields.integer("visits")
+        return True, RehearsedPerson(
+            name=fields.text("name") or "", visits=visits or 1, remembers=remembers
+        )
 
     def _clock(self, node: Node | None) -> LocalTime:
         fields = None if node is None else self._reading.keys(node, _CLOCK)

@@ -11,6 +11,7 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
 from bt_agents_core.local_time import NOON, LocalTime
+from bt_agents_core.person_facts import Fact
 from bt_agents_core.stop_cause import Cancellation
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
@@ -95,11 +96,26 @@ class ScriptedEvent:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RehearsedPerson:
+    """Somebody who is known by name.
+
+    Attributes:
+        visits: How often they have been here, this visit included.
+        remembers: What is remembered of them.
+    """
+
+    name: str
+    visits: int = 1
+    remembers: Mapping[str, Fact] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
     """One interaction to rehearse.
 
     Attributes:
         scene: Values of scene parameters as awarded; the others are not known.
+        known: Who the person is; None for somebody who is not known by name.
         clock: Local time at the start.
         tunables: Values that differ from the defaults.
         answers: Those of paths count before those of skills, else the first that fits.
@@ -111,6 +127,7 @@ class Scenario:
 
     scene: Mapping[str, float] = field(default_factory=dict)
     person: bool = True
+    known: RehearsedPerson | None = None
     clock: LocalTime = NOON
     tunables: Mapping[str, Plain] = field(default_factory=dict)
     seed: int = 0

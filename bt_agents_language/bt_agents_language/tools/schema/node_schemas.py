@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.fields.bindings import HEARTBEAT, TIMEOUTS
+from bt_agents_language.fields.values import EXPECTED
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
@@ -145,8 +146,12 @@ def _type(node_type: NodeType, space: SceneSpace) -> Schema:
         properties[field.name] = described(schema, field.description)
     required = [field.name for field in node_type.fields if field.required]
     if node_type.open:
-        anything = value_schemas.value(FieldType.ANY)
-        return {"type": "object", "minProperties": 1, "additionalProperties": anything}
+        declared = {
+            name: described(value_schemas.value(kind), f"{EXPECTED[kind]}, as scene.yaml declares")
+            for name, kind in node_type.declared(space).items()
+        }
+        others = value_schemas.value(FieldType.ANY) if node_type.assigns else False
+        return {**mapping(declared, []), "minProperties": 1, "additionalProperties": others}
     if node_type.children is Children.LIST:
         child = NODE
         if node_type.child_keys:

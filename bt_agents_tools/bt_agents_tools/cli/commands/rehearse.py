@@ -14,13 +14,15 @@ from rich.console import Console
 from rich.text import Text
 
 from bt_agents.engine.run import TreeOutcome
+from bt_agents.engine.scope import format_value
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import NOON
 from bt_agents_core.scene import Origin, SceneSpace
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
-from bt_agents_language.files.testing.scenarios import AgentTestCase, Scenario
+from bt_agents_language.files.testing.scenarios import AgentTestCase, RehearsedPerson, Scenario
 from bt_agents_language.files.testing.test_reader import read_scenario_text, read_test
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.cli.named_agent import named_agent
@@ -47,6 +49,9 @@ Examples:
 @click.argument("arguments", nargs=-1, metavar="AGENT")
 @click.option("--dir", "directory", default="", help="The trees folder in which AGENT is.")
 @click.option("--scene", multiple=True, metavar="NAME=VALUE ...", help="The scene: age=4 mood=3.")
+@click.option(
+    "--person", multiple=True, metavar="name=anna", help="Who it is; visits=3, favourite=tea."
+)
 @click.option("--clock", multiple=True, metavar="hour=22", help="Local time; weekday=sunday.")
 @click.option("--script", metavar="FILE[:CASE]", default="", help="A case of a test file.")
 @click.option("--answer", multiple=True, metavar="SKILL=ANSWER", help="ask=yes, drive={fails: x}.")
@@ -62,6 +67,7 @@ def rehearse(
     arguments: tuple[str, ...],
     directory: str,
     scene: tuple[str, ...],
+    person: tuple[str, ...],
     clock: tuple[str, ...],
     script: str,
     answer: tuple[str, ...],
@@ -91,6 +97,7 @@ def rehearse(
         spec,
         # --scene takes only the first of its values; the others come as arguments.
         scene=(*scene, *(one for one in arguments if "=" in one)),
+        person=person,
         clock=clock,
         tunables=tune,
         answers=answer,
@@ -106,15 +113,15 @@ def rehearse(
     scenario = _joined(case.scenario if case is not None else None, from_options, seed)
     console = Console(highlight=False, soft_wrap=True)
     width = min(max(console.width, WIDTH), 120)
-    person = InteractiveAnswers(console, spec, symbols) if interactive else None
+    asked = InteractiveAnswers(console, spec, symbols) if interactive else None
     console.print(_heading(spec, scenario, space, case))
     rehearsed = rehearsal.rehearse(
         spec,
         space,
         scenario,
         on_event=_printer(console, width, ticks, realtime),
-        answer_source=person,
-        prompt=person.event if person is not None else None,
+        answer_source=asked,
+        prompt=asked.event if asked is not None else None,
         force=True,
     )
     sys.exit(_close(console, rehearsed, case))
@@ -161,6 +168,7 @@ def _joined(first: Scenario | None, options: Scenario, seed: int | None) -> Scen
         first,
         scene={**first.scene, **options.scene},
         person=first.person and options.person,
+        known=options.known or first.known,
         clock=first.clock if options.clock == NOON else options.clock,
         tunables={**first.tunables, **options.tunables},
         seed=first.seed if seed is None else seed,
@@ -168,6 +176,12 @@ def _joined(first: Scenario | None, options: Scenario, seed: int | None) -> Scen
         answers=(*options.answers, *first.answers),
         during=(*first.during, *options.during),
     )
+
+
+def _who(known: RehearsedPerson) -> str:
+    remembers = known.remembers.items()
+    remembered = [f"{key} {format_value(value, FieldType.ANY)}" for key, value in remembers]
+    return ", ".join([f"{known.name}'s visit {known.visits}", *remembered])
 
 
 def _heading(
@@ -188,6 +202,8 @@ def _heading(
     about_person = spec.requires is not None and "scene.person" in spec.requires.names
     if about_person or not scenario.person:
         parts.append("a person is there" if scenario.person else "nobody is there")
+    if scenario.known is not None:
+        parts.append(_who(scenario.known))
     about_time = spec.requires is not None and any(
         name.startswith("clock.") for name in spec.requires.names
     )

@@ -15,7 +15,10 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from bt_agents.engine.scope import format_value
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.person_facts import Fact, facts, values_of
 from bt_agents_core.scene import Origin, SceneParameter, finite_or_none, nearest_label
 from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
@@ -32,12 +35,13 @@ _PERIOD_S = 0.5
 _STYLES = {
     Origin.MEASURED: "green",
     Origin.GIVEN: "cyan",
+    Origin.TOLD: "cyan",
     Origin.ESTIMATED: "yellow",
     Origin.DEFAULT: "yellow",
     Origin.MISSING: "red",
 }
 
-_FIELDS = ("scene_id", "label", "person", "person_id", "place", "persons")
+_FIELDS = ("scene_id", "label", "person", "person_id", "place", "persons", "visits")
 
 Labels = dict[str, SceneParameter]
 
@@ -101,6 +105,8 @@ def page(message: Any, persons: Any, labels: Labels) -> RenderableType:
     parts: list[RenderableType] = [Text(_heading(message))]
     if message.values:
         parts.append(_values(message, labels))
+    if message.remembered:
+        parts.append(Text(f"remembered: {_remembered_text(message)}"))
     if persons is not None:
         parts.append(Text(_persons_text(persons)))
         if persons.scenes:
@@ -113,9 +119,19 @@ def _heading(message: Any) -> str:
     there = f"{who} is there" if message.person else "nobody is there"
     if message.person_id and not message.person:
         there = f"{who} is not there any more"
-    parts = [message.label, there, message.place and f"in {message.place}"]
+    visit = message.visits and f"visit {message.visits}"
+    parts = [message.label, there, visit, message.place and f"in {message.place}"]
     when = time.strftime("%H:%M:%S", time.localtime(message.stamp.sec))
     return f"{', '.join(part for part in parts if part)} ({when})"
+
+
+def _remembered(message: Any) -> dict[str, Fact]:
+    return facts(values_of(message.remembered))
+
+
+def _remembered_text(message: Any) -> str:
+    remembered = _remembered(message).items()
+    return ", ".join(f"{key} {format_value(one, FieldType.ANY)}" for key, one in remembered)
 
 
 def _values(message: Any, labels: Labels) -> Table:
@@ -197,6 +213,7 @@ def _plain(message: Any) -> dict[str, Any]:
     return {
         "stamp": message.stamp.sec + message.stamp.nanosec * 1e-9,
         **{name: getattr(message, name) for name in _FIELDS},
+        "remembered": _remembered(message),
         "values": {
             value.name: {
                 "value": finite_or_none(value.value),

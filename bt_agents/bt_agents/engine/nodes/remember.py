@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Remember: keeps values of the person who is there, if that is known by name."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from bt_agents.engine.scene_layer_leaf import SceneLayerLeaf
+from bt_agents_core.errors import Refused
+from bt_agents_core.person_facts import Fact, fact, message_fields
+from bt_agents_language.expression.expressions import MissingValue
+from bt_agents_language.nodes.remember import BINDING
+
+
+class Remember(SceneLayerLeaf):
+    """SUCCESS when the scene layer has stored the values, FAILURE with the reason else."""
+
+    has_side_effects = True
+    binding = BINDING
+
+    def begin(self) -> None:
+        self._run = None
+        types = self.context.scope.space.remembers
+        self._facts: dict[str, Fact] = {
+            key: fact(key, self.fields.value(key), types.get(key)) for key in self.spec.fields
+        }
+        try:
+            who = self.scope.lookup("person.name")
+        except MissingValue:
+            raise Refused(
+                "NOBODY_KNOWN",
+                "nobody who is known by name is there, so nothing can be remembered",
+            ) from None
+        facts = tuple(message_fields(key, value) for key, value in self._facts.items())
+        self.request({"person_id": who, "facts": facts})
+
+    def step(self) -> Status:
+        status = self.answered()
+        if status is Status.SUCCESS:
+            told = {f"person.{key}": value for key, value in self._facts.items()}
+            self.context.scope.told.update(told)
+        return status
+
+
+BEHAVIOURS = {"remember": Remember}

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``remember``: keeps values of a person who is known by name, between visits."""
+
+from __future__ import annotations
+
+from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import nearest
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.values import read_value
+from bt_agents_language.model.specs import Binding, MapValue, NodeSpec
+from bt_agents_language.nodes.node_type import (
+    LABEL_LENGTH,
+    FieldValues,
+    NodeReader,
+    NodeType,
+    RawNode,
+    Resources,
+)
+from bt_agents_language.yaml.yaml_reader import Mapping
+
+BINDING = Binding(
+    kind=BindingKind.SERVICE,
+    name="scene_layer/remember",
+    type="bt_agents_interfaces/srv/Remember",
+    fields=MapValue(items={}),
+)
+"""The service of the scene layer that remembers values of persons."""
+
+_GROUP = "person."
+_MEASURED = ("name", "visits")
+
+
+def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> NodeSpec:
+    reading = reader.reading
+    entries = reading.entries(raw.value, "'remember'", "names and values")
+    if isinstance(raw.value, Mapping) and not entries:
+        reading.error(
+            "missing-value",
+            raw.value,
+            "'remember' remembers nothing",
+            "write remember: {name: value}",
+        )
+    known = [name for name in names.members(_GROUP) if name not in _MEASURED]
+    fields: FieldValues = {}
+    for entry in entries:
+        key = entry.key.text
+        if key not in known:
+            near = nearest(key, known)
+            reading.error(
+                "unknown-name",
+                entry.key,
+                f"scene.yaml does not say that {quote(key[:40])} is remembered of a person",
+                f"did you mean '{near}'?"
+                if near is not None
+                else f"declare it there: remembers: {{{key[:40]}: text}}",
+            )
+            continue
+        wanted = names.type_of(_GROUP + key) or FieldType.ANY
+        value = read_value(reading, entry.value, wanted, names, f"'{key}'")
+        if value is not None:
+            fields[key] = value
+    return NodeSpec(
+        path=path,
+        position=raw.key.position,
+        kind=REMEMBER.key,
+        name=raw.name or f"remember {', '.join(fields)}"[:LABEL_LENGTH],
+        fields=fields,
+    )
+
+
+REMEMBER = NodeType(
+    key="remember",
+    order=75,
+    open=True,
+    declared=lambda space: space.remembers,
+    description="Remembers values of the person until their next visit: person.<name>.",
+    read=_read,
+    idle=True,
+    resources=lambda spec: Resources(binding=BINDING),
+    example="""\
+tree:
+  sequence:
+    - when: not known(person.favourite)
+      sequence:
+        - ask: What do you like to drink?
+        - remember: {favourite: "${answer}"}
+    - say: ${person.name}, one ${person.favourite} as always!
+      when: person.visits > 1
+""",
+)

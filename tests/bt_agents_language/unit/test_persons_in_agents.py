@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What agents say of persons, checked: names, what is remembered, what was told."""
+
+from __future__ import annotations
+
+import pytest
+from jsonschema import Draft7Validator
+
+from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.tools.schema.folder import schema_of
+from file_texts import read_scene_text
+from rehearsal_harness import cases_for, scenario
+from tree_harness import SYMBOLS, agent
+
+SCENE = """
+format: 1
+parameters:
+  pain: {{min: 0, max: 10, default: 0, of: person}}
+  mood: {{min: 1, max: 5, default: 3}}
+remembers: {remembers}
+"""
+
+
+def problems(tree: str, head: str = "") -> list[str]:
+    with pytest.raises(ReadError) as caught:
+        agent(tree, head)
+    return [f"{one.code}: {one.message} ({one.hint})" for one in caught.value.diagnostics]
+
+
+def test_scene_yaml_says_what_is_remembered_and_what_is_of_the_person() -> None:
+    spec = read_scene_text(SCENE.format(remembers="{tea: boolean, n: number}"), "scene.yaml")
+    assert spec.space.remembers == {"tea": FieldType.BOOLEAN, "n": FieldType.NUMBER}
+    assert spec.personal == {"pain"}
+
+
+@pytest.mark.parametrize(
+    ("remembers", "problem"),
+    [
+        ("{name: text}", "name-taken: 'person.name' is the name of the person"),
+        ("{tea: duration}", "bad-choice"),
+        ("[tea]", "wrong-type"),
+        (f"{{{', '.join(f'k{n}: text' for n in range(33))}}}", "out-of-range: at most 32 values"),
+    ],
+)
+def test_slips_of_what_is_remembered_are_named(remembers: str, problem: str) -> None:
+    with pytest.raises(ReadError) as caught:
+        read_scene_text(SCENE.format(remembers=remembers), "scene.yaml")
+    [one] = caught.value.diagnostics
+    assert f"{one.code}: {one.message}".startswith(problem)
+
+
+def test_a_person_can_be_named_in_requires_conditions_and_texts() -> None:
+    spec = agent(
+        "say: ${person.name} ${person.favourite else 'tea'}\nwhen: person.visits > 1",
+        "requires: person.visits > 1 and person.favourite == 'tea'",
+    )
+    assert spec.requires is not None
+
+
+@pytest.mark.parametrize(
+    ("tree", "problem"),
+    [
+        ("say: ${person.nam}", "unknown-name: there is no name 'person.nam' here (did you mean"),
+        ("check: person.visits == 'two'", "bad-expression"),
+        (
+            "remember: {favorite: tea}",
+            "unknown-name: scene.yaml does not say that 'favorite' is remembered of a person "
+            "(did you mean 'favourite'?)",
+        ),
+        (
+            "remember: {size: 3}",
+            "unknown-name: scene.yaml does not say that 'size' is remembered of a person "
+            "(declare it there: remembers: {size: text})",
+        ),
+        ("remember: {name: anna}", "unknown-name"),
+        ("remember: {favourite: [tea]}", "wrong-type: 'favourite': expected a text"),
+        ("remember: {}", "missing-value"),
+        ("remember: tea", "wrong-type"),
+        ("set: {scene.age: 9}", "out-of-range: 'scene.age' is 9, expected 1 to 5"),
+        ("set: {scene.age: old}", "bad-number"),
+        ("set: {scene.person: true}", "unknown-name: 'set' cannot set 'scene.person'"),
+        (
+            "set: {live.age: 3}",
+            "unknown-name: 'set' cannot set 'live.age', only the scene's parameters (did you mean "
+            "'scene.age'?)",
+        ),
+        (
+            "set: {person.favourite: tea}",
+            "unknown-name: 'set' cannot set 'person.favourite' (write remember: {favourite: …})",
+        ),
+        ("set: {clock.hour: 3}", "bad-name"),
+        (
+            "sequence: [{ask: How old?}, {set: {scene.age: '${answer}'}}]",
+            "wrong-value: 'scene.age': expected a number, but 'answer' is a text (for the number "
+            "in it write ${number(answer)})",
+        ),
+    ],
+)
+def test_slips_are_named(tree: str, problem: str) -> None:
+    [found] = problems(tree)
+    assert found.startswith(problem)
+
+
+def outcomes(node: NodeSpec) -> frozenset[Outcome]:
+    return type_of(node).outcomes(node, ())
+
+
+def test_a_node_that_asks_the_scene_layer_may_fail() -> None:
+    assert outcomes(agent("set: {n: 1}").tree) == {Outcome.SUCCESS}
+    for tree in ("set: {n: 1, scene.age: 3}", "remember: {favourite: tea}"):
+        node = agent(tree).tree
+        assert outcomes(node) == {Outcome.SUCCESS, Outcome.FAILURE}
+        assert type_of(node).resources(node).binding is not None
+
+
+def test_a_value_of_the_scene_is_no_name_of_the_tree() -> None:
+    spec = agent("sequence: [{set: {scene.age: 3}}, {say: '${scene.age}'}]")
+    assert spec.warnings == ()
+
+
+def test_a_rehearsal_says_who_the_person_is() -> None:
+    spec = agent("say: hello")
+    said = scenario(spec, "person: {name: anna, visits: 3, remembers: {favourite: tea}}\nseed: 1")
+    assert said.person
+    assert said.known is not None
+    assert (said.known.name, said.known.visits) == ("anna", 3)
+    assert said.known.remembers == {"favourite": "tea"}
+    assert scenario(spec, "person: false").known is None
+
+
+@pytest.mark.parametrize(
+    ("person", "problem"),
+    [
+        ("{visits: 2}", "needs the key 'name'"),
+        ("{name: anna, visits: 0}", "'visits'"),
+        ("{name: anna, remembers: {favorite: tea}}", "'favorite'"),
+        ("{name: anna, remembers: {favourite: '${x}'}}", "${…}"),
+        ("anna", "true or false"),
+    ],
+)
+def test_slips_about_the_person_of_a_rehearsal_are_named(person: str, problem: str) -> None:
+    with pytest.raises(ReadError) as caught:
+        cases_for(agent("say: hello"), f"- name: one\n  person: {person}\n  ends: succeeded")
+    assert problem in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("tree", "sound"),
+    [
+        ({"remember": {"favourite": "${answer}"}}, True),
+        ({"remember": {"favorite": "tea"}}, False),
+        ({"remember": {}}, False),
+        ({"set": {"scene.age": 4, "n": "anything"}}, True),
+        ({"set": {"scene.age": "old"}}, False),
+    ],
+)
+def test_an_editor_knows_what_can_be_remembered_and_told(tree: object, sound: bool) -> None:
+    profile = {"age": 3, "familiarity": 3, "mood": 3}
+    document = {"format": 1, "agent": "a", "profile": profile, "tree": tree}
+    assert Draft7Validator(schema_of("agent", SYMBOLS)).is_valid(document) is sound
