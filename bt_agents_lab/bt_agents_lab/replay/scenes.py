@@ -76,7 +76,7 @@ def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
         shadow_options=dict(
             zip(auction.shadow_option_names, auction.shadow_option_values, strict=True)
         ),
-        rules=one.parsed.rules if one.parsed is not None else (),
+        rules=one.rules,
         intervention=auction.intervention,
         preview=auction.preview,
     )
