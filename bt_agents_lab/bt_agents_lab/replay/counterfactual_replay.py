@@ -13,7 +13,7 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.local_time import local_time
 from bt_agents_core.profile_layers import EVERYBODY, layers_of
-from bt_agents_core.scene import Scene, SceneSpace, Vector
+from bt_agents_core.scene import Scene, SceneSpace, Vector, scene_name
 from bt_agents_lab.replay.recording_index import (
     NO_TEXTS,
     RecordedFeedback,
@@ -22,7 +22,7 @@ from bt_agents_lab.replay.recording_index import (
     Round,
 )
 from bt_agents_lab.replay.replay_learning import ProfileHistory, is_managed, rule_of
-from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
+from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
 from feedback_node.learning.learning_step import Evidence, requested, step
@@ -195,7 +195,7 @@ class _Counterfactual:
             RoundComparison(
                 epoch=auction.epoch,
                 round=auction.round,
-                label=named(auction.scene),
+                label=scene_name(auction.scene),
                 was=auction.winner,
                 now=now,
                 margin_was=auction.margin,

@@ -40,7 +40,7 @@ def replay_decisions(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
     """Decide each round again and yield whether everything about it is equal, bit for bit."""
     for one in rounds:
         auction = one.auction
-        where = f"round {auction.round}" + (f", {auction.winner}" if auction.winner else "")
+        where = one.name + (f", {auction.winner}" if auction.winner else "")
         if one.parsed is None:
             yield not_recorded(KIND, where, NO_TEXTS)
             continue

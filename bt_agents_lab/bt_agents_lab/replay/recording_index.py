@@ -11,6 +11,7 @@ from typing import Any
 
 from bt_agents.host.reload.source_bundle import MARKET
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.scene import scene_name
 from bt_agents_core.stop_cause import StopCause
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_lab.replay.market_rules import Rules, rules_of_market
@@ -37,6 +38,7 @@ class RecordedRun:
         records: Its record, in the order in which the parts were sent.
         statuses: Changes of its ticks, in the same order.
         texts: Texts of its host before it began, newest first.
+        round: The round that awarded it; None for unknown.
         torn: Whether messages around it are lost.
     """
 
@@ -45,6 +47,13 @@ class RecordedRun:
     statuses: list[Any] = field(default_factory=list)
     texts: tuple[TextFiles, ...] = ()
     torn: bool = False
+    round: Round | None = None
+
+    @property
+    def name(self) -> str:
+        """Its round and agent, for people."""
+        _, _, number, agent = self.key
+        return f"{self.round.name if self.round else f'round {number}'}, {agent}"
 
 
 @dataclass(kw_only=True)
@@ -74,6 +83,11 @@ class Round:
     pinned: str = ""
     vetoed: tuple[str, ...] = ()
     ran: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Its number and scene, for people."""
+        return f"round {self.auction.round} ({scene_name(self.auction.scene)})"
 
     @property
     def rules(self) -> Rules:
@@ -223,6 +237,8 @@ class _Indexer:
                 problem = f"a message on {entry.topic} cannot be read: {reason}"
                 if problem not in recording.problems:
                     recording.problems.append(problem)
+        for run in recording.runs.values():
+            run.round = self._rounds.get(run.key[1:3])
         for epoch, before in self._markets_of_epochs.items():
             self._set_rules(epoch, [*reversed(self._markets[:before]), *self._markets[before:]])
         return recording

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -41,19 +40,6 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
         persons=message.persons,
         stamp=message.stamp.sec + message.stamp.nanosec * 1e-9,
     )
-
-
-def named(scene: Any) -> str:
-    """Return the name of a ``Scene`` message for people: its label, else its values.
-
-    Example:
-        ``age 4.5, familiarity 1, mood 3``
-    """
-    known = ", ".join(
-        f"{value.name} {value.value:.4g}" for value in scene.values if not math.isnan(value.value)
-    )
-    who = "" if scene.person else "nobody"
-    return str(scene.label) or ", ".join(filter(None, (who, known))) or str(scene.scene_id)
 
 
 def terms_of(one: Round, scene: Scene, runs: int) -> Terms:

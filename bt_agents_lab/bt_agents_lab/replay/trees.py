@@ -33,8 +33,7 @@ class _Missing(Exception):
 def replay_runs(runs: Iterable[RecordedRun]) -> Iterator[ReplayFinding]:
     """Tick each run again and yield whether the changes of each tick are equal."""
     for run in runs:
-        _, _, number, agent = run.key
-        where = f"round {number}, {agent}"
+        where = run.name
         try:
             ticks = _again(run)
         except _Missing as missing:
