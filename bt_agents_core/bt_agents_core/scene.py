@@ -9,10 +9,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
+from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.person_facts import Fact
+from bt_agents_core.text import format_known
 
 Vector = tuple[float, ...]
 """Values of all scene parameters, in the order of the space; NaN marks a missing one."""
@@ -392,6 +394,18 @@ def unawarded_id(scene_id: str) -> str:
 def first_id(scene_id: str) -> str:
     """Return the id under which a scene was announced, also after a restart of the market."""
     return origin_id(scene_id).removesuffix(AGAIN)
+
+
+def scene_name(scene: Any) -> str:
+    """Return the name of a scene, or of its message, for people: its label, else its values.
+
+    Example:
+        ``age 4.5, familiarity 1, mood 3``
+    """
+    known = [value for value in scene.values if not math.isnan(value.value)]
+    who = [] if scene.person else ["nobody"]
+    text = ", ".join([*who, *(f"{one.name} {format_known(one.value)}" for one in known)])
+    return str(scene.label) or text or "nothing known"
 
 
 def finite_or_none(value: float) -> float | None:

@@ -24,6 +24,7 @@ from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import (
     AgentCard,
     AgentFiles,
+    CallForBids,
     Feedback,
     HostCard,
     Learning,
@@ -153,6 +154,7 @@ class Town:
             shadow=self._shadow,
             seed=f"{EPOCH}/{number}",
         )
+        self.publish("/calls", CallForBids(epoch=EPOCH, round=number, scene=scene_to_msg(person)))
         bids = [
             AcceptedBid(agent=name, agent_id=i, host="/agents", instance="i1", vector=profile)
             for i, (name, profile) in enumerate(self.profiles.items(), 1)

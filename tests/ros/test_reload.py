@@ -17,7 +17,15 @@ from bt_agents.host.node import HostNode
 from bt_agents.host.reload.folder_watch import FolderWatch
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import Heartbeat, HostCard, MarketStatus, Run, Trees, TreeStatus
+from bt_agents_interfaces.msg import (
+    AgentFiles,
+    Heartbeat,
+    HostCard,
+    MarketStatus,
+    Run,
+    Trees,
+    TreeStatus,
+)
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import (
     CancelRun,
@@ -139,6 +147,19 @@ class Host:
         """Return the topics for words that its node publishes."""
         names = {publisher.topic_name for publisher in self.node.publishers}
         return {name for name in names if name.startswith("/say")}
+
+
+def test_texts_are_sent_again_when_the_rules_of_the_market_change_and_only_then(
+    ros: Any, tmp_path: Path
+) -> None:
+    host = Host(ros, tmp_path, ann=agent("ann"))
+    texts = ros.collect(AgentFiles, "agents/files", qos.FACTS)
+    host.ask(ReloadAgents, "reload")
+    rules = "format: 1\nrules: [{when: scene.age > 2, agents: [ann]}]\n"
+    (host.folder / "market.yaml").write_text(rules)
+    ros.until(lambda: texts and "market.yaml" in texts[-1].files)
+    assert len(texts) == 2
+    assert rules in texts[-1].texts
 
 
 def test_a_change_that_cannot_be_made_is_undone_and_whoever_asked_is_told(

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
-from bt_agents.host.reload.source_bundle import source_bundle
+from bt_agents.host.reload.source_bundle import SourceBundle, source_bundle
 from bt_agents.host.reload.version_history import FileProblem
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_core.feedback import WEIGHTS, LearningRule
@@ -48,6 +48,7 @@ class HostCardPublisher:
         self._folder = str(versions.trees.folder.resolve())
         self._node = node
         self._registered = False
+        self._bundle: SourceBundle | None = None
         self._cards = node.create_publisher(HostCard, "cards", qos.FACT)
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
         self._files = node.create_publisher(AgentFiles, "~/files", qos.FACT)
@@ -102,8 +103,11 @@ class HostCardPublisher:
         )
 
     def files(self) -> None:
-        """Publish the texts that the agents in force are made from."""
+        """Publish the texts that the agents in force are made from, if they have changed."""
         found = source_bundle(self._versions, InstalledInterfaces().has_package)
+        if found == self._bundle:
+            return
+        self._bundle = found
         self._files.publish(
             AgentFiles(
                 host=self._host,

@@ -184,9 +184,10 @@ class HostNode(BaseNode):
             self._registration.refresh()
         if actions - {ReloadAction.REPORT}:
             self._host_card.trees()
-            self._host_card.files()
             self._changed = True
             self._tidy_up()
+        # Not of its agents alone: the rules of the market stand in its folder.
+        self._host_card.files()
         self._host_card.card()
 
     def _bid(self, call: CallForBids) -> None:

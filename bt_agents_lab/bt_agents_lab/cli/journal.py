@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import scene_name
 from bt_agents_core.trees_folder import journal_folder
 from bt_agents_ros.signals import loading
 
@@ -20,7 +21,6 @@ try:
     with loading():
         from bt_agents_lab.recorder.daily_recorder import newest_files
         from bt_agents_lab.replay.recording_index import RecordingIndex, read
-        from bt_agents_lab.replay.scenes import named
         from marketplace_node.strategies.plugins import add_installed
 except ModuleNotFoundError as error:
     raise BtAgentsError(
@@ -54,7 +54,7 @@ def journal(files: tuple[Path, ...]) -> None:
     with damage_reported():
         for one in recording.rounds:
             winner = f"{one.auction.winner} wins" if one.auction.winner else "nobody"
-            scene = escape(named(one.auction.scene))
+            scene = escape(scene_name(one.auction.scene))
             console.print(f"round {one.auction.round}  {scene}: {escape(winner)}")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from bt_agents.host.agent_registry import unmet
@@ -13,13 +13,20 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.local_time import local_time
 from bt_agents_core.profile_layers import EVERYBODY, layers_of
-from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_lab.replay.recording_index import NO_TEXTS, RecordedFeedback, RecordingIndex, Round
-from bt_agents_lab.replay.replay_learning import rule_of
-from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
+from bt_agents_core.scene import Scene, SceneSpace, Vector, scene_name
+from bt_agents_lab.replay.recording_index import (
+    NO_TEXTS,
+    RecordedFeedback,
+    RecordedProfile,
+    RecordingIndex,
+    Round,
+)
+from bt_agents_lab.replay.replay_learning import ProfileHistory, is_managed, rule_of
+from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
 from feedback_node.learning.learning_step import Evidence, requested, step
+from marketplace_node.operator_overrides import NOT_AWARDED, NOT_PINNED, VETOED
 from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Terms
 from marketplace_node.round.ranking import decide
 from marketplace_node.settings import EXTERNAL
@@ -155,20 +162,23 @@ class _Counterfactual:
         self._specs = {spec.name: spec for spec in changes.agents or ()}
         self._outlook = CounterfactualResult()
         self._was: dict[_Key, Vector] = {}
-        self._now: dict[_Key, Vector] = {}
-        self._asked: dict[_Key, list[Vector]] = {}
+        self._now: dict[_Key, _Taught] = {}
+        self._revisions: defaultdict[_Key, dict[int, _Taught]] = defaultdict(dict)
+        self._histories: defaultdict[_Key, ProfileHistory] = defaultdict(ProfileHistory)
         self._counts = _RunCounts()
-        self._winners: dict[tuple[str, int], str] = {}
+        self._ran: dict[tuple[str, int], Collection[str] | None] = {}
 
     def replay(self, recording: RecordingIndex) -> CounterfactualResult:
-        events: list[Round | RecordedFeedback] = [*recording.rounds, *recording.feedbacks]
-        for event in sorted(events, key=_time):
-            if isinstance(event, Round):
-                self._decide(event)
-            else:
-                self._learn(event)
+        for event in recording.events:
+            match event:
+                case Round():
+                    self._decide(event)
+                case RecordedFeedback():
+                    self._learn(event)
+                case RecordedProfile():
+                    self._set(event)
         self._outlook.profiles = {
-            agent: profile for (agent, layer), profile in self._now.items() if not layer
+            agent: taught.profile for (agent, layer), taught in self._now.items() if not layer
         }
         return self._outlook
 
@@ -185,7 +195,7 @@ class _Counterfactual:
             RoundComparison(
                 epoch=auction.epoch,
                 round=auction.round,
-                label=named(auction.scene),
+                label=scene_name(auction.scene),
                 was=auction.winner,
                 now=now,
                 margin_was=auction.margin,
@@ -194,9 +204,10 @@ class _Counterfactual:
             )
         )
         if auction.outcome == AuctionOutcome.AWARDED:
-            self._counts.add(auction.epoch, auction.winner, now)
-            if now:
-                self._winners[auction.epoch, auction.round] = now
+            as_it_was = now == auction.winner
+            ran = one.ran if as_it_was else [now] if now else []
+            self._counts.add(auction.epoch, one.ran, ran)
+            self._ran[auction.epoch, auction.round] = None if as_it_was else ran
 
     def _winner(self, one: Round, space: SceneSpace) -> tuple[str, float]:
         auction = one.auction
@@ -234,12 +245,11 @@ class _Counterfactual:
         bids = {bid.agent: bid for bid in bids_of(auction.ranking)}
         if self._changes.agents is None:
             return [replace(bid, vector=self._vector(bid, scene)) for bid in bids.values()]
-        excluded = {one.agent for one in auction.refused if one.code in _EXCLUDED}
         found = []
         for spec in self._specs.values():
             profile = self._profile_of(spec, scene)
             tunables = {tunable.name: tunable.default for tunable in spec.tunables}
-            if spec.name in excluded or unmet(
+            if _left_out(one, spec.name) or unmet(
                 spec, space, scene, profile, tunables, lambda: local_time(auction.stamp.sec)
             ):
                 continue
@@ -254,59 +264,101 @@ class _Counterfactual:
         for layer in (*layers_of(scene).values(), EVERYBODY):
             key = (bid.agent, layer)
             if self._was.get(key) == bid.vector:
-                return self._now[key]
+                return self._now[key].profile
         if not any(agent == bid.agent for agent, _ in self._was):
-            self._was[bid.agent, ""] = self._now[bid.agent, ""] = bid.vector
+            self._begin((bid.agent, EVERYBODY), bid.vector)
         return bid.vector
 
     def _profile_of(self, spec: AgentSpec, scene: Scene) -> Vector:
         for kind, layer in layers_of(scene).items():
             if kind in spec.learning.layers and (spec.name, layer) in self._now:
-                return self._now[spec.name, layer]
-        return self._now.setdefault((spec.name, ""), spec.profile)
+                return self._now[spec.name, layer].profile
+        own = _Taught(profile=spec.profile)
+        return self._now.setdefault((spec.name, EVERYBODY), own).profile
+
+    def _begin(self, key: _Key, profile: Vector) -> None:
+        """Take over a profile that nothing recorded has led to."""
+        agent, layer = key
+        taught = _Taught(profile=profile)
+        if layer and self._was.get((agent, EVERYBODY)) == profile:
+            taught = replace(self._now[agent, EVERYBODY], recent=(), changes=0)
+        self._was[key] = profile
+        if layer or agent not in self._specs:
+            self._now[key] = taught
+
+    def _set(self, recorded: RecordedProfile) -> None:
+        key = (recorded.agent, recorded.layer)
+        if recorded.profile:
+            self._begin(key, recorded.profile)
+        else:
+            self._was.pop(key, None)
+            self._now.pop(key, None)
 
     def _learn(self, recorded: RecordedFeedback) -> None:
         feedback = recorded.feedback
         key = (feedback.agent, feedback.layer)
-        before = self._was.get(key, tuple(feedback.before))
-        self._was[key] = tuple(feedback.after)
-        of_run = (feedback.epoch, feedback.round)
-        if of_run in self._winners and self._winners[of_run] != feedback.agent:
-            self._outlook.withheld += 1
-            self._now.setdefault(key, before)
-            return
         if self._changes.agents is not None and feedback.agent not in self._specs:
             self._outlook.withheld += 1
             return
-        self._outlook.given += 1
-        if recorded.parsed is not None and recorded.card is not None:
-            self._now[key] = self._moved(recorded, recorded.parsed.space, before)
-
-    def _moved(self, recorded: RecordedFeedback, space: SceneSpace, before: Vector) -> Vector:
-        feedback, key = recorded.feedback, (recorded.feedback.agent, recorded.feedback.layer)
+        if recorded.parsed is None or recorded.card is None:
+            self._was[key] = tuple(feedback.after)
+            return
+        if self._was.get(key) != tuple(feedback.before):
+            self._begin(key, tuple(feedback.before))
+        before = self._histories[key].before(feedback, recorded.card.profile)
+        taught_by = rule_of(recorded.card, recorded.parameters)
+        after = self._histories[key].add(feedback, before, recorded.parsed.space, taught_by)
         spec = self._specs.get(feedback.agent)
-        profile = self._now.get(key, spec.profile if spec is not None else before)
+        own = spec.profile if spec is not None else tuple(feedback.before)
+        now = self._now.setdefault(key, _Taught(profile=own))
+        revisions = self._revisions[key]
+        revisions.setdefault(before.revision, now)
+        self._was[key] = tuple(feedback.after)
+        ran = self._ran.get((feedback.epoch, feedback.round))
+        if ran is not None and feedback.agent not in ran:
+            self._outlook.withheld += 1
+        else:
+            self._outlook.given += 1
+            if after.revision != feedback.revision and after.revision in revisions:
+                now = revisions[after.revision]
+            else:
+                now = self._taught(recorded, recorded.parsed.space, now)
+        self._now[key] = revisions[feedback.revision] = now
+
+    def _taught(self, recorded: RecordedFeedback, space: SceneSpace, now: _Taught) -> _Taught:
+        """Return a profile after a feedback, but not after an undo."""
+        feedback, spec = recorded.feedback, self._specs.get(recorded.feedback.agent)
+        if is_managed(feedback):
+            is_import = bool(feedback.feedback_id)
+            own = None if is_import or spec is None else spec.profile
+            return _Taught(profile=own or tuple(feedback.after))
         kind, target = FeedbackKind(feedback.kind), tuple(feedback.target)
+        profile = tuple(feedback.after)
         rule, rate = self._learning(recorded, spec)
-        asked_before = self._asked.setdefault(key, [])
-        evidence = Evidence(
-            recent=tuple(asked_before),
-            changes=len(asked_before),
-            authored=spec.profile if spec is not None else tuple(recorded.card.profile),
-        )
-        again = step(
-            kind,
-            profile,
-            target,
-            rate=rate,
-            space=space,
-            rule=rule,
-            weight=feedback.weight,
-            evidence=evidence,
-        )
-        if kind is not FeedbackKind.SET:
-            asked_before.append(requested(kind, profile, target, space=space, rule=rule))
-        return again.after
+        if not self._learns_as_it_did or now.profile != tuple(feedback.before):
+            profile = step(
+                kind,
+                now.profile,
+                target,
+                rate=rate,
+                space=space,
+                rule=rule,
+                weight=feedback.weight,
+                evidence=Evidence(
+                    recent=now.recent,
+                    changes=now.changes,
+                    authored=spec.profile if spec is not None else tuple(recorded.card.profile),
+                ),
+            ).after
+        if kind is FeedbackKind.SET:
+            return replace(now, profile=profile)
+        asked = requested(kind, now.profile, target, space=space, rule=rule)
+        return _Taught(profile=profile, recent=(*now.recent, asked), changes=now.changes + 1)
+
+    @property
+    def _learns_as_it_did(self) -> bool:
+        changes = self._changes
+        return changes.rate is None and changes.update is None and changes.agents is None
 
     def _learning(
         self, recorded: RecordedFeedback, spec: AgentSpec | None
@@ -326,6 +378,15 @@ class _Counterfactual:
         return rule, rate
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Taught:
+    """Profile as it would have been; what it was taught, as in :class:`Evidence`."""
+
+    profile: Vector
+    recent: tuple[Vector, ...] = ()
+    changes: int = 0
+
+
 @dataclass(kw_only=True)
 class _Runs:
     """Runs of one market; the number of its last run for each agent."""
@@ -334,8 +395,8 @@ class _Runs:
     last: dict[str, int] = field(default_factory=dict)
     total: int = 0
 
-    def add(self, agent: str) -> None:
-        if agent:
+    def add(self, agents: Iterable[str]) -> None:
+        for agent in agents:
             self.total += 1
             self.runs[agent] += 1
             self.last[agent] = self.total
@@ -370,16 +431,23 @@ class _RunCounts:
                 now.last[bid.agent] = was.last[bid.agent] = bid.last_run
         return now
 
-    def add(self, epoch: str, was: str, now: str) -> None:
-        """Count who ran after a round, and who would have; empty for nobody."""
+    def add(self, epoch: str, was: Iterable[str], now: Iterable[str]) -> None:
+        """Count who ran after a round, and who would have."""
         self._was[epoch].add(was)
         self._now[epoch].add(now)
 
 
-_EXCLUDED = ("EXCLUDED", "VETOED", "NOT_PINNED", "NOT_AWARDED")
+def _left_out(one: Round, agent: str) -> bool:
+    """Return whether an agent could not bid in a round, whatever it is like."""
+    refused = {bid.agent: bid.code for bid in one.auction.refused}
+    bidders = {bid.agent for bid in one.auction.ranking}
+    if agent in (*one.vetoed, *(one.excluded or ())) or refused.get(agent) in _EXCLUDED:
+        return True
+    if one.pinned:
+        return agent != one.pinned
+    # Where the run was given to one, agents that were not there could not bid either.
+    return NOT_AWARDED in refused.values() and agent not in bidders | refused.keys()
+
+
+_EXCLUDED = ("EXCLUDED", VETOED, NOT_PINNED, NOT_AWARDED)
 """Codes of refusals that do not depend on what an agent bids."""
-
-
-def _time(event: Round | RecordedFeedback) -> tuple[int, int]:
-    stamp = event.auction.stamp if isinstance(event, Round) else event.feedback.stamp
-    return int(stamp.sec), int(stamp.nanosec)

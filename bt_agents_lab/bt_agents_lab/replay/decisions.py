@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import zip_longest
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.scene import Scene, SceneSpace
-from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
+from bt_agents_lab.replay.findings import ReplayFinding, ReplayVerdict, compared, not_recorded
 from bt_agents_lab.replay.recording_index import NO_TEXTS, Round
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from marketplace_node.explanation.explanation import explanation
@@ -26,7 +27,7 @@ from marketplace_node.round.decision import (
     Terms,
 )
 from marketplace_node.round.ranking import decide
-from marketplace_node.settings import EXTERNAL
+from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies import STRATEGIES
 
 KIND = "decision"
@@ -39,16 +40,28 @@ def replay_decisions(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
     """Decide each round again and yield whether everything about it is equal, bit for bit."""
     for one in rounds:
         auction = one.auction
-        where = f"round {auction.round}" + (f", {auction.winner}" if auction.winner else "")
+        where = one.name + (f", {auction.winner}" if auction.winner else "")
         if one.parsed is None:
             yield not_recorded(KIND, where, NO_TEXTS)
             continue
         try:
-            yield _again(one, one.parsed.space, where)
+            yield _by_any_rules(one, one.parsed.space, where)
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:
             yield not_recorded(KIND, where, str(error))
+
+
+def _by_any_rules(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
+    """Return the finding by those rules that the market may have had and that fit best."""
+    findings = (
+        _again(replace(one, possible_rules=(rules,)), space, where) for rules in one.possible_rules
+    )
+    first = next(findings)
+    if RULES not in (one.auction.strategy, one.auction.shadow_strategy):
+        return first
+    equal = (other for other in findings if other.verdict is ReplayVerdict.EQUAL)
+    return first if first.verdict is ReplayVerdict.EQUAL else next(equal, first)
 
 
 def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
@@ -85,7 +98,9 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
             return not_recorded(KIND, where, missing)
         if difference:
             return compared(KIND, where, difference)
-    text = _reason_difference(auction, terms, ranked, space) if one.format > 1 else ""
+    # Whom its call left out, and why, stands in the explanation.
+    everybody = one.format > 1 and one.excluded == ()
+    text = _reason_difference(auction, terms, ranked, space) if everybody else ""
     return compared(KIND, where, text)
 
 
@@ -146,8 +161,8 @@ def _outcome_difference(auction: Any, best: RankedBid | None) -> str:
 def _reason_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneSpace) -> str:
     """Return what differs in the reason and explanation of a plain award; empty when nothing does.
 
-    Those of other rounds depend on more than their message holds: an earlier scene, commands of
-    operators, the answer of an external program, a run that goes on.
+    Those of other rounds depend on more than their message holds: an earlier scene, a run that was
+    stopped or goes on, commands of operators, the answer of an external program.
     """
     plain = auction.outcome == AuctionOutcome.AWARDED and auction.strategy != EXTERNAL
     if not plain or auction.follows or auction.intervention:

@@ -9,10 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bt_agents.host.reload.source_bundle import MARKET
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.scene import scene_name
+from bt_agents_core.stop_cause import StopCause
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
+from bt_agents_lab.replay.market_rules import Rules, rules_of_market
 from bt_agents_lab.replay.texts import ParsedTexts, TextFiles
-from marketplace_node.effects import RunEventKind
+from marketplace_node.effects import RunEventKind, RunOutcome
 
 _TYPES = "bt_agents_interfaces/msg/"
 
@@ -34,6 +38,7 @@ class RecordedRun:
         records: Its record, in the order in which the parts were sent.
         statuses: Changes of its ticks, in the same order.
         texts: Texts of its host before it began, newest first.
+        round: The round that awarded it; None for unknown.
         torn: Whether messages around it are lost.
     """
 
@@ -42,6 +47,13 @@ class RecordedRun:
     statuses: list[Any] = field(default_factory=list)
     texts: tuple[TextFiles, ...] = ()
     torn: bool = False
+    round: Round | None = None
+
+    @property
+    def name(self) -> str:
+        """Its round and agent, for people."""
+        _, _, number, agent = self.key
+        return f"{self.round.name if self.round else f'round {number}'}, {agent}"
 
 
 @dataclass(kw_only=True)
@@ -50,7 +62,13 @@ class Round:
 
     Attributes:
         runs: Number of runs that this start of the market had begun before it; None for unknown.
-        parsed: Texts that define the scene and the rules of the market; None for unknown.
+        parsed: Texts that define the scene; None for unknown.
+        possible_rules: Rules of the market, for the strategy ``rules``, which agree with all of
+            its rounds, the most likely ones first.
+        excluded: Agents that its call for bids left out; None for unknown.
+        pinned: The one agent that could bid; empty for all.
+        vetoed: Agents that could not bid.
+        ran: Agents whose run has begun after it; more than one where the host was lost.
         format: Format of its message, see :func:`_migrate_options`. In format 1 the change by
             which the runner-up would have won, and the sentence about it, come from another
             search, so they are not compared.
@@ -60,6 +78,21 @@ class Round:
     runs: int | None
     parsed: ParsedTexts | None
     format: int
+    possible_rules: tuple[Rules, ...] = ((),)
+    excluded: tuple[str, ...] | None = None
+    pinned: str = ""
+    vetoed: tuple[str, ...] = ()
+    ran: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Its number and scene, for people."""
+        return f"round {self.auction.round} ({scene_name(self.auction.scene)})"
+
+    @property
+    def rules(self) -> Rules:
+        """The most likely rules of the market."""
+        return self.possible_rules[0]
 
     @property
     def earlier(self) -> int:
@@ -91,11 +124,26 @@ class RecordedFeedback:
 
 
 @dataclass(kw_only=True)
+class RecordedProfile:
+    """Revision of a profile that came without feedback: its beginning, or an edit of its file.
+
+    Attributes:
+        layer: Empty for everybody's.
+        profile: Empty when the layer was forgotten.
+    """
+
+    agent: str
+    layer: str
+    revision: int
+    profile: tuple[float, ...]
+
+
+@dataclass(kw_only=True)
 class RecordingIndex:
     """Contents of a journal.
 
     Attributes:
-        rounds: Of all markets, in order.
+        events: Rounds of all markets, and what has become of profiles, in order.
         counts: Topic → messages.
         lost: Topic → messages that the journal found no room for.
         first_ns: When the first message was sent [ns since 1970]; 0 for none.
@@ -103,8 +151,7 @@ class RecordingIndex:
         hints: Texts to show before them.
     """
 
-    rounds: list[Round] = field(default_factory=list)
-    feedbacks: list[RecordedFeedback] = field(default_factory=list)
+    events: list[Round | RecordedFeedback | RecordedProfile] = field(default_factory=list)
     runs: dict[RunKey, RecordedRun] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     lost: Counter[str] = field(default_factory=Counter)
@@ -112,6 +159,16 @@ class RecordingIndex:
     last_ns: int = 0
     problems: list[str] = field(default_factory=list)
     hints: list[str] = field(default_factory=list)
+
+    @property
+    def rounds(self) -> list[Round]:
+        """Rounds of all markets, in order."""
+        return [one for one in self.events if isinstance(one, Round)]
+
+    @property
+    def feedbacks(self) -> list[RecordedFeedback]:
+        """Changes of profiles, in order."""
+        return [one for one in self.events if isinstance(one, RecordedFeedback)]
 
     @property
     def whole(self) -> bool:
@@ -147,9 +204,16 @@ class _Indexer:
         self.recording = RecordingIndex()
         self._cards: dict[str, tuple[Any, tuple[str, ...]]] = {}
         self._texts: defaultdict[str, list[TextFiles]] = defaultdict(list)
-        self._newest: TextFiles | None = None
+        self._unread: TextFiles | None = None
+        self._parsed: ParsedTexts | None = None
+        self._markets: list[str] = []
+        self._markets_of_epochs: dict[str, int] = {}
         self._begun: Counter[str] = Counter()
         self._whole: set[str] = set()
+        self._rounds: dict[tuple[str, int], Round] = {}
+        self._calls: dict[tuple[str, int], _Call] = {}
+        self._overrides: dict[str, tuple[str, tuple[str, ...]]] = {}
+        self._revisions: dict[tuple[str, str], int] = {}
         self._last_runs: dict[str, RecordedRun] = {}
 
     def index(self, entries: Iterable[JournalEntry]) -> RecordingIndex:
@@ -173,7 +237,21 @@ class _Indexer:
                 problem = f"a message on {entry.topic} cannot be read: {reason}"
                 if problem not in recording.problems:
                     recording.problems.append(problem)
+        for run in recording.runs.values():
+            run.round = self._rounds.get(run.key[1:3])
+        for epoch, before in self._markets_of_epochs.items():
+            self._set_rules(epoch, [*reversed(self._markets[:before]), *self._markets[before:]])
         return recording
+
+    def _set_rules(self, epoch: str, texts: Sequence[str]) -> None:
+        """Give the rounds of one start of a market its rules, of which the texts are known."""
+        rounds = [one for key, one in self._rounds.items() if key[0] == epoch]
+        parsed = next((one.parsed for one in rounds if one.parsed is not None), None)
+        if parsed is not None:
+            auctions = [one.auction for one in rounds]
+            rules = rules_of_market(auctions, texts, parsed.space)
+            for one in rounds:
+                one.possible_rules = rules
 
     def _mark_gap(self, topic: str, run: RecordedRun, gap: bool) -> None:
         """Mark the runs before and after lost messages, as both may miss some."""
@@ -188,15 +266,45 @@ class _Indexer:
         known = self._texts[message.host_instance]
         if texts not in known:
             known.append(texts)
-        self._newest = texts
+        if (market := texts.files.get(MARKET)) is not None and market not in self._markets:
+            self._markets.append(market)
+        self._unread = texts
+
+    def _parse(self) -> ParsedTexts | None:
+        """Return what the newest texts define, or those before if they cannot be read here."""
+        texts, self._unread = self._unread, None
+        if texts is not None:
+            try:
+                self._parsed = texts.parsed
+            except BtAgentsError:
+                if self._parsed is None:
+                    raise
+        return self._parsed
 
     def _card(self, message: Any) -> None:
         for card in message.agents:
             self._cards[card.name] = (card, tuple(message.parameters))
 
+    def _market(self, message: Any) -> None:
+        self._markets_of_epochs.setdefault(message.epoch, len(self._markets))
+        self._overrides[message.epoch] = (message.pinned, tuple(message.vetoed))
+
+    def _call(self, message: Any) -> None:
+        pinned, vetoed = self._overrides.get(message.epoch, ("", ()))
+        self._calls[message.epoch, message.round] = _Call(
+            excluded=tuple(message.excluded), pinned=pinned, vetoed=vetoed
+        )
+
     def _run(self, message: Any) -> None:
+        one = self._rounds.get((message.epoch, message.round))
+        ran = one.ran if one is not None else []
         if message.event == RunEventKind.STARTED:
             self._begun[message.epoch] += 1
+            ran.append(message.agent)
+        elif message.event == RunEventKind.ENDED and message.agent not in ran:
+            # It was stopped before its host took it; the host ends only what it has taken.
+            taken = message.outcome in _TAKEN or message.stop_cause != StopCause.NOT_STOPPED
+            self._begun[message.epoch] += taken
 
     def _auction(self, message: Any) -> None:
         if message.preview:
@@ -205,23 +313,51 @@ class _Indexer:
         epoch = message.epoch
         if message.round == 1:
             self._whole.add(epoch)
+        self._markets_of_epochs.setdefault(epoch, len(self._markets))
+        call = self._calls.pop((epoch, message.round), None)
         one = Round(
             auction=message,
             runs=self._begun[epoch] if epoch in self._whole else None,
-            parsed=self._newest.parsed if self._newest is not None else None,
+            parsed=self._parse(),
             format=written,
+            excluded=call.excluded if call is not None else None,
+            pinned=call.pinned if call is not None else "",
+            vetoed=call.vetoed if call is not None else (),
         )
         if one.runs is not None and one.runs + one.earlier < one.least:
             # A run that the journal has not received.
             self._whole.discard(epoch)
             one.runs = None
-        self.recording.rounds.append(one)
+        self.recording.events.append(one)
+        self._rounds[epoch, message.round] = one
 
     def _feedback(self, message: Any) -> None:
         card, parameters = self._cards.get(message.agent, (None, ()))
-        parsed = self._newest.parsed if self._newest is not None else None
-        self.recording.feedbacks.append(
-            RecordedFeedback(feedback=message, card=card, parameters=parameters, parsed=parsed)
+        self._revisions[message.agent, message.layer] = message.revision
+        self.recording.events.append(
+            RecordedFeedback(
+                feedback=message, card=card, parameters=parameters, parsed=self._parse()
+            )
+        )
+
+    def _profiles(self, message: Any) -> None:
+        """Take the table of all profiles, for those revisions that came without feedback."""
+        width, found = len(message.parameters), {}
+        keys = zip(message.agents, message.layers, message.revisions, strict=True)
+        for place, (agent, layer, revision) in enumerate(keys):
+            found[agent, layer] = revision
+            if self._revisions.get((agent, layer)) != revision:
+                profile = tuple(message.vectors[place * width : (place + 1) * width])
+                self._add_profile(agent, layer, revision, profile)
+        for agent, layer in [key for key in self._revisions if key[1] and key not in found]:
+            self._add_profile(agent, layer, 0, ())
+        self._revisions = found
+
+    def _add_profile(
+        self, agent: str, layer: str, revision: int, profile: tuple[float, ...]
+    ) -> None:
+        self.recording.events.append(
+            RecordedProfile(agent=agent, layer=layer, revision=revision, profile=profile)
         )
 
     def _record(self, message: Any) -> None:
@@ -256,14 +392,28 @@ def _migrate_options(auction: Any) -> int:
     return 1
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Call:
+    """Call for bids, and the pins and vetoes that were in force with it."""
+
+    excluded: tuple[str, ...]
+    pinned: str
+    vetoed: tuple[str, ...]
+
+
+_TAKEN = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.LOST)
+
 _OF_RUNS = (f"{_TYPES}RunRecord", f"{_TYPES}TreeStatus")
 
 _HANDLERS = {
     f"{_TYPES}AgentFiles": _Indexer._files,
     f"{_TYPES}HostCard": _Indexer._card,
     f"{_TYPES}Run": _Indexer._run,
+    f"{_TYPES}MarketStatus": _Indexer._market,
+    f"{_TYPES}CallForBids": _Indexer._call,
     f"{_TYPES}Auction": _Indexer._auction,
     f"{_TYPES}Feedback": _Indexer._feedback,
+    f"{_TYPES}Profiles": _Indexer._profiles,
     f"{_TYPES}RunRecord": _Indexer._record,
     f"{_TYPES}TreeStatus": _Indexer._status,
 }

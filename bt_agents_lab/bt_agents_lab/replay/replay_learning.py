@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
@@ -17,13 +18,84 @@ from feedback_node.learning.learning_step import Evidence, Step, requested, step
 
 KIND = "profile change"
 
-_History = list[tuple[int, Vector | None]]
-"""Revision and target of each feedback that a profile has learned; None where it was set."""
+
+@dataclass(frozen=True, kw_only=True)
+class ProfileState:
+    """A revision of a profile, and what has led to it.
+
+    Attributes:
+        revision: Its number; that of the revision which it brings back, if it does.
+        recent: What the feedbacks have asked for that led to it, oldest first.
+        known: False when some of these may not be recorded.
+    """
+
+    revision: int
+    profile: Vector
+    recent: tuple[Vector, ...] = ()
+    known: bool = True
+
+
+class ProfileHistory:
+    """Revisions of one profile as they were announced, as far as later ones depend on them.
+
+    Those that come without feedback, as the author has edited the profile or the layer begins,
+    are not announced: they are where a number is missing.
+    """
+
+    def __init__(self) -> None:
+        self._states: dict[int, ProfileState] = {}
+
+    def before(self, feedback: Any, authored: Sequence[float]) -> ProfileState:
+        """Return the state that a feedback found; ``authored`` is the profile of the file."""
+        number, profile = feedback.revision - 1, tuple(feedback.before)
+        last = max(self._states, default=-1)
+        if last > number:
+            # The layer was forgotten, and begins anew.
+            self._states.clear()
+        if number not in self._states:
+            known = number == 0 or profile == tuple(authored)
+            self._states[number] = ProfileState(revision=number, profile=profile, known=known)
+        return self._states[number]
+
+    def add(
+        self, feedback: Any, before: ProfileState, space: SceneSpace, rule: LearningRule
+    ) -> ProfileState:
+        """Add the revision that a feedback has led to by a rule; return its state."""
+        number, kind = feedback.revision, FeedbackKind(feedback.kind)
+        profile = tuple(feedback.after)
+        if kind is not FeedbackKind.SET:
+            found, target = tuple(feedback.before), tuple(feedback.target)
+            asked = requested(kind, found, target, space=space, rule=rule)
+            recent = (*before.recent, asked)
+            state = ProfileState(
+                revision=number, profile=profile, recent=recent, known=before.known
+            )
+        elif not is_managed(feedback):
+            state = replace(before, revision=number, profile=profile)
+        elif feedback.feedback_id:
+            state = ProfileState(revision=number, profile=profile)
+        else:
+            state = self._restored(number, profile, before)
+        self._states[number] = state
+        return state
+
+    def _restored(self, number: int, profile: Vector, before: ProfileState) -> ProfileState:
+        """Return the state after an undo, or after a reset, which begins anew."""
+        undone = self._states.get(before.revision - 1)
+        if undone is not None and undone.profile == profile:
+            return undone
+        known = undone is not None or before.revision == 0
+        return ProfileState(revision=number, profile=profile, known=known)
+
+
+def is_managed(feedback: Any) -> bool:
+    """Return whether a change is an undo, a reset or an import, of which the last has an id."""
+    return feedback.kind == FeedbackKind.SET and not feedback.learning_rate
 
 
 def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFinding]:
     """Learn each feedback again and yield whether the profile after it is equal."""
-    histories: defaultdict[tuple[str, str], _History] = defaultdict(list)
+    histories: defaultdict[tuple[str, str], ProfileHistory] = defaultdict(ProfileHistory)
     for recorded in feedbacks:
         feedback = recorded.feedback
         whose = f"{feedback.agent}, {feedback.layer}" if feedback.layer else feedback.agent
@@ -33,18 +105,11 @@ def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFin
             yield not_recorded(KIND, where, missing)
             continue
         history = histories[feedback.agent, feedback.layer]
+        before = history.before(feedback, recorded.card.profile)
         try:
-            yield _again(recorded, recorded.parsed.space, history, where)
-            kind, asked = FeedbackKind(feedback.kind), None
-            if kind is not FeedbackKind.SET:
-                asked = requested(
-                    kind,
-                    tuple(feedback.before),
-                    tuple(feedback.target),
-                    space=recorded.parsed.space,
-                    rule=rule_of(recorded.card, recorded.parameters),
-                )
-            history.append((feedback.revision, asked))
+            yield _again(recorded, recorded.parsed.space, before, where)
+            rule = rule_of(recorded.card, recorded.parameters)
+            history.add(feedback, before, recorded.parsed.space, rule)
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:
@@ -74,7 +139,7 @@ def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
 
 
 def _again(
-    recorded: RecordedFeedback, space: SceneSpace, history: _History, where: str
+    recorded: RecordedFeedback, space: SceneSpace, before: ProfileState, where: str
 ) -> ReplayFinding:
     feedback = recorded.feedback
     if list(feedback.parameters) != list(space.names):
@@ -93,16 +158,14 @@ def _again(
         rule=rule,
         weight=feedback.weight,
         evidence=Evidence(
-            recent=tuple(asked for _, asked in history if asked is not None),
+            recent=before.recent,
             changes=_changes(feedback, rule, space),
             authored=tuple(recorded.card.profile),
         ),
     )
     difference = _difference(feedback, again, space)
-    every = [revision for revision, _ in history] == list(range(1, feedback.revision))
-    is_whole = every and all(asked is not None for _, asked in history)
-    if difference and rule.update is Update.MEDIAN and not is_whole:
-        missing = "what the agent was taught before the journal began, or was undone"
+    if difference and rule.update is Update.MEDIAN and not before.known:
+        missing = "what the agent was taught before the journal began"
         return not_recorded(KIND, where, missing)
     return compared(KIND, where, difference)
 
@@ -119,7 +182,8 @@ def _changes(feedback: Any, rule: LearningRule, space: SceneSpace) -> int:
 
 
 def _difference(feedback: Any, again: Step, space: SceneSpace) -> str:
-    rates = list(feedback.rates) or [feedback.learning_rate] * len(space)
+    rate = again.rate if is_managed(feedback) else feedback.learning_rate
+    rates = list(feedback.rates) or [rate] * len(space)
     for what, before, after in (
         ("", feedback.after, again.after),
         ("rate of ", rates, again.rates),

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -47,19 +46,6 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
     )
 
 
-def named(scene: Any) -> str:
-    """Return the name of a ``Scene`` message for people: its label, else its values.
-
-    Example:
-        ``age 4.5, familiarity 1, mood 3``
-    """
-    known = ", ".join(
-        f"{value.name} {value.value:.4g}" for value in scene.values if not math.isnan(value.value)
-    )
-    who = "" if scene.person else "nobody"
-    return str(scene.label) or ", ".join(filter(None, (who, known))) or str(scene.scene_id)
-
-
 def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
     """Return the terms that were fixed when a round opened, after so many runs of this start."""
     auction = one.auction
@@ -80,7 +66,7 @@ def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
         shadow_options=dict(
             zip(auction.shadow_option_names, auction.shadow_option_values, strict=True)
         ),
-        rules=one.parsed.rules if one.parsed is not None else (),
+        rules=one.rules,
         intervention=auction.intervention,
         preview=auction.preview,
     )

@@ -11,12 +11,13 @@ from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from bt_agents.host.reload.source_bundle import HOST, MARKET
+from bt_agents.host.reload.source_bundle import APART, HOST
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.folder_reader import Trees, read_trees
-from bt_agents_language.files.market_reader import MarketRule, read_market
+
+SCENE = "scene.yaml"
 
 
 class RecordedInterfaces:
@@ -50,14 +51,13 @@ class RecordedInterfaces:
 
 @dataclass(frozen=True, kw_only=True)
 class ParsedTexts:
-    """Agents, scene parameters and market rules that the texts of a host define.
+    """Agents and scene parameters that the texts of a host define.
 
     Attributes:
         folder: Of the texts while they were read, as it stands in positions.
     """
 
     trees: Trees
-    rules: tuple[MarketRule, ...]
     folder: str
 
     @property
@@ -96,16 +96,35 @@ class TextFiles:
 
     @cached_property
     def parsed(self) -> ParsedTexts:
-        """What they define.
+        """What they define, but for agents that have texts of their own.
 
         Raises:
             BtAgentsError: They cannot be read here.
         """
+        return self._read(
+            {name: text for name, text in self.files.items() if not name.startswith(f"{APART}/")}
+        )
+
+    def parsed_for(self, agent: str) -> ParsedTexts:
+        """Return what they define of one agent.
+
+        Raises:
+            BtAgentsError: They cannot be read here.
+        """
+        prefix = f"{APART}/{agent}/"
+        own = {
+            name.removeprefix(prefix): text
+            for name, text in self.files.items()
+            if name.startswith(prefix) or name in (HOST, SCENE)
+        }
+        return self._read(own) if len(own.keys() - {HOST, SCENE}) else self.parsed
+
+    def _read(self, files: Mapping[str, str]) -> ParsedTexts:
         machine = json.loads(self.files.get(HOST, "{}"))
         interfaces = RecordedInterfaces(frozenset(map(str, machine.get("packages", ()))))
         with tempfile.TemporaryDirectory(prefix="bt-agents-replay-") as scratch:
             folder = Path(scratch) / "trees"
-            for name, text in self.files.items():
+            for name, text in files.items():
                 if name != HOST:
                     path = folder / name
                     path.parent.mkdir(parents=True, exist_ok=True)
@@ -113,8 +132,6 @@ class TextFiles:
             try:
                 robot, language = (str(machine.get(key, "")) for key in ("robot", "language"))
                 trees = read_trees(folder, interfaces, robot, language)
-                market = folder / MARKET
-                rules = read_market(market, trees.scene.space) if market.exists() else ()
             except OSError as error:
                 raise BtAgentsError(f"the texts cannot be unpacked: {error}") from None
-        return ParsedTexts(trees=trees, rules=rules, folder=str(folder))
+        return ParsedTexts(trees=trees, folder=str(folder))

@@ -33,8 +33,7 @@ class _Missing(Exception):
 def replay_runs(runs: Iterable[RecordedRun]) -> Iterator[ReplayFinding]:
     """Tick each run again and yield whether the changes of each tick are equal."""
     for run in runs:
-        _, _, number, agent = run.key
-        where = f"round {number}, {agent}"
+        where = run.name
         try:
             ticks = _again(run)
         except _Missing as missing:
@@ -100,7 +99,7 @@ def _spec_of(run: RecordedRun, recording: Recording) -> tuple[AgentSpec, ParsedT
         raise _Missing(f"there is no text of version {version} of {name}")
     try:
         # The oldest: a library may have changed since, and waits as the tree does.
-        parsed = fitting[-1].parsed
+        parsed = fitting[-1].parsed_for(str(name))
     except BtAgentsError as error:
         raise _Missing(f"its texts cannot be read here: {error}") from None
     spec = next((agent for agent in parsed.trees.agents if agent.name == name), None)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import time
 from collections.abc import Iterable, Sequence
@@ -13,8 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.text import Text
 
-from bt_agents_core.scene import first_id, unawarded_id
-from bt_agents_core.text import format_known
+from bt_agents_core.scene import first_id, scene_name, unawarded_id
 from bt_agents_tools.cli.table import TableForm
 
 STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
@@ -49,9 +47,7 @@ class SceneLabels:
 
     def add(self, scene: Any) -> None:
         """Store the name of a scene, as ``Scene.msg`` has it."""
-        known = (v for v in scene.values if not math.isnan(v.value))
-        values = ", ".join(f"{v.name} {format_known(v.value)}" for v in known)
-        self._names[first_id(scene.scene_id)] = scene.label or values or "nothing known"
+        self._names[first_id(scene.scene_id)] = scene_name(scene)
 
     def name_of(self, scene_id: str) -> str:
         """Return the name of a scene; its id when it was not added."""

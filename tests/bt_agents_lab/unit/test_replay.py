@@ -17,6 +17,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_interfaces.msg import (
     AgentFiles,
     Auction,
+    CallForBids,
     Feedback,
     HostCard,
     Run,
@@ -317,6 +318,24 @@ def test_a_run_that_the_journal_has_not_heard_of_makes_no_score_different(tmp_pa
     assert found.different == 0
 
 
+def test_a_run_that_was_stopped_as_it_began_counts(tmp_path: Path) -> None:
+    made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
+    first = next(one.message for one in made.published if isinstance(one.message, Run))
+    first.event, first.outcome = Run.ENDED, Run.CANCELLED
+    first.stop_cause = Run.BY_MARKET
+    found = again(made.write(tmp_path / "a.mcap"))
+    assert [one for one in found.unequal if one.kind == decisions.KIND] == []
+
+
+def test_an_explanation_that_names_whom_its_call_left_out_is_not_compared(tmp_path: Path) -> None:
+    made = morning(tmp_path / "trees")
+    call = next(one.message for one in made.published if isinstance(one.message, CallForBids))
+    call.excluded = ["carl"]
+    auction = next(one.message for one in made.published if isinstance(one.message, Auction))
+    auction.explanation += "\ncarl may not bid again: it was stopped."
+    assert again(made.write(tmp_path / "a.mcap")).unequal == []
+
+
 def test_a_shadow_that_depends_on_runs_before_the_journal_is_not_called_different(
     tmp_path: Path,
 ) -> None:
@@ -384,7 +403,10 @@ def test_the_command_ends_with_one_and_the_first_differences(town: Town, tmp_pat
 
     result = CliRunner().invoke(replay, [str(town.write(tmp_path / "a.mcap", alter))])
     assert result.exit_code == 1
-    assert "different decision, round 1, bert: the margin was 9.0" in result.output
+    assert (
+        "different decision, round 1 (age 4, familiarity 2, mood 3), bert: the margin was 9.0"
+        in result.output
+    )
     assert "not equal" in result.output
 
 

@@ -4,22 +4,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import FeedbackKind, Update
-from bt_agents_interfaces.msg import Auction, Run
+from bt_agents_interfaces.msg import Auction, CallForBids, MarketStatus, Profiles, RefusedBid, Run
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.what_if import what_if as command
 from bt_agents_lab.replay.counterfactual_replay import Changes, CounterfactualResult, replay_with
 from bt_agents_lab.replay.recording_index import RecordingIndex
 from bt_agents_language.files.folder_reader import read_trees
-from journal_fixture import NAN, Town, index_of, morning, write_folder
+from journal_fixture import EPOCH, NAN, Town, index_of, morning, write_folder
 from tree_harness import SPACE, scene
 
 
@@ -100,6 +101,77 @@ def test_agents_of_another_folder_bid_as_their_files_say(tmp_path: Path) -> None
     found = result(town, tmp_path, Changes(agents=read_trees(folder).agents))
     assert winners(found) == ["carla", "bert", "carla", "carla"]
     assert found.bidders == {"carla", "bert"}
+
+
+def _refused(auction: Auction) -> None:
+    auction.refused = [RefusedBid(agent="anna", kind=RefusedBid.REFUSED, code="NOT_AWARDED")]
+
+
+LEFT_OUT: dict[str, Callable[[Town], None]] = {
+    "pinned": lambda town: town.publish("/market", MarketStatus(epoch=EPOCH, pinned="bert")),
+    "vetoed": lambda town: town.publish(
+        "/market", MarketStatus(epoch=EPOCH, vetoed=["anna", "carla"])
+    ),
+    "excluded": lambda town: setattr(_first(town, CallForBids), "excluded", ["anna", "carla"]),
+    "not awarded": lambda town: _refused(_first(town, Auction)),
+}
+
+
+def _first(town: Town, kind: type) -> Any:
+    return next(one.message for one in town.published if isinstance(one.message, kind))
+
+
+@pytest.mark.parametrize("why", LEFT_OUT)
+def test_who_was_left_out_of_a_round_stays_out(tmp_path: Path, why: str) -> None:
+    town = Town(tmp_path / "trees")
+    if why in ("pinned", "vetoed"):
+        LEFT_OUT[why](town)
+    assert town.round(scene("s0", age=4.5, familiarity=2.1, mood=3.3)) == "bert"
+    if why not in ("pinned", "vetoed"):
+        LEFT_OUT[why](town)
+    nearer = (4.5, 2.1, 3.3)
+    folder = write_folder(tmp_path / "other", anna=nearer, carla=nearer, bert=(4.0, 2.0, 3.0))
+    agents = read_trees(folder).agents
+    assert winners(result(town, tmp_path, Changes(agents=agents))) == ["bert"]
+
+
+def test_who_takes_the_run_in_place_of_the_winner_is_taught(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    assert town.round(scene("s0", age=4.5)) == "bert"
+    _first(town, Run).agent = "anna"
+    town.give_feedback("anna", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    found = result(town, tmp_path, Changes())
+    assert (found.given, found.withheld) == (1, 0)
+    assert found.profiles["anna"] == town.profiles["anna"]
+
+
+def test_what_the_author_writes_meanwhile_counts(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    town.round(scene("s0", age=4.5))
+    town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
+    town.profiles["bert"] = (2.0, 2.0, 2.0)
+    names = list(SPACE.names)
+    town.publish(
+        "/profiles",
+        Profiles(
+            parameters=names, agents=["bert"], layers=[""], revisions=[2], vectors=[2.0, 2.0, 2.0]
+        ),
+    )
+    found = result(town, tmp_path, Changes(rate=0.5))
+    assert found.profiles["bert"] == (2.0, 2.0, 2.0)
+
+
+def test_an_undo_takes_back_what_would_have_been_learned(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    town.round(scene("s0", age=4.5))
+    town.give_feedback("bert", FeedbackKind.DIRECT, (3.5, NAN, NAN))
+    kept = town.profiles["bert"]
+    town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, NAN, NAN))
+    town.give_feedback("bert", FeedbackKind.SET, kept)
+    undo = town.published[-1].message
+    undo.learning_rate, undo.rates, undo.feedback_id = 0.0, [], ""
+    assert result(town, tmp_path, Changes()).profiles["bert"] == kept
+    assert result(town, tmp_path, Changes(rate=0.5)).profiles["bert"] == (4.0, 2.1, 3.3)
 
 
 def test_a_robust_update_withstands_one_wrong_feedback(tmp_path: Path) -> None:

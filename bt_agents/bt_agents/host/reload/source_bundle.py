@@ -17,6 +17,9 @@ HOST = "host.json"
 
 MARKET = "market.yaml"
 
+APART = "apart"
+"""Folder in which an agent has texts of its own, under its name, where others are in force."""
+
 _TYPE = re.compile(rf"\b([a-z][a-z0-9_]*)/(?:{'|'.join(INTERFACE_FOLDERS.values())})/[A-Z]")
 
 
@@ -25,7 +28,8 @@ class SourceBundle:
     """Texts of the agents in force.
 
     Attributes:
-        files: Path relative to the trees folder → text; :data:`HOST` is no file there.
+        files: Path relative to the trees folder → text; :data:`HOST` is no file there, and what
+            lies in :data:`APART` neither.
         versions: Name of an agent → its version in force.
     """
 
@@ -38,16 +42,26 @@ def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -
     trees = versions.trees
     files = {
         path.relative_to(trees.folder).as_posix(): text
-        for path, text in trees.texts.items()
+        for path, text in versions.texts.items()
         if text is not None
     }
     market = text_of(trees.folder / MARKET)
     if market is not None:
         files[MARKET] = market
-    for history in versions.histories.values():
-        file = history.current.file
-        if file.text is not None:
-            files[file.file.relative_to(trees.folder).as_posix()] = file.text
+    for name in sorted(versions.histories, key=lambda one: not versions.is_as_read(one)):
+        file = versions.histories[name].current.file
+        if file.text is None:
+            continue
+        path, own = file.file.relative_to(trees.folder).as_posix(), versions.texts_apart(name)
+        if not own and files.setdefault(path, file.text) == file.text:
+            continue
+        # Another version of what it imports is in force, or another agent is in its file by now.
+        own = own or versions.texts
+        files |= {
+            f"{APART}/{name}/{one.relative_to(trees.folder).as_posix()}": text
+            for one, text in {**own, file.file: file.text}.items()
+            if text is not None
+        }
     named = sorted({package for text in files.values() for package in _TYPE.findall(text)})
     packages = [package for package in named if has_package(package)]
     machine = {"robot": trees.robot, "language": trees.language, "packages": packages}

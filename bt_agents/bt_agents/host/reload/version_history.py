@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_language.diagnostics.renderers import MAX_SHOWN, as_hinted_line, visible
@@ -19,7 +20,11 @@ MAX_VERSIONS = 50
 class Version:
     """Good version of an agent, whose cause and change from the one before are texts.
 
-    Numbers count up from 1; the stamp is the time of reading [s].
+    Attributes:
+        number: Counts up from 1.
+        stamp: Time of reading [s].
+        texts: Texts of the skills and libraries that it was read with, among others.
+        restored: Whether it was rolled back to, and so not read with the texts of its time.
     """
 
     number: int
@@ -27,6 +32,8 @@ class Version:
     cause: str
     change: str
     stamp: float
+    texts: Mapping[Path, str | None]
+    restored: bool = False
 
     @property
     def agent(self) -> AgentSpec:
@@ -108,7 +115,7 @@ class VersionHistory:
         return version
 
 
-def new_history(file: AgentFile, stamp: float) -> VersionHistory:
+def new_history(file: AgentFile, stamp: float, texts: Mapping[Path, str | None]) -> VersionHistory:
     """Return the history of an agent that is new here, with one version from its good file."""
-    version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp)
+    version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp, texts=texts)
     return VersionHistory(current=version, last_read=file, versions=[version])

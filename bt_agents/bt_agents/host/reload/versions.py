@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 
 from bt_agents.host.reload.changes import change_text, changes_tree
 from bt_agents.host.reload.version_history import (
@@ -56,21 +58,25 @@ class AgentVersions:
 
     Attributes:
         trees: Trees folder as it was read last.
+        texts: Texts of the scene, skills and libraries in force; of broken skills the last good
+            ones.
         histories: Name of an agent → its versions; only of those that have one in force.
     """
 
     def __init__(self, trees: Trees, stamp: float) -> None:
         self.trees = trees
+        self.texts = trees.texts
         self._good_files = _good_files(trees)
         self._space = trees.scene.space
         self.histories: dict[str, VersionHistory] = {}
         self._removed: OrderedDict[str, VersionHistory] = OrderedDict()
         for name, file in self._good_files.items():
-            self.histories[name] = new_history(file, stamp)
+            self.histories[name] = new_history(file, stamp, self.texts)
 
     def update(self, trees: Trees) -> list[str]:
         """Store the folder as it was read now; return the agents to settle, in order."""
         self.trees = trees
+        self.texts = self._texts_in_force(trees)
         self._good_files = _good_files(trees)
         gone = [name for name in self.histories if name not in self._good_files]
         affected = [name for name in gone if self._is_new(name)]
@@ -226,7 +232,43 @@ class AgentVersions:
             text = f"{name}: version {version.number} stays"
             return ReloadEffect(action=ReloadAction.REPORT, name=name, text=text)
         cause = f"roll back to {version.number}"
-        return self._add_version(history, file or version.file, cause, running, stamp)
+        return self._add_version(
+            history, file or version.file, cause, running, stamp, restored=version
+        )
+
+    def is_as_read(self, name: str) -> bool:
+        """Return whether the version in force is what its file says now, read with these texts."""
+        current = self.histories[name].current
+        return self._good_files.get(name) is current.file and not current.restored
+
+    def texts_apart(self, name: str) -> Mapping[Path, str | None]:
+        """Return the texts that the version in force was read with; empty if they are in force.
+
+        They are those of its libraries and of all skills.
+        """
+        version = self.histories[name].current
+        if self.is_as_read(name):
+            return {}
+        skills, imports = self.trees.folder / "skills", version.file.imports
+
+        def of_agent(texts: Mapping[Path, str | None]) -> Mapping[Path, str | None]:
+            return {
+                path: text
+                for path, text in texts.items()
+                if path.parent == skills
+                or path.relative_to(self.trees.folder).as_posix() in imports
+            }
+
+        own = of_agent(version.texts)
+        return own if own != of_agent(self.texts) else {}
+
+    def _texts_in_force(self, trees: Trees) -> Mapping[Path, str | None]:
+        skills = trees.folder / "skills"
+        if all(broken.file != skills for broken in trees.broken):
+            return trees.texts
+        others = {path: text for path, text in trees.texts.items() if path.parent != skills}
+        good = {path: text for path, text in self.texts.items() if path.parent == skills}
+        return {**others, **good}
 
     def _is_new(self, name: str) -> bool:
         """Return whether the status of an agent without a good file has changed."""
@@ -285,7 +327,7 @@ class AgentVersions:
     def _add(self, name: str, file: AgentFile, stamp: float) -> ReloadEffect:
         history = self._removed.pop(name, None)
         if history is None:
-            history = new_history(file, stamp)
+            history = new_history(file, stamp, self.texts)
             text = f"{name}: new agent from {file.file.name}, version 1 in force"
         else:
             history.last_read = file
@@ -317,9 +359,15 @@ class AgentVersions:
         return self._add_version(history, file, file.cause, running, stamp)
 
     def _add_version(
-        self, history: VersionHistory, file: AgentFile, cause: str, running: str, stamp: float
+        self,
+        history: VersionHistory,
+        file: AgentFile,
+        cause: str,
+        running: str,
+        stamp: float,
+        restored: Version | None = None,
     ) -> ReloadEffect:
-        version = self._new_version(history, file, cause, stamp)
+        version = self._new_version(history, file, cause, stamp, restored)
         name = version.agent.name
         has_other_tree = changes_tree(history.current.file, file)
         if has_other_tree and name == running:
@@ -333,12 +381,23 @@ class AgentVersions:
         return self._bring_into_force(version, action)
 
     def _new_version(
-        self, history: VersionHistory, file: AgentFile, cause: str, stamp: float
+        self,
+        history: VersionHistory,
+        file: AgentFile,
+        cause: str,
+        stamp: float,
+        restored: Version | None = None,
     ) -> Version:
-        change = change_text(history.newest.file, file, self._space)
-        number = history.versions[-1].number + 1
         return history.add(
-            Version(number=number, file=file, cause=cause, change=change, stamp=stamp)
+            Version(
+                number=history.versions[-1].number + 1,
+                file=file,
+                cause=cause,
+                change=change_text(history.newest.file, file, self._space),
+                stamp=stamp,
+                texts=self.texts if restored is None else restored.texts,
+                restored=restored is not None,
+            )
         )
 
     def _bring_into_force(self, version: Version, action: ReloadAction) -> ReloadEffect:
