@@ -68,8 +68,15 @@ def live(
         vector = tuple(world.scenes[place].tolist())
         tried: dict[str, str] = {}
         cancelled = 0
+        best, misfit = world.best_in(index), world.misfit_in(index)
         for attempt in range(world.attempts):
-            bidders = [agent for agent in world.agents if agent not in tried]
+            bidders = [
+                agent
+                for agent in world.agents
+                if agent not in tried and world.absent.get(agent, 0) <= index
+            ]
+            if not bidders:
+                break
             terms = Terms(
                 epoch="",
                 round=index + 1,
@@ -98,10 +105,10 @@ def live(
             tried[winner] = "was stopped"
             wrong = luck.error_draw[row, index, attempt] < wrong_share
             if world.person is None:
-                told = luck.wrong[row, index] if wrong else world.best[chosen]
+                told = luck.wrong[row, index] if wrong else best[chosen]
                 learn(winner, FeedbackKind.DIRECT, tuple(told.tolist()), 1.0)
                 break
-            fit = 1.0 - float(world.misfit[place, chosen]) / world.person.tolerance
+            fit = 1.0 - float(misfit[place, chosen]) / world.person.tolerance
             fit = min(max(fit, -1.0), 1.0)
             if wrong:
                 fit = float(luck.wrong_fit[row, index, attempt])

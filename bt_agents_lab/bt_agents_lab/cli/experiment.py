@@ -190,8 +190,8 @@ def sweep(
 ) -> None:
     """Compare ways to select and to learn over many simulated runs.
 
-    NAME is told or persons, or a file. The same seed gives the same numbers, in however many
-    processes.
+    NAME is one of experiments/sweeps, such as told, or a file. The same seed gives the same
+    numbers, in however many processes.
     """
     with loading():
         from bt_agents_lab.experiments import sweep as sweeping

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bt_agents_lab.experiments.random_streams import Bools, RandomStreams
+from bt_agents_lab.experiments.random_streams import RandomStreams
 from bt_agents_lab.experiments.simulated_world import SimulatedWorld
 from bt_agents_lab.experiments.simulation import Course
-from marketplace_node.strategies.arrays import Floats, Integers
+from marketplace_node.strategies.arrays import Bools, Floats, Integers
 
 LAST = 100
 """Rounds at the end of a run that count as learned."""
@@ -38,13 +38,15 @@ class PerRun:
     """Measures of each of R runs.
 
     Attributes:
-        late: Share of the last scenes that the best suited agent got, [R].
-        served: Whether every agent that suits a scene best ran for it in the last rounds, [R].
+        late: Share of the last scenes that a best suited agent got, [R].
+        served: Whether every agent that suits a scene best ran for one in the last rounds, if
+            one came, [R].
         ran: Whether every agent ran at all, [R].
         regret: Sum of the misfit of the chosen agents above that of the best, [R].
         cycles: Rounds until it stays right, [R]; infinite when it never does.
         cancelled: Share of scenes for which a run was cancelled, [R].
-        error: Mean Manhattan distance of a profile to the scene of its agent, at the end, [R].
+        error: Mean Manhattan distance of a profile to the scene of its agent, at the end, [R];
+            NaN for a bandit, which has no profiles.
         right: Number of runs that were right in each round, [T].
     """
 
@@ -82,29 +84,53 @@ class Measures:
 
 
 def right(world: SimulatedWorld, streams: RandomStreams, course: Course) -> Bools:
-    """Return where the best suited agent got the scene, [R, T]."""
-    return np.asarray(course.awarded == world.suited[streams.scene])
+    """Return where an agent got the scene that none suits better, [R, T]."""
+    chosen, least = _misfits(world, streams, course)
+    return np.asarray(chosen == least)
 
 
 def of_runs(world: SimulatedWorld, streams: RandomStreams, course: Course) -> PerRun:
     """Return the measures of each run."""
-    correct = right(world, streams, course)
-    suits = np.unique(world.suited)
-    recent = course.awarded[:, -LAST:]
+    chosen, least = _misfits(world, streams, course)
+    correct = chosen == least
     late = correct[:, -LAST:]
-    served = np.stack([((recent == agent) & late).any(axis=1) for agent in suits])
-    misfit = world.misfit[streams.scene]
-    chosen = np.take_along_axis(misfit, course.awarded[..., None], axis=-1)[..., 0]
+    rounds = correct.shape[1]
     return PerRun(
         late=late.mean(axis=1),
-        served=np.asarray(np.all(served, axis=0)),
+        served=_served(world, streams, course, late),
         ran=course.all_ran,
-        regret=np.asarray((chosen - misfit.min(axis=-1)).sum(axis=1)),
+        regret=np.asarray((chosen - least).sum(axis=1)),
         cycles=converged(correct),
         cancelled=(course.cancelled > 0).mean(axis=1),
-        error=np.abs(course.profiles[:, -1] - world.best).sum(axis=-1).mean(axis=-1),
+        error=np.abs(course.profiles[:, -1] - world.best_in(rounds - 1))
+        .sum(axis=-1)
+        .mean(axis=-1),
         right=correct.sum(axis=0),
     )
+
+
+def _misfits(
+    world: SimulatedWorld, streams: RandomStreams, course: Course
+) -> tuple[Floats, Floats]:
+    """Return the misfit of the chosen agents, and the least that there was, both [R, T]."""
+    rounds = np.arange(streams.scene.shape[1])
+    misfit = np.stack([world.misfit_in(index) for index in rounds.tolist()])
+    least = misfit.min(axis=-1)[rounds, streams.scene]
+    return misfit[rounds, streams.scene, course.awarded], least
+
+
+def _served(world: SimulatedWorld, streams: RandomStreams, course: Course, late: Bools) -> Bools:
+    """Return whether every agent got one of the last scenes that none suits better, [R].
+
+    An agent for which no such scene came is not counted.
+    """
+    misfit = world.misfit_in(streams.scene.shape[1] - 1)
+    scenes, awarded = streams.scene[:, -LAST:], course.awarded[:, -LAST:]
+    served = np.ones(len(late), dtype=bool)
+    for agent, suits in enumerate((misfit == misfit.min(axis=-1, keepdims=True)).T):
+        came = suits[scenes].any(axis=1)
+        served &= ~came | ((awarded == agent) & late).any(axis=1)
+    return served
 
 
 def together(parts: Sequence[PerRun]) -> PerRun:

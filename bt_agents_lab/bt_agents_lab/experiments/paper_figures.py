@@ -141,7 +141,7 @@ def _selections(axes: Axes, many: Replicas, shown: int, rounds: int) -> None:
     scenes = many.streams.scene[shown]
     for index, name in enumerate(many.world.agents):
         won = np.flatnonzero(many.course.awarded[shown, :rounds] == index)
-        wrong = many.world.suited[scenes[won]] != index
+        wrong = many.world.misfit_in(0)[scenes[won]].argmin(axis=-1) != index
         axes.plot(won + 1, scenes[won], "|", markersize=9, color=COLOURS[index], label=name)
         at = won[wrong]
         axes.plot(at + 1, scenes[at], "o", markersize=8, markerfacecolor="none", color="black")

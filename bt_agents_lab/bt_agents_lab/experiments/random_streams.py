@@ -13,9 +13,8 @@ import numpy.typing as npt
 from bt_agents_core.scene import Vector
 from bt_agents_lab.experiments.simulated_world import SimulatedWorld
 from marketplace_node.strategies import round_rng
-from marketplace_node.strategies.arrays import Floats, Integers
+from marketplace_node.strategies.arrays import Bools, Floats, Integers
 
-Bools = npt.NDArray[np.bool_]
 Drawn = dict[tuple[object, ...], tuple[Floats, Bools]]
 WrongFeedback = Literal["any", "another"] | Vector
 """Values of wrong feedback: any in the ranges, those that suit another agent, or one vector."""

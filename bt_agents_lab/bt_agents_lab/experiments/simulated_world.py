@@ -13,7 +13,7 @@ from bt_agents_core.feedback import LearningRule
 from bt_agents_core.scene import SceneSpace
 from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies import TIE_BREAKS
-from marketplace_node.strategies.arrays import Floats, Integers
+from marketplace_node.strategies.arrays import Bools, Floats
 
 NOT_SIMULATED = (EXTERNAL, RULES)
 """Strategies whose choice needs more than the bids."""
@@ -48,6 +48,19 @@ class Person:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class ChangeOfMind:
+    """Change of what agents are made for.
+
+    Attributes:
+        after: Rounds before it.
+        best: Scene that each agent is made for from then on, [N, n].
+    """
+
+    after: int
+    best: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedWorld:
     """World of simulated runs.
 
@@ -62,6 +75,8 @@ class SimulatedWorld:
         rates: Learning rate of each agent, [N].
         person: Person who reacts by mood during the run; None gives each agent after its run the
             scene that it is made for as feedback, as in the paper.
+        change: Change of what the person wants during a run; None for none.
+        absent: Rounds at the start in which an agent is not there yet, by its name.
     """
 
     space: SceneSpace
@@ -71,6 +86,8 @@ class SimulatedWorld:
     scenes: Floats
     rates: Floats
     person: Person | None = None
+    change: ChangeOfMind | None = None
+    absent: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
     def low(self) -> Floats:
@@ -82,15 +99,22 @@ class SimulatedWorld:
         """Upper ends of the ranges, [n]."""
         return np.array([p.maximum for p in self.space.parameters])
 
-    @cached_property
-    def misfit(self) -> Floats:
-        """Manhattan distance of each scene to the one that each agent is made for, [K, N]."""
-        return np.asarray(np.abs(self.scenes[:, None] - self.best).sum(axis=-1))
+    def best_in(self, round_index: int) -> Floats:
+        """Return the scene that each agent is made for in a round, counted from 0, [N, n]."""
+        changed = self.change is not None and round_index >= self.change.after
+        return self.change.best if changed and self.change is not None else self.best
 
-    @cached_property
-    def suited(self) -> Integers:
-        """Index of the agent that suits each scene best, [K]."""
-        return np.asarray(np.argmin(self.misfit, axis=-1))
+    def present_in(self, round_index: int) -> Bools:
+        """Return whether each agent is there in a round, counted from 0, [N]."""
+        return np.array([self.absent.get(name, 0) <= round_index for name in self.agents])
+
+    def misfit_in(self, round_index: int) -> Floats:
+        """Return the Manhattan distance of each scene to the one that each agent is made for.
+
+        It is infinite for an agent that is not there in the round, [K, N].
+        """
+        misfit = np.abs(self.scenes[:, None] - self.best_in(round_index)).sum(axis=-1)
+        return np.where(self.present_in(round_index), misfit, np.inf)
 
     @property
     def attempts(self) -> int:

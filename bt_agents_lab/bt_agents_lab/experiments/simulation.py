@@ -9,16 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind, Update
-from bt_agents_lab.experiments.random_streams import (
-    Attempt,
-    Bools,
-    CachedRandomSource,
-    RandomStreams,
-)
+from bt_agents_lab.experiments.bandits import BANDITS, Bandits
+from bt_agents_lab.experiments.random_streams import Attempt, CachedRandomSource, RandomStreams
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from feedback_node.learning import updates
 from marketplace_node.strategies import STRATEGIES, RoundArrays
-from marketplace_node.strategies.arrays import Floats, Integers
+from marketplace_node.strategies.arrays import Bools, Floats, Integers
 
 NEVER = 1_000_000
 """Second of an event that does not happen."""
@@ -32,7 +28,8 @@ class Course:
         awarded: Index of the agent that got each scene first, [R, T].
         cancelled: Number of runs for it that were cancelled, [R, T].
         won: Number of runs of each agent in each round, [R, T, N]; 0 or 1.
-        profiles: After each round, [R, T, N, n]; with one round only, after the last one.
+        profiles: After each round, [R, T, N, n]; with one round only, after the last one; NaN
+            for a bandit, which has none.
     """
 
     awarded: Integers
@@ -102,14 +99,27 @@ def _play(
         won=np.zeros((runs, rounds, agents), dtype=bool),
         profiles=np.empty((runs, rounds if history else 1, agents, width)),
     )
+    bandits = None
+    if arm.strategy in BANDITS:
+        seeds = [seed for _ in wrong_shares for seed in streams.seeds]
+        bandits = Bandits(arm.strategy, arm.options, world, seeds)
+        state.profiles[:] = np.nan
     everyone = np.arange(runs)
     for index in range(rounds):
         rows = everyone
         scene = world.scenes[streams.scene[rows % of_streams, index]]
-        for attempt in range(world.attempts):
-            tried = course.won[rows, index]
+        best, misfit, present = (
+            world.best_in(index),
+            world.misfit_in(index),
+            world.present_in(index),
+        )
+        for attempt in range(min(world.attempts, int(present.sum()))):
+            tried = course.won[rows, index] | ~present
             at = (rows % of_streams, index, attempt)
-            chosen = _award(world, arm, state, streams, at, rows, scene, tried)
+            if bandits is not None:
+                chosen = bandits.award(rows, scene, tried, streams.ties[at].astype(np.float64))
+            else:
+                chosen = _award(world, arm, state, streams, at, rows, scene, tried)
             if attempt == 0:
                 course.awarded[:, index] = chosen
             state.runs[rows, chosen] += 1.0
@@ -118,21 +128,29 @@ def _play(
             course.won[rows, index, chosen] = True
             is_wrong = streams.error_draw[at] < share[rows]
             if world.person is None:
-                target = np.where(is_wrong[:, None], streams.wrong[at[:2]], world.best[chosen])
-                _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, target, 1.0)
+                target = np.where(is_wrong[:, None], streams.wrong[at[:2]], best[chosen])
+                if bandits is not None:
+                    bandits.learn(rows, scene, chosen, _nearness(world, target, scene))
+                else:
+                    _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, target, 1.0)
                 break
             person = world.person
-            moods = _moods(world, person, streams, at, scene, chosen, is_wrong)
+            unfit = misfit[streams.scene[at[:2]], chosen]
+            moods = _moods(world, person, streams, at, scene, unfit, is_wrong)
             change = moods[1:] - moods[0]
             praised = _held(change >= person.better, person.hold_s)
             blamed = _held(change <= -person.worse, person.hold_s)
             weight = arm.rule.weight(MOOD_RULE)
             stopped = blamed < NEVER
-            for kind, some in (
-                (FeedbackKind.POSITIVE, praised < blamed),
-                (FeedbackKind.NEGATIVE, stopped),
-            ):
-                _learn(world, rule, state, rows[some], chosen[some], kind, scene[some], weight)
+            if bandits is not None:
+                reward = np.where(stopped, -1.0, praised < blamed)
+                bandits.learn(rows, scene, chosen, reward)
+            else:
+                for kind, some in (
+                    (FeedbackKind.POSITIVE, praised < blamed),
+                    (FeedbackKind.NEGATIVE, stopped),
+                ):
+                    _learn(world, rule, state, rows[some], chosen[some], kind, scene[some], weight)
             course.cancelled[rows[stopped], index] += 1
             scene = scene[stopped]
             seen_at = blamed[stopped] - min(person.hold_s, 1)
@@ -159,8 +177,8 @@ def _award(
     total = state.total[rows]
     profiles, runs, last_run = state.profiles, state.runs, state.last_run
     bidders = None
-    if attempt := at[2]:
-        left = len(world.agents) - attempt
+    left = len(world.agents) - int(tried[0].sum())
+    if left < len(world.agents):
         bidders = np.argsort(tried, axis=-1, kind="stable")[:, :left]
         where = (rows[:, None], bidders)
         profiles, runs, last_run = profiles[where], runs[where], last_run[where]
@@ -199,12 +217,11 @@ def _moods(
     streams: RandomStreams,
     at: Attempt,
     scene: Floats,
-    chosen: Integers,
+    misfit: Floats,
     is_wrong: Bools,
 ) -> Floats:
     """Return the mood at the start and after each second, [seconds + 1, rows]."""
     place = _mood_place(world)
-    misfit = world.misfit[streams.scene[at[:2]], chosen]
     fit = np.clip(1.0 - misfit / person.tolerance, -1.0, 1.0)
     fit = np.where(is_wrong, streams.wrong_fit[at], fit)
     noise = streams.mood_noise[at].astype(np.float64) * person.noise
@@ -256,6 +273,12 @@ def _learn(
     if recent.shape[1]:
         asked = updates.requested(kind, profile, target, rule)
         state.recent[rows, chosen] = np.concatenate([recent[:, 1:], asked[:, None]], axis=1)
+
+
+def _nearness(world: SimulatedWorld, told: Floats, scene: Floats) -> Floats:
+    """Return how near what an agent was told is to the scene, from 1 down to −1, [rows]."""
+    ranges = (world.high - world.low).sum()
+    return np.asarray(1.0 - 2.0 * np.abs(told - scene).sum(axis=-1) / ranges)
 
 
 def _mood_place(world: SimulatedWorld) -> int:

@@ -99,7 +99,7 @@ def cells(cell: Cell, found: Measures) -> dict[str, str]:
         "regret": f"{found.regret:.0f}",
         "settles": "never" if math.isinf(found.cycles) else f"{found.cycles:.0f}",
         "cancelled": f"{found.cancelled:.1%}",
-        "error": f"{found.error:.2f}",
+        "error": "no profile" if math.isnan(found.error) else f"{found.error:.2f}",
     }
 
 
@@ -208,7 +208,7 @@ def measured(cell: Cell, found: Measures) -> dict[str, object]:
         if isinstance(value, dict):
             flat |= {f"{name}_{part}": number for part, number in value.items()}
         else:
-            flat[name] = None if isinstance(value, float) and math.isinf(value) else value
+            flat[name] = value if math.isfinite(value) else None
     return flat
 
 

@@ -10,10 +10,12 @@ from typing import Any
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneSpace
+from bt_agents_lab.experiments.bandits import BANDITS
 from bt_agents_lab.experiments.random_streams import WrongFeedback
 from bt_agents_lab.experiments.replicas import opened, world_of
 from bt_agents_lab.experiments.simulated_world import (
     NOT_SIMULATED,
+    ChangeOfMind,
     Person,
     Selection,
     SimulatedWorld,
@@ -27,9 +29,11 @@ from bt_agents_language.yaml.field_tables import (
     SHARE,
     TEXT,
     Either,
+    Entries,
     FieldDecl,
     FileKind,
     Items,
+    Key,
     KeyTable,
     SceneValues,
     WordChoice,
@@ -37,24 +41,27 @@ from bt_agents_language.yaml.field_tables import (
     number,
 )
 from bt_agents_language.yaml.source import read_source
-from bt_agents_language.yaml.typed_reader import TypedReader
-from bt_agents_language.yaml.yaml_reader import Mapping, Node
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
 
 MAX_RUNS = 1_000_000
 MAX_ROUNDS = 100_000
 TIES = (*TIE_BREAKS, "random")
 
-_SIMULATED = tuple(name for name in STRATEGIES if name not in NOT_SIMULATED)
+_OPTIONS = {
+    **{name: spec.options for name, spec in STRATEGIES.items() if name not in NOT_SIMULATED},
+    **BANDITS,
+}
 _UPDATES = tuple(str(update) for update in Update)
 _STRATEGY = KeyTable(
     what="a strategy",
     fields=(
-        FieldDecl("name", WordChoice(_SIMULATED), "The strategy.", required=True),
+        FieldDecl("name", WordChoice(tuple(_OPTIONS)), "The strategy.", required=True),
         FieldDecl("tie_break", WordChoice(TIES), "Who wins of the best ones.", default=TIES[0]),
         *(
             FieldDecl(name, NUMBER, "An option of the strategy.")
-            for name in sorted({o.name for one in _SIMULATED for o in STRATEGIES[one].options})
+            for name in sorted({option.name for own in _OPTIONS.values() for option in own})
         ),
     ),
 )
@@ -95,6 +102,18 @@ _PERSON = KeyTable(
         FieldDecl("hold", DURATION, "How long either must hold."),
     ),
 )
+_CHANGE = KeyTable(
+    what="'change'",
+    fields=(
+        FieldDecl("round", integer(2), "The first round in which it counts.", required=True),
+        FieldDecl(
+            "each",
+            Entries(SceneValues(every=True), "agents and scenes", keys=Key.ANY),
+            "Agent → the scene that it is made for from then on; others stay as they are.",
+            required=True,
+        ),
+    ),
+)
 SWEEP = FileKind(
     name="sweep",
     what="a sweep",
@@ -108,7 +127,7 @@ SWEEP = FileKind(
         FieldDecl("seed", integer(0), "Makes the random numbers the same.", required=True),
         FieldDecl(
             "strategies",
-            Items(Either((WordChoice(_SIMULATED), _STRATEGY))),
+            Items(Either((WordChoice(tuple(_OPTIONS)), _STRATEGY))),
             "Each by its name, or with its options.",
             required=True,
         ),
@@ -120,6 +139,12 @@ SWEEP = FileKind(
         ),
         FieldDecl("wrong", _WRONG, "How much of the feedback is wrong."),
         FieldDecl("person", _PERSON, "The person whose mood gives the feedback."),
+        FieldDecl("change", _CHANGE, "What the person wants from some round on."),
+        FieldDecl(
+            "arrivals",
+            Entries(integer(2), "agents and rounds", keys=Key.ANY),
+            "Agent → the first round in which it is there; others are there from the start.",
+        ),
     ),
 )
 
@@ -162,13 +187,17 @@ def read_sweep(path: Path) -> SweepSpec:
                 "name it in its scene.yaml: mood: …",
             )
         person = _person(reading, node)
+    change = None
+    if (node := fields.get("change")) is not None:
+        change = _change(reading, node, world)
+    absent = _absent(reading, fields, world)
     reading.problems.raise_if_any()
     assert runs is not None
     assert rounds is not None
     assert seed is not None
     return SweepSpec(
         title=title,
-        world=replace(world, person=person),
+        world=replace(world, person=person, change=change, absent=absent),
         runs=runs,
         rounds=rounds,
         seed=seed,
@@ -190,7 +219,7 @@ def _world(folder: Path) -> SimulatedWorld:
 
 def _selection(reading: TypedReader, node: Node) -> Selection | None:
     if not isinstance(node, Mapping):
-        name = reading.choice(node, "a strategy", _SIMULATED)
+        name = reading.choice(node, "a strategy", tuple(_OPTIONS))
         return None if name is None else Selection(strategy=name)
     fields = reading.keys(node, _STRATEGY)
     if fields is None:
@@ -200,7 +229,7 @@ def _selection(reading: TypedReader, node: Node) -> Selection | None:
     if name is None:
         return None
     given = {}
-    own = {option.name: option for option in STRATEGIES[name].options}
+    own = {option.name: option for option in _OPTIONS[name]}
     for key in sorted(fields.nodes.keys() - {"name", "tie_break"}):
         if key not in own:
             hint = f"it has {', '.join(own)}" if own else "it has no options"
@@ -260,6 +289,43 @@ def _person(reading: TypedReader, node: Node) -> Person | None:
         )
     whole = {"seconds": fields.integer("seconds"), "hold_s": None if hold is None else int(hold)}
     return Person(**_given(whole), **_given(numbers))
+
+
+def _change(reading: TypedReader, node: Node, world: SimulatedWorld) -> ChangeOfMind | None:
+    fields = reading.keys(node, _CHANGE)
+    if fields is None:
+        return None
+    first = fields.integer("round")
+    best = world.best.copy()
+    for entry in fields.entries("each"):
+        agent = _agent(reading, entry.key, world)
+        vector = read_vector(reading, entry.value, "what it is made for", world.space)
+        if agent is not None and vector is not None:
+            best[agent] = vector
+    return None if first is None else ChangeOfMind(after=first - 1, best=best)
+
+
+def _absent(reading: TypedReader, fields: MappingReader, world: SimulatedWorld) -> dict[str, int]:
+    """Return for how many rounds agents are not there yet."""
+    absent: dict[str, int] = {}
+    for entry in fields.entries("arrivals"):
+        agent = _agent(reading, entry.key, world)
+        first = reading.integer(entry.value, f"the first round of '{entry.key.text}'", 2)
+        if agent is not None and first is not None:
+            absent[world.agents[agent]] = first - 1
+    if len(absent) == len(world.agents):
+        reading.error(
+            "contradiction",
+            fields.keys["arrivals"],
+            "in the first round nobody is there",
+            "leave one of the agents out",
+        )
+    return absent
+
+
+def _agent(reading: TypedReader, key: Scalar, world: SimulatedWorld) -> int | None:
+    name = reading.choice(key, "an agent", world.agents)
+    return None if name is None else world.agents.index(name)
 
 
 def _given(values: dict[str, Any]) -> dict[str, Any]:

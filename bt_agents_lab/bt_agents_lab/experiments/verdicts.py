@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from bt_agents_lab.experiments.measures import Interval, wilson
-from bt_agents_lab.experiments.random_streams import Bools
+from marketplace_node.strategies.arrays import Bools
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -10,9 +11,15 @@ import pytest
 
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_lab.experiments.measures import of_runs, summary, wilson
+from bt_agents_lab.experiments.measures import LAST, of_runs, right, summary, wilson
 from bt_agents_lab.experiments.random_streams import draw
-from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Arm, Person, SimulatedWorld
+from bt_agents_lab.experiments.simulated_world import (
+    NOT_SIMULATED,
+    Arm,
+    ChangeOfMind,
+    Person,
+    SimulatedWorld,
+)
 from bt_agents_lab.experiments.simulation import simulate
 from marketplace_node.round import ranking
 from marketplace_node.strategies import STRATEGIES, round_rng
@@ -49,12 +56,18 @@ PERSONS = SimulatedWorld(
     rates=np.array([0.2, 0.3, 0.1, 0.2]),
     person=Person(),
 )
+CHANGING = replace(
+    PERSONS,
+    best=PERSONS.best[[0, 1, 0, 3]],  # two equally good ones
+    change=ChangeOfMind(after=6, best=PERSONS.best[::-1]),
+    absent={"guide": 3, "swift": 9},
+)
 STRATEGY_NAMES = [name for name in STRATEGIES if name not in NOT_SIMULATED]
 
 
 @pytest.mark.parametrize("update", Update)
 @pytest.mark.parametrize("strategy", STRATEGY_NAMES)
-@pytest.mark.parametrize("world", [PAPER, PERSONS], ids=["told", "persons"])
+@pytest.mark.parametrize("world", [PAPER, PERSONS, CHANGING], ids=["told", "persons", "changing"])
 def test_each_run_goes_as_it_would_alone_to_the_last_digit(world, strategy, update, monkeypatch):
     # The reasons for the runner-up cost time and are not looked at here.
     monkeypatch.setattr(ranking, "smallest_change", lambda *_: None)
@@ -82,6 +95,51 @@ def test_a_run_does_not_depend_on_which_others_are_played_with_it(strategy):
     # What was drawn for one learning rule serves the next.
     simulate(PERSONS, Arm(strategy=strategy, rule=LearningRule(update=Update.HUBER)), streams, 0.5)
     assert np.array_equal(simulate(PERSONS, arm, streams, 0.2).profiles, together.profiles)
+
+
+def test_an_agent_gets_nothing_before_it_arrives_and_what_suits_it_does_not_count_till_then():
+    world = replace(PAPER, absent={"agent_5": 20})
+    streams = draw(world, range(5), 40)
+    course = simulate(world, Arm(strategy="bounded_ucb"), streams)
+    correct = right(world, streams, course)
+    last = world.agents.index("agent_5")
+    before, after = slice(None, 20), slice(20, None)
+    assert not (course.awarded[:, before] == last).any()
+    assert (course.awarded[:, after] == last).any(axis=1).all()
+    fives = streams.scene == 2
+    assert np.array_equal(correct & fives, (course.awarded == [[1] * 20 + [2] * 20]) & fives)
+
+
+def test_what_is_right_changes_with_the_mind_of_the_person():
+    world = replace(PAPER, change=ChangeOfMind(after=20, best=PAPER.best[::-1]))
+    streams = draw(world, [1], 40)
+    course = simulate(world, Arm(tie_break="name"), streams)
+    expected = np.concatenate([streams.scene[:, :20], 2 - streams.scene[:, 20:]], axis=1)
+    found = right(world, streams, course)
+    assert np.array_equal(found, course.awarded == expected)
+    assert of_runs(world, streams, course).error[0] == pytest.approx(
+        np.abs(course.profiles[0, -1] - PAPER.best[::-1]).sum(axis=-1).mean()
+    )
+
+
+def test_of_two_equally_good_agents_either_is_right_and_both_need_a_turn():
+    world = replace(PAPER, best=MADE_FOR[[0, 0, 2]], scenes=MADE_FOR[[0, 2]])
+    streams = draw(world, [1], 120)
+    course = simulate(world, Arm(), streams)
+    for awarded, served in (([0, 1], True), ([0, 0], False)):
+        turns = np.where(streams.scene == 1, 2, np.resize(awarded, 120))
+        found = of_runs(world, streams, replace(course, awarded=turns))
+        assert found.late.tolist() == [1.0]
+        assert found.regret.tolist() == [0.0]
+        assert found.served.tolist() == [served]
+
+
+def test_an_agent_whose_scenes_did_not_come_is_not_starved():
+    streams = draw(PAPER, [1], 120)
+    course = simulate(PAPER, Arm(), streams)
+    streams.scene[:, -LAST:] = 0
+    course = replace(course, awarded=np.zeros_like(course.awarded))
+    assert of_runs(PAPER, streams, course).served.all()
 
 
 def test_a_shorter_run_is_the_beginning_of_a_longer_one():

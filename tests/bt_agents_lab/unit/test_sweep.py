@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError, ReadError
-from bt_agents_core.feedback import Update
+from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.trees_folder import find_sweep
 from bt_agents_lab.experiments import drawing
 from bt_agents_lab.experiments import sweep as sweeping
@@ -23,6 +23,10 @@ from bt_agents_lab.experiments.simulated_world import Arm
 from bt_agents_lab.experiments.simulation import simulate, simulate_shares
 from bt_agents_lab.experiments.sweep import sweep
 from bt_agents_lab.experiments.sweep_reader import read_sweep
+from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.tools.templates.first_files import new_agent
+from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
 from marketplace_node.settings import Settings
@@ -43,6 +47,12 @@ updates:
   - plain
   - {name: median, window: 3}
 """
+CHANGING = (
+    TEXT.replace("updates:", "  - {name: knn, k: 3}\nupdates:")
+    + """arrivals: {swift_assistant: 9}
+change: {round: 11, each: {calm_helper: {age: 1, familiarity: 1, mood: 2}}}
+"""
+)
 
 
 @pytest.fixture
@@ -53,13 +63,22 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.fixture
+def changing(tmp_path: Path) -> Path:
+    """A small sweep of a world that changes, with a bandit."""
+    path = tmp_path / "changing.yaml"
+    path.write_text(CHANGING.replace("EXPERIMENTS", str(ROOT / "experiments")))
+    return path
+
+
 @pytest.mark.parametrize("path", sorted(SWEEPS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_sweeps_are_read_and_report_other_seeds_than_were_tuned_on(path):
     spec = read_sweep(path)
-    assert spec.runs >= 1000
-    assert spec.rounds == 300
+    assert spec.runs >= 50
+    assert spec.rounds >= 300
     assert spec.seed >= 10_000
-    assert {learning.update for learning in spec.learnings} == set(Update)
+    assert Settings().strategy in {one.strategy for one in spec.selections}
+    assert Update.HUBER in {learning.update for learning in spec.learnings}
 
 
 @pytest.mark.parametrize(
@@ -70,20 +89,27 @@ def test_shipped_sweeps_are_read_and_report_other_seeds_than_were_tuned_on(path)
         ("sigma: 0.3", "c: 2", "10:22", "no option 'c'"),
         ("sigma: 0.3", "sigma: 99", "10:29", "99"),
         ("tie_break: random", "tie_break: dice", "9:34", "random"),
-        ("window: 3", "window: 0", "13:28", "0"),
-        ("  - plain\n", "  - plane\n", "12:5", "plain"),
+        ("window: 3", "window: 0", "14:28", "0"),
+        ("  - plain\n", "  - plane\n", "13:5", "plain"),
         ("0.4]", "1.4]", "6:21", "1.4"),
         ("hold: 1 s", "hold: 1.5 s", "7:28", "whole seconds"),
         ("seconds: 8", "second: 8", "7:10", "seconds"),
+        ("swift_assistant: 9", "swift: 9", "15:12", "swift_assistant"),
+        ("swift_assistant: 9", "swift_assistant: 1", "15:29", "2"),
+        ("round: 11", "round: 1", "16:17", "2"),
+        ("mood: 2}", "mood: 9}", "16:72", "9"),
+        ("{calm_helper:", "{helper:", "16:28", "calm_helper"),
+        ("k: 3", "k: 0", "11:20", "0"),
+        ("k: 3", "alpha: 1", "11:17", "no option 'alpha'"),
     ],
 )
-def test_what_is_wrong_with_a_sweep_is_told_with_its_place(file, old, new, place, words):
-    text = file.read_text()
+def test_what_is_wrong_with_a_sweep_is_told_with_its_place(changing, old, new, place, words):
+    text = changing.read_text()
     assert old in text
-    file.write_text(text.replace(old, new))
+    changing.write_text(text.replace(old, new))
     with pytest.raises(ReadError) as error:
-        read_sweep(file)
-    assert error.value.lines[0].startswith(f"{file}:{place}: error["), error.value.lines
+        read_sweep(changing)
+    assert error.value.lines[0].startswith(f"{changing}:{place}: error["), error.value.lines
     assert words in error.value.report
 
 
@@ -122,6 +148,23 @@ def test_the_same_seed_gives_the_same_numbers_in_any_number_of_processes(file, m
     assert [summary(r) for _, r in sweep(replace(spec, seed=8), 1)] != [
         summary(runs) for _, runs in one
     ]
+
+
+def test_a_sweep_says_when_agents_arrive_and_what_they_are_made_for_later(changing):
+    world = read_sweep(changing).world
+    assert world.absent == {"swift_assistant": 8}
+    assert world.present_in(7).tolist() == [True, True, True, False]
+    assert world.present_in(8).all()
+    assert np.array_equal(world.best_in(9), world.best)
+    assert world.best_in(10)[0].tolist() == [1.0, 1.0, 2.0]
+    assert np.array_equal(world.best_in(10)[1:], world.best[1:])
+
+
+def test_somebody_has_to_be_there_from_the_start(changing):
+    others = "calm_helper: 2, first_guide: 2, playful_companion: 2, swift_assistant: 9"
+    changing.write_text(changing.read_text().replace("swift_assistant: 9", others))
+    with pytest.raises(ReadError, match="in the first round nobody is there"):
+        read_sweep(changing)
 
 
 def test_all_shares_at_once_are_each_as_alone(file):
@@ -176,32 +219,55 @@ def test_the_command_writes_table_numbers_and_figures(file, tmp_path, monkeypatc
         assert (output / figure).stat().st_size > 1000
 
 
+def shipped_rules() -> dict[str, LearningRule]:
+    """Return the learning rule of each shipped agent that learns at all, and of a new one."""
+    trees = read_trees(ROOT / "trees")
+    fresh = new_agent("fresh", "trees", "fresh.yaml", trees.scene, trees.symbols.skills)
+    agents = [*trees.agents, read_agent(Source("fresh.yaml", fresh), trees.symbols)]
+    return {agent.name: agent.learning for agent in agents if agent.learning_rate}
+
+
+def test_shipped_agents_and_new_ones_learn_by_the_rule_that_starves_nobody():
+    rules = shipped_rules()
+    assert len(rules) > 5
+    assert set(map(repr, rules.values())) == {repr(LearningRule(update=Update.HUBER))}
+
+
+@pytest.mark.parametrize("name", ["1", "2-aggressive", "2-conservative", "2-moderate", "3"])
+def test_the_papers_experiments_keep_the_papers_rule(name):
+    agents = read_trees(ROOT / "experiments" / name).agents
+    assert {repr(agent.learning) for agent in agents} == {repr(LearningRule())}
+
+
 @pytest.mark.parametrize("world", ["told", "persons"])
-def test_out_of_the_box_nobody_starves_and_wrong_feedback_is_learned_through(world):
+def test_out_of_the_box_nobody_starves_wrong_feedback_is_borne_and_regret_is_less_than_of_ucb(
+    world,
+):
     """The whole claim, on 1,000 seeds, stands in docs/experiments.md; here are some of them."""
     spec = read_sweep(SWEEPS / f"{world}.yaml")
-    learn = next(one for one in spec.learnings if one.update is Update.HUBER)
-    streams = draw(spec.world, range(10_000, 10_100), 300)
-    arms = {
-        strategy: Arm(strategy=strategy, rule=learn)
-        for strategy in (Settings().strategy, "manhattan")
-    }
-    (quiet, noisy), (before, _) = (
-        [
+    learn = shipped_rules()["fresh"]
+    streams = draw(spec.world, range(100), 300)
+    found = {
+        label: [
             summary(of_runs(spec.world, streams, course))
             for course in simulate_shares(spec.world, arm, streams, (0.0, 0.2))
         ]
-        for arm in arms.values()
-    )
-    for found in (quiet, noisy):
-        assert found.starved.share == found.never.share == 0.0
-        assert found.accuracy >= 0.99
-        assert found.worst >= 0.95
-    assert before.starved.share > 0.1, "by the paper's rule some do"
+        for label, arm in {
+            "default": Arm(strategy=Settings().strategy, rule=learn),
+            "ucb": Arm(strategy="ucb", options={"c": 6.0}, rule=learn),
+            "paper": Arm(strategy="manhattan", rule=learn),
+        }.items()
+    }
+    for ours, theirs in zip(found["default"], found["ucb"], strict=True):
+        assert ours.starved.share == ours.never.share == 0.0
+        assert ours.accuracy >= 0.99
+        assert ours.worst >= 0.95
+        assert ours.regret < theirs.regret
+    assert found["paper"][0].starved.share > 0.1, "by the paper's rule some do"
 
 
 def test_a_sweep_that_is_not_there_is_answered_with_those_that_are(monkeypatch):
     monkeypatch.chdir(ROOT)
     assert find_sweep("told") == Path("experiments/sweeps/told.yaml")
-    with pytest.raises(BtAgentsError, match="no sweep 'nobody'; there are persons, told, or name"):
+    with pytest.raises(BtAgentsError, match=r"no sweep 'nobody'; there are .*persons, .*told, "):
         find_sweep("nobody")

@@ -15,6 +15,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from bt_agents_lab.experiments.sweep_reader import read_sweep
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
@@ -110,6 +111,13 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
         return
     if "rules" in keys:
         assert read_market(Source(document, text), SPACE)
+        return
+    if "strategies" in keys:
+        (tmp_path / "persons").symlink_to(ROOT / "experiments" / "persons")
+        (tmp_path / "sweeps").mkdir()
+        path = tmp_path / "sweeps" / "their.yaml"
+        path.write_text(text)
+        assert read_sweep(path).selections
         return
     if {"skills", "bindings"} & keys.keys():
         path = tmp_path / "their.yaml"
