@@ -129,7 +129,7 @@ def test_every_command_ends_in_words_when_its_output_is_full_or_nobody_reads_it(
         ("show", GUIDE, "--svg", "picture.svg"),
         ("test", str(TREES), "--junit", "results.xml"),
         ("export", "groot", GUIDE, "--out", "guide.xml"),
-        ("experiment", "run", str(ROOT / "experiments" / "1"), "--rounds", "3", "--csv", "r.csv"),
+        ("experiment", "run", str(ROOT / "experiments" / "1"), "--rounds", "3", "--out", "r.csv"),
         (*SWEEP, "--output", "figures"),
     ],
     ids=lambda words: " ".join(words[:2]) if words[0] == "experiment" else words[0],

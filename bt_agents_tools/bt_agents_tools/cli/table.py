@@ -34,6 +34,11 @@ class TableForm(Enum):
     JSON = auto()
     CSV = auto()
 
+    @property
+    def for_program(self) -> bool:
+        """Whether a program reads it, so that words for people go to standard error."""
+        return self in (TableForm.JSON, TableForm.CSV)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
