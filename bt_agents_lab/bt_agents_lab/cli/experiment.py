@@ -235,7 +235,7 @@ def sweep(
     _print_sweep(played, form)
     click.echo(
         f"{len(played)} ways, {spec.runs} runs of {spec.rounds} rounds each, seeds {spec.seed} to "
-        f"{spec.seed + spec.runs - 1}: {seconds:.1f} s",
+        f"{spec.seed + spec.runs - 1}: {seconds:.1f} s; *: best for its share of wrong feedback",
         err=aside,
     )
     if output is not None:
@@ -243,6 +243,7 @@ def sweep(
         click.echo(f"written to {output}", err=aside)
 
 
+_BEST = " *"
 _SHOWN = ("wrong", "right", "worst", "starved", "regret", "settles")
 
 
@@ -250,10 +251,12 @@ def _print_sweep(played: Played, form: TableForm) -> None:
     """Print a few measures in words for people, all as numbers for a program."""
     from bt_agents_lab.experiments.measures import summary
     from bt_agents_lab.experiments.sweep import rule_label
-    from bt_agents_lab.experiments.sweep_figures import cells, measured
+    from bt_agents_lab.experiments.sweep_figures import best_cells, cells, measured
+
+    best = best_cells(played)
 
     if form.for_program:
-        numbers = [measured(cell, summary(found)) for cell, found in played]
+        numbers = [measured(cell, summary(found), cell in best) for cell, found in played]
         columns = [Column(key=key) for key in numbers[0]]
         print_table(columns, [list(one.values()) for one in numbers], form)
         return
@@ -262,7 +265,7 @@ def _print_sweep(played: Played, form: TableForm) -> None:
     rows = []
     for cell, found in played:
         texts = cells(cell, summary(found))
-        label = cell.selection.label
+        label = f"{cell.selection.label}{_BEST if cell in best else ''}"
         rows.append([label, rule_label(cell.learning), *(texts[key] for key in _SHOWN)])
     print_table(columns, rows, form)
 
