@@ -20,16 +20,18 @@ def test_experiment_3_follows_the_closed_form_round_by_round(
 ) -> None:
     table = tmp_path / "rounds.csv"
     said = " ".join(
-        ask("experiment", "run", "3", "--ros", "--rounds", "60", "--csv", str(table)).split()
+        ask("experiment", "run", "3", "--ros", "--rounds", "60", "--out", str(table)).split()
     )
     assert "60 rounds through ROS against 60 without it: equal" in said
     assert "not equal" not in said
     with table.open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 60
+        found = list(csv.DictReader(file))
+    scenes = [float(row["value_age"]) for row in found if row["row"] == "round"]
+    rows = [row for row in found if row["row"] == "feedback"]
+    assert len(rows) == len(scenes) == 60
     won: dict[str, int] = defaultdict(int)
     for row in rows:
-        agent = row["winner"]
+        agent = row["agent"]
         target = TARGETS[agent]
         for name in ("age", "profession", "emotion"):
             for column, cycles in (("before", won[agent]), ("after", won[agent] + 1)):
@@ -37,11 +39,10 @@ def test_experiment_3_follows_the_closed_form_round_by_round(
                 assert float(row[f"{column}_{name}"]) == pytest.approx(expected, abs=1e-12)
         won[agent] += 1
     profiles = dict.fromkeys(TARGETS, 2.5)
-    for row in rows:
-        scene = float(row["scene_age"])
+    for scene, row in zip(scenes, rows, strict=True):
         nearest = min(abs(profile - scene) for profile in profiles.values())
-        assert abs(profiles[row["winner"]] - scene) == pytest.approx(nearest, abs=1e-9)
-        profiles[row["winner"]] = float(row["after_age"])
+        assert abs(profiles[row["agent"]] - scene) == pytest.approx(nearest, abs=1e-9)
+        profiles[row["agent"]] = float(row["after_age"])
 
 
 def test_experiment_1_is_the_same_with_ros_and_without(ask: Callable[..., str]) -> None:

@@ -25,6 +25,7 @@ KEYS = {
     "mcap_ros2": ("python3-mcap-ros2-support-pip", "mcap-ros2-support"),
     "numpy": ("python3-numpy", "numpy"),
     "py_trees": ("py_trees", "py_trees>=2.4,<3"),
+    "pyarrow": ("python3-pyarrow-pip", "pyarrow>=14"),
     "rich": ("python3-rich", "rich"),
     "yaml": ("python3-yaml", "pyyaml"),
     "zstandard": ("python3-zstandard", "zstandard"),

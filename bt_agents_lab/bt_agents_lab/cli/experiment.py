@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import sys
 import time
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,9 +16,9 @@ from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
-from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import experiments_folder, find_experiments, find_sweep
 from bt_agents_lab.experiments.replicas import opened, with_seed
+from bt_agents_lab.results import ResultFile, ResultRow
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import (
     ExperimentSpec,
@@ -51,21 +50,27 @@ def experiment() -> None:
     is_flag=True,
     help="Also through the real ROS graph, each round compared with the same without ROS.",
 )
-@click.option("--csv", "csv_file", type=click.Path(path_type=Path), help="Write every round here.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Write every round, bid and feedback here: FILE.csv or FILE.parquet.",
+)
 @click.option("--seed", type=int, help="Another seed for all that is left to chance.")
 @click.option("--rounds", type=click.IntRange(1), help="Another number of rounds.")
 @click.option("--strategy", default="manhattan", show_default=True, help="Who gets a scene.")
 @click.option("--tie-break", default="least_recently_run", show_default=True)
 @click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="Of the strategy.")
+@table_options
 def run(
     name: str,
     ros: bool,
-    csv_file: Path | None,
+    out: Path | None,
     seed: int | None,
     rounds: int | None,
     strategy: str,
     tie_break: str,
     options: tuple[str, ...],
+    form: TableForm,
 ) -> None:
     """Run experiment NAME and compare every profile with the closed form of the learning rule.
 
@@ -78,7 +83,9 @@ def run(
     )
     fine = True
     folders = find_experiments(name)
-    tables = {path: _table_of(path, folders, csv_file) for path in folders}
+    files = {path: _file_of(path, folders, out) for path in folders}
+    console = Console(stderr=form.for_program)
+    agents: list[_AgentResult] = []
     for path in folders:
         folder, spec = opened(path)
         if seed is not None:
@@ -87,19 +94,27 @@ def run(
             spec = spec.shortened(rounds)
         start = time.monotonic()
         # Each way uses up the feedback of its own copy.
-        records = through_core(folder, with_seed(spec, spec.seed), settings)
+        rows: list[ResultRow] = []
+        records = through_core(folder, with_seed(spec, spec.seed), settings, rows.append)
         seconds = time.monotonic() - start
         agree = True
         if ros:
             from bt_agents_lab.cli.through_ros import through_ros
 
-            real = through_ros(folder, with_seed(spec, spec.seed), settings)
+            rows = []
+            real = through_ros(folder, with_seed(spec, spec.seed), settings, rows.append)
             seconds = time.monotonic() - start
-            agree = _compare(records, real)
+            agree = _compare(console, records, real)
             records = real
-        if (table := tables[path]) is not None:
-            _write_csv(table, records, folder.scene.space)
-        fine = _report(folder, spec, records, seconds) and agree and fine
+        if (file := files[path]) is not None:
+            file.write(folder.scene.space.names, rows)
+        agents += (found := _agent_results(path.name, folder, spec, records))
+        console.print(f"{spec.title}: {spec.rounds} rounds, seed {spec.seed}, {seconds:.1f} s")
+        if not form.for_program:
+            _print_agents(found, form)
+        fine = _judge(console, folder, spec, records) and agree and fine
+    if form.for_program:
+        _print_agents(agents, form)
     sys.exit(0 if fine else 1)
 
 
@@ -215,12 +230,12 @@ def sweep(
         )
     seconds = time.monotonic() - start
     # Beside a table for a program, the words go where people still see them.
-    aside = form in (TableForm.JSON, TableForm.CSV)
+    aside = form.for_program
     click.echo(spec.title, err=aside)
     _print_sweep(played, form)
     click.echo(
         f"{len(played)} ways, {spec.runs} runs of {spec.rounds} rounds each, seeds {spec.seed} to "
-        f"{spec.seed + spec.runs - 1}: {seconds:.1f} s",
+        f"{spec.seed + spec.runs - 1}: {seconds:.1f} s; *: best for its share of wrong feedback",
         err=aside,
     )
     if output is not None:
@@ -228,6 +243,7 @@ def sweep(
         click.echo(f"written to {output}", err=aside)
 
 
+_BEST = " *"
 _SHOWN = ("wrong", "right", "worst", "starved", "regret", "settles")
 
 
@@ -235,10 +251,12 @@ def _print_sweep(played: Played, form: TableForm) -> None:
     """Print a few measures in words for people, all as numbers for a program."""
     from bt_agents_lab.experiments.measures import summary
     from bt_agents_lab.experiments.sweep import rule_label
-    from bt_agents_lab.experiments.sweep_figures import cells, measured
+    from bt_agents_lab.experiments.sweep_figures import best_cells, cells, measured
 
-    if form in (TableForm.JSON, TableForm.CSV):
-        numbers = [measured(cell, summary(found)) for cell, found in played]
+    best = best_cells(played)
+
+    if form.for_program:
+        numbers = [measured(cell, summary(found), cell in best) for cell, found in played]
         columns = [Column(key=key) for key in numbers[0]]
         print_table(columns, [list(one.values()) for one in numbers], form)
         return
@@ -247,7 +265,7 @@ def _print_sweep(played: Played, form: TableForm) -> None:
     rows = []
     for cell, found in played:
         texts = cells(cell, summary(found))
-        label = cell.selection.label
+        label = f"{cell.selection.label}{_BEST if cell in best else ''}"
         rows.append([label, rule_label(cell.learning), *(texts[key] for key in _SHOWN)])
     print_table(columns, rows, form)
 
@@ -275,10 +293,12 @@ def _options(strategy: str, given: Sequence[str]) -> dict[str, float]:
     return found
 
 
-def _compare(core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]) -> bool:
+def _compare(
+    console: Console, core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]
+) -> bool:
     largest = difference(core, real)
     fine = largest <= TOLERANCE
-    Console().print(
+    console.print(
         f"{len(real)} rounds through ROS against {len(core)} without it: "
         f"{'[green]equal[/]' if fine else '[red]not equal[/]'}, largest difference "
         f"{largest:.1e} (allowed {TOLERANCE:g})",
@@ -287,53 +307,77 @@ def _compare(core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]) -> 
     return fine
 
 
-def _table_of(folder: Path, folders: Sequence[Path], file: Path | None) -> Path | None:
-    """Return the file for the rounds of one of some experiments, once it can be written."""
-    if file is None:
+def _file_of(folder: Path, folders: Sequence[Path], out: Path | None) -> ResultFile | None:
+    """Return the file for the results of one of some experiments, once it can be written."""
+    if out is None:
         return None
-    apart = file.with_name(f"{file.stem}-{folder.name}{file.suffix}")
-    table = file if len(folders) == 1 else apart
-    try:
-        table.open("a").close()
-    except OSError as error:
-        raise _unwritten(table, error) from None
-    return table
+    apart = out.with_name(f"{out.stem}-{folder.name}{out.suffix}")
+    return ResultFile(out if len(folders) == 1 else apart)
 
 
-def _unwritten(path: Path, error: OSError) -> BtAgentsError:
-    return BtAgentsError(
-        f"{path} cannot be written: {error.strerror}; name another file with --csv"
-    )
+@dataclass(frozen=True, kw_only=True)
+class _AgentResult:
+    """Row of the table of agents, with profiles by parameter."""
+
+    experiment: str
+    agent: str
+    won: int
+    start: Mapping[str, float]
+    end: Mapping[str, float]
+    feedback: Mapping[str, float]
 
 
-def _write_csv(path: Path, records: Sequence[FeedbackRecord], space: SceneSpace) -> None:
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            columns = [f"{of}_{n}" for of in ("scene", "before", "after") for n in space.names]
-            writer.writerow(["round", "winner", *columns])
-            for record in records:
-                row = [*record.scene, *record.before, *record.after]
-                writer.writerow([record.round, record.winner, *(repr(value) for value in row)])
-    except OSError as error:
-        raise _unwritten(path, error) from None
+def _agent_results(
+    name: str, folder: Trees, spec: ExperimentSpec, records: Sequence[FeedbackRecord]
+) -> list[_AgentResult]:
+    names = folder.scene.space.names
+
+    def known(vector: Sequence[float]) -> dict[str, float]:
+        return dict(zip(names, vector, strict=False))
+
+    found = []
+    for agent in folder.agents:
+        mine = [record for record in records if record.winner == agent.name]
+        found.append(
+            _AgentResult(
+                experiment=name,
+                agent=agent.name,
+                won=len(mine),
+                start=known(agent.profile),
+                end=known(mine[-1].after if mine else agent.profile),
+                feedback=known(spec.feedback.each.get(agent.name, ())),
+            )
+        )
+    return found
 
 
-def _report(
-    folder: Trees, spec: ExperimentSpec, records: Sequence[FeedbackRecord], seconds: float
+def _print_agents(found: Sequence[_AgentResult], form: TableForm) -> None:
+    vectors = {"start": "profile at the start", "end": "profile at the end", "feedback": ""}
+    if form.for_program:
+        names = list(dict.fromkeys(name for one in found for name in one.start))
+        columns = [Column(key=key) for key in ("experiment", "agent", "won")]
+        columns += [Column(key=f"{of}_{name}") for of in vectors for name in names]
+        rows: list[list[object]] = [
+            [one.experiment, one.agent, one.won]
+            + [getattr(one, of).get(name) for of in vectors for name in names]
+            for one in found
+        ]
+    else:
+        columns = [Column(key="agent"), Column(key="won")]
+        columns += [Column(key=of, title=title, text=_row) for of, title in vectors.items()]
+        rows = [
+            [one.agent, one.won, *(tuple(getattr(one, of).values()) for of in vectors)]
+            for one in found
+        ]
+    print_table(columns, rows, form)
+
+
+def _judge(
+    console: Console, folder: Trees, spec: ExperimentSpec, records: Sequence[FeedbackRecord]
 ) -> bool:
-    console = Console()
+    """Print whether the profiles are those of the closed form; return whether nothing differs."""
     starts = {agent.name: agent.profile for agent in folder.agents}
     rates = {agent.name: agent.learning_rate for agent in folder.agents}
-    titles = ("agent", "won", "profile at the start", "profile at the end", "feedback")
-    rows = []
-    for name, start in starts.items():
-        mine = [record for record in records if record.winner == name]
-        target = spec.feedback.each.get(name, ())
-        end = mine[-1].after if mine else start
-        rows.append((name, str(len(mine)), *(_row(v) for v in (start, end, target))))
-    console.print(f"{spec.title}: {spec.rounds} rounds, seed {spec.seed}, {seconds:.1f} s")
-    print_table([Column(key=title) for title in titles], rows)
     orders = tuple(record.scene for record in records) == spec.order()
     if not orders:
         console.print("[red]the scenes did not come in the order that was drawn[/]")

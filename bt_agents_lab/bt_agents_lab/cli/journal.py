@@ -21,6 +21,7 @@ try:
     with loading():
         from bt_agents_lab.recorder.daily_recorder import newest_files
         from bt_agents_lab.replay.recording_index import RecordingIndex, read
+        from bt_agents_lab.results import ResultFile, ResultRow, row_of_feedback, rows_of_auction
         from marketplace_node.strategies.plugins import add_installed
 except ModuleNotFoundError as error:
     raise BtAgentsError(
@@ -33,12 +34,18 @@ files_argument = click.argument("files", nargs=-1, type=click.Path(path_type=Pat
 
 @click.command()
 @files_argument
-def journal(files: tuple[Path, ...]) -> None:
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Write every round, bid and feedback here: FILE.csv or FILE.parquet.",
+)
+def journal(files: tuple[Path, ...], out: Path | None) -> None:
     """Show what the FILES of a journal hold: topics, time, rounds and who won them.
 
     Without FILES it takes those of the newest day in the usual folder.
     """
     paths = resolve_files(files)
+    results = ResultFile(out) if out is not None else None
     recording = read_files(paths)
     console = Console(highlight=False, soft_wrap=True)
     for path in paths:
@@ -56,6 +63,23 @@ def journal(files: tuple[Path, ...]) -> None:
             winner = f"{one.auction.winner} wins" if one.auction.winner else "nobody"
             scene = escape(scene_name(one.auction.scene))
             console.print(f"round {one.auction.round}  {scene}: {escape(winner)}")
+        if results is not None:
+            results.write(_parameters(recording), _result_rows(recording))
+            console.print(f"written to {escape(str(out))}")
+
+
+def _result_rows(recording: RecordingIndex) -> Iterator[ResultRow]:
+    for one in recording.rounds:
+        yield from rows_of_auction(one.auction)
+    for feedback in recording.feedbacks:
+        yield row_of_feedback(feedback.feedback)
+
+
+def _parameters(recording: RecordingIndex) -> list[str]:
+    """Return all parameters of scenes and feedback, in the order in which they come."""
+    of_rounds = (value.name for one in recording.rounds for value in one.auction.scene.values)
+    of_feedback = (name for one in recording.feedbacks for name in one.feedback.parameters)
+    return list(dict.fromkeys([*of_rounds, *of_feedback]))
 
 
 def read_files(files: Sequence[Path]) -> RecordingIndex:

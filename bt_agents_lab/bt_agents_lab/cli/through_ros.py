@@ -8,12 +8,14 @@ import math
 import os
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_lab.results import ResultRow, row_of_feedback, rows_of_auction
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackRecord
 from bt_agents_ros.signals import Interrupt
@@ -27,10 +29,13 @@ _STALL_S = 30.0
 _POLL_S = 0.2
 
 
-def through_ros(folder: Trees, spec: ExperimentSpec, settings: Settings) -> list[FeedbackRecord]:
+def through_ros(
+    folder: Trees, spec: ExperimentSpec, settings: Settings, on_result: Callable[[ResultRow], None]
+) -> list[FeedbackRecord]:
     """Play a whole experiment and return its rounds.
 
-    Of the settings the strategy, its options and the tie rule count.
+    Of the settings the strategy, its options and the tie rule count. Rows of the table of results
+    are handed out at the end.
 
     Raises:
         BtAgentsError: A part did not start, died or stood still.
@@ -56,7 +61,7 @@ def through_ros(folder: Trees, spec: ExperimentSpec, settings: Settings) -> list
                 components.feedback(path, ledger=":memory:", simulated=prepared),
             )
             scenes = components.scene_layer(path, script, agents=len(folder.agents))
-            records = _record(supervisor, scenes, len(folder.agents), spec, interrupt)
+            records = _record(supervisor, scenes, len(folder.agents), spec, interrupt, on_result)
         finally:
             if interrupt:
                 supervisor.kill()
@@ -73,6 +78,7 @@ def _record(
     agents: int,
     spec: ExperimentSpec,
     interrupt: Interrupt,
+    on_result: Callable[[ResultRow], None],
 ) -> list[FeedbackRecord]:
     from bt_agents_tools.client.observer import Observer
 
@@ -113,6 +119,11 @@ def _record(
                     )
     finally:
         observer.close()
+    for auction in auctions:
+        for row in rows_of_auction(auction):
+            on_result(row)
+    for index, feedback in enumerate(feedbacks):
+        on_result(row_of_feedback(feedback, spec.feedback.is_wrong(index)))
     scenes_by_round = {one.round: tuple(v.value for v in one.scene.values) for one in auctions}
     return [
         FeedbackRecord(

@@ -17,7 +17,7 @@ from bt_agents_core.scene import finite_or_none
 from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import loading
-from bt_agents_tools.cli.table import Column, print_table
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 with loading():
     from bt_agents_lab.cli.journal import (
@@ -52,7 +52,7 @@ _NOBODY = "nobody"
 @click.option("--agents", default="", metavar="DIR", help="The agents of this trees folder bid.")
 @click.option("--tags", default="", help="Only agents of --agents with one of these tags.")
 @click.option("--all", "everything", is_flag=True, help="Show the rounds that stay as they were.")
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@table_options
 def what_if(
     files: tuple[Path, ...],
     strategy: str,
@@ -62,7 +62,7 @@ def what_if(
     agents: str,
     tags: str,
     everything: bool,
-    as_json: bool,
+    form: TableForm,
 ) -> None:
     """Show what the FILES of a journal would hold if something had been different.
 
@@ -85,12 +85,15 @@ def what_if(
     with damage_reported():
         result = replay_with(recording, changes)
     assumed = (*ASSUMED, OTHERS_ASSUMED) if agents and not tags else ASSUMED
-    if as_json:
+    if form is TableForm.CSV:
+        print_table(_COLUMNS, [_row(case) for case in result.rounds], form)
+        return
+    if form is TableForm.JSON:
         click.echo(json.dumps(_as_data(result, assumed), indent=2))
         return
     console = Console(highlight=False, soft_wrap=True)
     show_problems(console, recording)
-    _show(console, result, everything)
+    _show(console, result, everything, form)
     for assumption in assumed:
         console.print(f"[dim]{assumption}[/]")
 
@@ -113,10 +116,12 @@ def _agents(folder: str, tags: str) -> tuple[AgentSpec, ...]:
     return trees.agents
 
 
-def _show(console: Console, result: CounterfactualResult, everything: bool) -> None:
+def _show(
+    console: Console, result: CounterfactualResult, everything: bool, form: TableForm
+) -> None:
     shown = [case for case in result.rounds if everything or case.problem or case.was != case.now]
     if shown:
-        print_table(_COLUMNS, [_row(case) for case in shown])
+        print_table(_COLUMNS, [_row(case) for case in shown], form)
     console.print(
         f"{result.other_winners} of {len(result.rounds)} rounds would have had another winner; "
         f"{result.given} of {result.given + result.withheld} feedbacks would have been given"

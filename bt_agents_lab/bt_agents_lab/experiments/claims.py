@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 import yaml
@@ -243,9 +244,9 @@ def _stability(rare: Mapping[str, Replicas]) -> ClaimVerdict:
 
 
 @cache
-def _claims() -> Mapping[str, Mapping[str, str]]:
+def _claims() -> Mapping[str, Mapping[str, Any]]:
     text = files("bt_agents_lab").joinpath("experiments/claims.yaml").read_text(encoding="utf-8")
-    claims: Mapping[str, Mapping[str, str]] = yaml.load(text, Loader=yaml.CSafeLoader)
+    claims: Mapping[str, Mapping[str, Any]] = yaml.load(text, Loader=yaml.CSafeLoader)
     return claims
 
 
@@ -268,7 +269,13 @@ def _judged(
         high_rate=RATES["aggressive"],
         rounds=rounds,
     )
-    claim = Claim(name=name, section=texts["section"], quote=texts["quote"], criterion=criterion)
+    claim = Claim(
+        name=name,
+        section=texts["section"],
+        quote=texts["quote"],
+        criterion=criterion,
+        figures=tuple(texts["figures"]),
+    )
     return judged(claim, held, found, reason or texts.get("reason", ""), unit)
 
 

@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
 from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, Vector
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED
+from bt_agents_lab.results import ResultRow, row_of_change, rows_of_decision
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackRecord
 from feedback_node.announced_runs import AnnouncedRun
@@ -20,7 +21,14 @@ from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import MEMORY
 from feedback_node.simulated_feedback import SimulatedFeedback
-from marketplace_node.effects import Collect, Effect, OpenCall, RunOutcome, SendGoal
+from marketplace_node.effects import (
+    Collect,
+    Effect,
+    OpenCall,
+    PublishAuction,
+    RunOutcome,
+    SendGoal,
+)
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market
 from marketplace_node.registry import Registration
@@ -40,8 +48,16 @@ class Core:
     Every tree succeeds at once.
     """
 
-    def __init__(self, folder: Trees, spec: ExperimentSpec, settings: Settings) -> None:
+    def __init__(
+        self,
+        folder: Trees,
+        spec: ExperimentSpec,
+        settings: Settings,
+        on_result: Callable[[ResultRow], None],
+    ) -> None:
         self.space = folder.scene.space
+        self._feedback = spec.feedback
+        self._on_result = on_result
         self._market = Market(self.space, "core", settings)
         self._agents = AgentRegistry(self.space, folder.agents)
         self.ledger = Ledger(MEMORY)
@@ -123,6 +139,9 @@ class Core:
                 end = RunEnd(outcome=RunOutcome.SUCCEEDED, message="", orphans=(), ticks=1)
                 waiting += self._market.run_ended(effect.goal, end, _NOW)
                 self._send_heartbeat(0)
+            elif isinstance(effect, PublishAuction):
+                for row in rows_of_decision(effect):
+                    self._on_result(row)
             elif isinstance(effect, Collect):
                 waiting += self._collect(effect)
 
@@ -148,6 +167,8 @@ class Core:
         )
         change = self._controller.collect(run)
         if change is not None:
+            wrong = self._feedback.is_wrong(len(self._records))
+            self._on_result(row_of_change(change, self.space.names, wrong))
             self._agents.set_profile(goal.agent, change.after, change.revision.revision)
             self._records.append(
                 FeedbackRecord(
@@ -187,11 +208,15 @@ def learning_of(rule: LearningRule, space: SceneSpace) -> LearningEntry:
 
 
 def through_core(
-    folder: Trees, spec: ExperimentSpec, settings: Settings | None = None
+    folder: Trees,
+    spec: ExperimentSpec,
+    settings: Settings | None = None,
+    on_result: Callable[[ResultRow], None] = lambda _: None,
 ) -> list[FeedbackRecord]:
     """Play a whole experiment, whose feedback is used up, and return its rounds.
 
-    Without settings agents are selected as in the paper.
+    Without settings agents are selected as in the paper. Rows of the table of results are handed
+    out as they come.
 
     Raises:
         BtAgentsError: The strategy needs more than the bids, or a scene led to no feedback.
@@ -203,7 +228,7 @@ def through_core(
             f"strategy '{settings.strategy}' is not simulated, as its choice needs more than the "
             f"bids; take one of {known}"
         )
-    core = Core(folder, spec, settings)
+    core = Core(folder, spec, settings, on_result)
     try:
         return [
             core.play(f"scene {number}", vector)

@@ -39,6 +39,9 @@ _STYLE: dict[Any, Any] = {
 }
 _PNG_DPI = 130
 
+_LAYOUTS = 2
+"""A layout changes which ticks have labels, and so how much room these need."""
+
 
 @contextmanager
 def sheet(
@@ -65,6 +68,8 @@ def sheet(
         FigureCanvasAgg(figure)
         axes = figure.subplots(rows, columns, squeeze=False)
         yield figure, list(axes.flat)
+        for _ in range(_LAYOUTS):
+            figure.draw_without_rendering()
         try:
             folder.mkdir(parents=True, exist_ok=True)
             figure.savefig(folder / f"{name}.svg", metadata={"Date": None})

@@ -14,7 +14,7 @@ from bt_agents_lab.experiments.claims import RATES, Paper
 from bt_agents_lab.experiments.drawing import COLOURS, band, below, share_band, sheet, smooth
 from bt_agents_lab.experiments.measures import right
 from bt_agents_lab.experiments.replicas import Replicas, replicas, with_errors, world_of
-from bt_agents_lab.experiments.verdicts import percent
+from bt_agents_lab.experiments.verdicts import figure_name, percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +27,7 @@ def first(folder: Path, experiment: Paper) -> None:
     """Draw Figure 5."""
     world = world_of(experiment.folder, experiment.spec)
     run = replicas(world, experiment.spec, [experiment.spec.seed])
-    with sheet(folder, "figure-5", (6.4, 3.4)) as (_, (axes,)):
+    with sheet(folder, figure_name(5), (6.4, 3.4)) as (_, (axes,)):
         _profile(axes, run, run)
         axes.set_title(
             f"Experiment 1: {experiment.spec.rounds} cycles of the same feedback, "
@@ -40,7 +40,7 @@ def second(folder: Path, arms: Mapping[str, Paper], seeds: Sequence[int]) -> Non
     for number, name in ((6, "conservative"), (8, "moderate")):
         one = arms[name]
         world = world_of(one.folder, one.spec)
-        with sheet(folder, f"figure-{number}", (6.4, 3.6)) as (_, (axes,)):
+        with sheet(folder, figure_name(number), (6.4, 3.6)) as (_, (axes,)):
             _profile(
                 axes, replicas(world, one.spec, [one.spec.seed]), replicas(world, one.spec, seeds)
             )
@@ -54,7 +54,7 @@ def second(folder: Path, arms: Mapping[str, Paper], seeds: Sequence[int]) -> Non
     errors = one.spec.feedback.errors
     assert errors is not None
     random_errors = with_errors(one.spec, replace(errors, every=0, share=1 / errors.every))
-    with sheet(folder, "figure-7", (6.4, 6.2), rows=2) as (figure, axes_of):
+    with sheet(folder, figure_name(7), (6.4, 6.2), rows=2) as (figure, axes_of):
         for axes, name in zip(axes_of, ("conservative", "aggressive"), strict=True):
             world = replace(world_of(one.folder, one.spec), rates=np.array([RATES[name]]))
             _profile(axes, replicas(world, one.spec, [0]), replicas(world, random_errors, seeds))
@@ -71,7 +71,7 @@ def third(folder: Path, many: Replicas, rounds: int) -> None:
     world = many.world
     # The first run in which every agent runs, else the first of all.
     shown = int(np.argmax(many.course.all_ran))
-    with sheet(folder, "figure-9", (6.6, 7.4), rows=3) as (figure, (top, middle, bottom)):
+    with sheet(folder, figure_name(9), (6.6, 7.4), rows=3) as (figure, (top, middle, bottom)):
         _three(top, many, shown, rounds)
         _selections(middle, many, shown, rounds)
         correct = right(world, many.streams, many.course)[:, :rounds]

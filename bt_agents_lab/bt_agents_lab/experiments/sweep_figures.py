@@ -6,7 +6,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +47,7 @@ _THICKEST, _THINNEST = 3.0, 0.9
 """Widths of the first and the last line [points]."""
 
 _DASHES = ("-", "--", ":", "-.")
+_STAR: Mapping[str, Any] = {"marker": "*", "markersize": 14.0, "markeredgecolor": "black"}
 _CURVE_SHARE = 0.2
 """Learning curves are drawn for the share of wrong feedback next to this one."""
 
@@ -68,19 +69,37 @@ def write(folder: Path, spec: SweepSpec, played: Played) -> None:
     robustness(folder, spec, played)
 
 
+def best_cells(played: Played) -> tuple[Cell, ...]:
+    """Return the best cell for each share of wrong feedback.
+
+    It starves the fewest, then is right most often, then has the least regret.
+    """
+    by_share: dict[float, list[tuple[Cell, Measures]]] = {}
+    for cell, runs in played:
+        by_share.setdefault(cell.share, []).append((cell, summary(runs)))
+
+    def quality(one: tuple[Cell, Measures]) -> tuple[float, float, float]:
+        found = one[1]
+        return found.starved.share, -found.accuracy, found.regret
+
+    return tuple(min(cells, key=quality)[0] for cells in by_share.values())
+
+
 def table(spec: SweepSpec, played: Played) -> str:
     """Return the results as a Markdown table."""
     head = ("strategy", "update", *HEADINGS.values())
     lines = [
         f"{spec.title}: {spec.runs} runs of {spec.rounds} rounds a row, seeds {spec.seed} to "
-        f"{spec.seed + spec.runs - 1}.",
+        f"{spec.seed + spec.runs - 1}. Bold is the best for its share of wrong feedback.",
         "",
         f"| {' | '.join(head)} |",
         f"|{'---|' * len(head)}",
     ]
+    best = best_cells(played)
     for cell, runs in played:
+        label = cell.selection.label
         row = (
-            cell.selection.label,
+            f"**{label}**" if cell in best else label,
             rule_label(cell.learning),
             *cells(cell, summary(runs)).values(),
         )
@@ -131,6 +150,7 @@ def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
     columns = len(spec.learnings)
     size = (3.2 * columns + 0.4, 6.4)
     least = 100.0 * min(float(runs.late.mean()) for _, runs in played)
+    best = best_cells(played)
     with sheet(folder, "robustness", size, rows=2, columns=columns) as (figure, panels):
         for column, learning in enumerate(spec.learnings):
             upper, lower = panels[column], panels[columns + column]
@@ -138,6 +158,11 @@ def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
                 found = [summary(_of(played, selection, learning, one)) for one in spec.shares]
                 wrong = [100.0 * one for one in spec.shares]
                 upper.plot(wrong, [100.0 * one.accuracy for one in found], marker=".", **line)
+                for share, one in zip(spec.shares, found, strict=True):
+                    if Cell(selection=selection, learning=learning, share=share) in best:
+                        upper.plot(
+                            100.0 * share, 100.0 * one.accuracy, color=line["color"], **_STAR
+                        )
                 starved = [(one.starved.share, one.starved.low, one.starved.high) for one in found]
                 share, low, high = 100.0 * np.array(starved).T
                 lower.plot(wrong, share, marker=".", **line)
@@ -150,7 +175,8 @@ def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
         panels[columns].set_ylabel("runs with a starved agent [%]")
         _legend(figure, panels[0], columns)
         figure.suptitle(
-            f"{spec.title}: {spec.runs} runs of {spec.rounds} rounds; bands: 95 % intervals",
+            f"{spec.title}: {spec.runs} runs of {spec.rounds} rounds; bands: 95 % intervals; "
+            "stars: best for that share of wrong feedback",
             fontsize=10,
         )
 
@@ -191,18 +217,23 @@ def _of(played: Played, selection: Selection, learning: LearningRule, share: flo
 def _csv(path: Path, played: Played) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        rows = [measured(cell, summary(runs)) for cell, runs in played]
+        best = best_cells(played)
+        rows = [measured(cell, summary(runs), cell in best) for cell, runs in played]
         writer.writerow(rows[0])
         writer.writerows(row.values() for row in rows)
 
 
-def measured(cell: Cell, found: Measures) -> dict[str, object]:
-    """Return a cell with its measures as numbers, flat, by the columns of results.csv."""
+def measured(cell: Cell, found: Measures, best: bool) -> dict[str, object]:
+    """Return a cell with its measures as numbers, flat, by the columns of results.csv.
+
+    ``best`` says whether it is one of :func:`best_cells`.
+    """
     values = asdict(found)
     flat: dict[str, object] = {
         "strategy": cell.selection.label,
         "update": rule_label(cell.learning),
         "wrong_share": cell.share,
+        "best": best,
     }
     for name, value in values.items():
         if isinstance(value, dict):
@@ -213,8 +244,9 @@ def measured(cell: Cell, found: Measures) -> dict[str, object]:
 
 
 def _json(spec: SweepSpec, played: Played) -> str:
+    best = best_cells(played)
     rows = [
-        {**measured(cell, summary(runs)), "right_by_round": runs.right.tolist()}
+        {**measured(cell, summary(runs), cell in best), "right_by_round": runs.right.tolist()}
         for cell, runs in played
     ]
     document = {

@@ -21,12 +21,14 @@ class Claim:
         section: Where it stands.
         quote: The sentence of the paper.
         criterion: Property of a run in which the claim holds.
+        figures: Numbers of the figures that show it.
     """
 
     name: str
     section: str
     quote: str
     criterion: str
+    figures: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,8 +114,16 @@ def as_markdown(verdicts: Iterable[ClaimVerdict]) -> str:
         ]
         if verdict.reason:
             lines.append(f"- Why: {verdict.reason}")
+        links = (f"[figure {number}]({figure_name(number)}.svg)" for number in claim.figures)
+        if claim.figures:
+            lines.append(f"- Shown by: {', '.join(links)}")
         lines.append("")
     return "\n".join(lines)
+
+
+def figure_name(number: int) -> str:
+    """Return the name of the files of a figure of the paper, without an ending."""
+    return f"figure-{number}"
 
 
 def as_json(verdicts: Iterable[ClaimVerdict]) -> str:

@@ -58,6 +58,10 @@ class PreparedFeedback:
     repeat: bool = False
     errors: FeedbackErrors | None = None
 
+    def is_wrong(self, index: int) -> bool:
+        """Return whether the feedback of an index, from 0, is wrong."""
+        return self.errors is not None and self.errors.instead(index) is not None
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentSpec:

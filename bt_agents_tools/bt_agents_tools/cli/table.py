@@ -7,6 +7,7 @@ import csv
 import functools
 import io
 import json
+import os
 import shutil
 import sys
 import textwrap
@@ -32,6 +33,11 @@ class TableForm(Enum):
     WIDE = auto()
     JSON = auto()
     CSV = auto()
+
+    @property
+    def for_program(self) -> bool:
+        """Whether a program reads it, so that words for people go to standard error."""
+        return self in (TableForm.JSON, TableForm.CSV)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +96,7 @@ def print_table(
         click.echo(as_csv(columns, rows), nl=False)
     else:
         fitted = form is TableForm.FITTED and sys.stdout.isatty()
-        width = shutil.get_terminal_size().columns if fitted else None
+        width = _terminal_width() if fitted else None
         for number, line in enumerate(table_lines(columns, rows, width) if rows else ()):
             click.secho(line, bold=True if number == 0 else None)
 
@@ -121,18 +127,36 @@ def table_lines(
     sizes = [max(map(cell_len, column)) for column in zip(headings, *cells, strict=True)]
     beside = _fitting(sizes, width)
     for row in (headings, *cells):
-        yield _line(columns[:beside], row[:beside], sizes)
+        line = _line(columns[:beside], row[:beside], sizes)
+        if width is None or cell_len(line) <= width:
+            yield line
+        else:
+            yield from _wrapped(line, width, "")
         more = zip(headings[beside:], row[beside:], strict=True)
         below = _BETWEEN.join(f"{heading} {cell}" for heading, cell in more if cell)
         if width is not None and row is not headings:
-            yield from textwrap.wrap(
-                below,
-                width,
-                initial_indent=_INDENT,
-                subsequent_indent=_INDENT,
-                break_long_words=False,
-                break_on_hyphens=False,
-            )
+            yield from _wrapped(below, width, _INDENT)
+
+
+def _wrapped(text: str, width: int, indent: str) -> list[str]:
+    """Return a text in lines of a width, at blanks only; all but the first are indented."""
+    return textwrap.wrap(
+        text,
+        width,
+        initial_indent=indent,
+        subsequent_indent=_INDENT,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _terminal_width() -> int:
+    """Return the width that is asked for by COLUMNS, but none that the terminal does not have."""
+    asked = shutil.get_terminal_size().columns
+    try:
+        return min(asked, os.get_terminal_size(sys.stdout.fileno()).columns or asked)
+    except OSError:
+        return asked
 
 
 def _fitting(sizes: Sequence[int], width: int | None) -> int:

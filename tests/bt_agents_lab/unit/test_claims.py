@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from click.testing import CliRunner
 from bt_agents_lab.experiments import claims, drawing
 from bt_agents_lab.experiments.core import through_core
 from bt_agents_lab.experiments.replicas import replicas, streams_of, with_seed, world_of
-from bt_agents_lab.experiments.verdicts import Claim, judged, percent
+from bt_agents_lab.experiments.verdicts import Claim, as_markdown, judged, percent
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.experiment import closed_form
@@ -137,3 +138,9 @@ def test_a_profile_in_many_runs_follows_the_closed_form():
     for cycle in (1, 10, 100):
         expected = closed_form((2.5, 2.5, 2.5), (5.0, 4.0, 1.0), 0.2, cycle)
         assert np.allclose(course.profiles[0, cycle - 1, 0], expected, rtol=0, atol=1e-12)
+
+
+def test_a_verdict_links_the_figures_that_show_it():
+    claim = replace(CLAIM, figures=(6, 8))
+    text = as_markdown([judged(claim, [True], "f")])
+    assert "- Shown by: [figure 6](figure-6.svg), [figure 8](figure-8.svg)\n" in text

@@ -44,7 +44,7 @@ def test_a_scene_without_feedback_is_said_with_what_to_write(tmp_path):
 
 def test_a_table_that_cannot_be_written_is_said_before_anything_runs(tmp_path):
     table = tmp_path / "nowhere" / "rounds.csv"
-    result = run(str(EXPERIMENTS / "1"), "--csv", str(table))
+    result = run(str(EXPERIMENTS / "1"), "--out", str(table))
     assert isinstance(result.exception, BtAgentsError)
     assert f"{table} cannot be written: No such file or directory" in str(result.exception)
     assert result.output == ""
@@ -53,10 +53,11 @@ def test_a_table_that_cannot_be_written_is_said_before_anything_runs(tmp_path):
 def test_the_table_has_every_round(tmp_path):
     table = tmp_path / "rounds.csv"
     table.write_text("what was there before\n")
-    assert run(str(EXPERIMENTS / "1"), "--csv", str(table)).exit_code == 0
+    assert run(str(EXPERIMENTS / "1"), "--out", str(table)).exit_code == 0
     lines = table.read_text().splitlines()
-    assert lines[0].startswith("round,winner,scene_")
-    assert [line.split(",")[0] for line in lines[1:]] == [str(n) for n in range(1, 13)]
+    assert lines[0].startswith("row,epoch,round,")
+    rounds = [line.split(",")[2] for line in lines if line.startswith("round,")]
+    assert rounds == [str(n) for n in range(1, 13)]
 
 
 def test_a_vector_stays_on_one_line_of_80_columns():

@@ -211,6 +211,13 @@ def test_the_command_writes_table_numbers_and_figures(file, tmp_path, monkeypatc
     assert len(rows) == 8
     assert rows[-1]["strategy"] == "thompson sigma=0.3"
     assert rows[-1]["update"] == "median window=3"
+    best = [row for row in rows if row["best"] == "True"]
+    assert sorted(row["wrong_share"] for row in best) == ["0.0", "0.4"]
+    for row in rows:
+        (other,) = (one for one in best if one["wrong_share"] == row["wrong_share"])
+        assert float(other["starved_share"]) <= float(row["starved_share"])
+    assert sum(" * " in line for line in result.output.splitlines()) == 2
+    assert (output / "table.md").read_text().count("| **") == 2
     document = json.loads((output / "results.json").read_text())
     assert [cell["wrong_share"] for cell in document["cells"]] == [0.0, 0.4] * 4
     assert len(document["cells"][0]["right_by_round"]) == 30

@@ -4,15 +4,23 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_lab.experiments.core import through_core
+from bt_agents_lab.experiments.replicas import opened
+from bt_agents_lab.experiments.sweep import sweep
+from bt_agents_lab.experiments.sweep_reader import read_sweep
 from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import read_source
+from bt_agents_tools.cli.commands.check import check as checking
 from bt_agents_tools.cli.commands.new import new
 from bt_agents_tools.rehearsal.suite import TreesFolders, coverages, run_file
 from tree_harness import TREES
@@ -183,3 +191,64 @@ def test_a_folder_that_cannot_be_written_is_an_error(made):
     Path("file").write_text("", encoding="utf-8")
     with pytest.raises(BtAgentsError, match="cannot be written: Not a directory"):
         made("fresh", "--dir", "file/trees")
+
+
+@pytest.mark.parametrize("agent", ["attentive_guide", "silent_text"])
+def test_a_test_is_about_an_agent_that_is_there_and_passes(made, agent):
+    file = Path(f"trees/agents/{agent}.test.yaml")
+    file.unlink(missing_ok=True)
+    assert made(agent, "--kind", "test") == f"wrote {file}\n\nNext:\n  bt-agents test {file}\n"
+    assert [case.failures for case in run_file(file, TreesFolders()).cases] == [()]
+    with pytest.raises(BtAgentsError, match="no agent 'nobody' in 'trees' that a test could be"):
+        made("nobody", "--kind", "test")
+
+
+def test_a_script_can_be_played(made):
+    assert "bt-agents demo --script trees/scripts/monday.yaml" in made(
+        "monday", "--kind", "script"
+    )
+    script = read_script(Path("trees/scripts/monday.yaml"), read_trees(Path("trees")).scene.space)
+    assert [visit.person for visit in script.visits] == [True, False]
+
+
+def test_a_skill_is_a_node_of_agents(made):
+    made("sing", "--kind", "skill")
+    made("fresh")
+    agent = Path("trees/agents/fresh.yaml")
+    head = agent.read_text(encoding="utf-8").partition("\ntree:")[0]
+    agent.write_text(f"{head}\ntree: {{sing: La la.}}\n", encoding="utf-8")
+    Path("trees/agents/fresh.test.yaml").unlink()
+    made("fresh", "--kind", "test")
+    assert "sing" in kinds(check(Path("trees")))
+    for taken in ("say", "sequence"):
+        with pytest.raises(BtAgentsError, match=f"there is a node '{taken}' already"):
+            made(taken, "--kind", "skill")
+
+
+def test_an_experiment_runs(made):
+    made("mine", "--kind", "experiment")
+    folder, spec = opened(Path("experiments/mine"))
+    assert len(through_core(folder, spec)) == spec.rounds
+    assert CliRunner().invoke(checking, ["experiments/mine"]).exit_code == 0
+
+
+@pytest.mark.parametrize("first", ["experiment", ""])
+def test_a_sweep_runs_over_the_experiment_of_its_name(made, first):
+    if first:
+        made("mine", "--kind", first)
+    assert ("experiment.yaml" in made("mine", "--kind", "sweep")) is not bool(first)
+    spec = replace(read_sweep(Path("experiments/sweeps/mine.yaml")), runs=2, rounds=5)
+    assert len(sweep(spec, 1, lambda done, total: None)) == 8
+
+
+@pytest.mark.parametrize("kind", ["test", "script", "skill", "experiment", "sweep"])
+def test_what_is_written_is_in_canonical_style_and_never_overwrites(made, kind):
+    name = "attentive_guide" if kind == "test" else "mine"
+    Path("trees/agents/attentive_guide.test.yaml").unlink()
+    out = made(name, "--kind", kind)
+    written = [Path(line.removeprefix("wrote ")) for line in out.splitlines() if "wrote" in line]
+    for file in written:
+        source = read_source(file)
+        assert format_source(source) == source.text
+    with pytest.raises(BtAgentsError, match="already"):
+        made(name, "--kind", kind)

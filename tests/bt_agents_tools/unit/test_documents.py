@@ -15,7 +15,8 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from bt_agents_lab.experiments.sweep_reader import read_sweep
+from bt_agents_lab.experiments.sweep_reader import SWEEP, read_sweep
+from bt_agents_language.files.experiment_reader import EXPERIMENT
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
@@ -160,7 +161,10 @@ def _check_test(text: str, document: str) -> None:
     assert not [failure(result) for result in results if not result.passed]
 
 
-@pytest.mark.parametrize(("document", "kind"), [("scene", SCENE), ("visitors", SCRIPT)])
+@pytest.mark.parametrize(
+    ("document", "kind"),
+    [("scene", SCENE), ("visitors", SCRIPT), ("experiments", EXPERIMENT), ("experiments", SWEEP)],
+)
 def test_the_page_of_a_kind_of_file_names_every_key(document: str, kind: FileKind) -> None:
     page = (ROOT / "docs" / f"{document}.md").read_text()
 

@@ -4,15 +4,22 @@
 from __future__ import annotations
 
 import csv
+import fcntl
 import io
 import json
 import math
+import pty
+import re
+import string
+import struct
+import termios
 
 import click
 import pytest
 from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.cells import cell_len
 
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_lines, table_options
 
@@ -27,7 +34,8 @@ ROWS = (
     ("express", 3.0, None, ""),
 )
 
-words = st.text(st.characters(categories=["L", "N"]), min_size=1, max_size=30)
+words = st.text(string.ascii_letters, min_size=1, max_size=30)
+texts = st.lists(words, max_size=4).map(" ".join)
 
 
 def test_without_a_width_each_row_is_one_line_and_numbers_stand_below_each_other() -> None:
@@ -49,15 +57,32 @@ def test_columns_beyond_the_width_stand_below_their_row_with_their_headings() ->
     ]
 
 
-@given(rows=st.lists(st.tuples(words, words, words), max_size=4), width=st.integers(20, 90))
-def test_in_every_width_every_cell_is_there_and_only_a_single_word_is_wider(
+@given(rows=st.lists(st.tuples(texts, texts, texts), max_size=4), width=st.integers(20, 90))
+def test_in_every_width_every_word_is_there_and_only_a_single_word_is_wider(
     rows: list[tuple[str, str, str]], width: int
 ) -> None:
     columns = [Column(key=key) for key in ("one", "two", "three")]
     lines = list(table_lines(columns, rows, width))
     shown = " ".join(lines).split()
     for row in rows:
-        assert all(cell in shown for cell in row)
+        assert all(word in shown for cell in row for word in cell.split())
+    assert all(cell_len(line) <= width or len(line.split()) == 1 for line in lines)
+
+
+@pytest.mark.parametrize(("asked", "width"), [("80", 60), ("40", 40)])
+def test_a_table_is_never_wider_than_the_terminal_whatever_columns_says(
+    asked: str, width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    controller, terminal = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 60, 0, 0))
+    with open(controller, "rb", buffering=0) as screen, open(terminal, "w") as stdout:
+        monkeypatch.setattr("sys.stdout", stdout)
+        monkeypatch.setenv("COLUMNS", asked)
+        print_table([Column(key="why")], [("word " * 30,)])
+        stdout.flush()
+        shown = screen.read(4096).decode()
+    longest = max(map(len, re.sub(r"\x1b\[\d*m", "", shown).splitlines()))
+    assert width - len("word ") < longest <= width
 
 
 def test_a_character_that_would_change_the_terminal_is_escaped() -> None:

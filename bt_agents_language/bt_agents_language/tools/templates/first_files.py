@@ -39,7 +39,7 @@ def new_agent(
         name=name,
         folder=folder,
         file=file,
-        title=name.replace("_", " ").capitalize(),
+        title=_title(name),
         profile=_profile(scene.space),
         requires="requires: scene.person\n" if scene.person is not None else "",
         feedback=_feedback(scene.space),
@@ -79,6 +79,39 @@ def new_library(name: str, skills: Mapping[str, SkillSpec]) -> str:
     return _filled("library", name=name, say=_say(skills))
 
 
+def new_first_test(name: str, file: str, scene: Mapping[str, float], ends: str) -> str:
+    """Return the text of a first test for an agent that is there, and ends so in a scene."""
+    return _filled("first_test", name=name, file=file, scene=_flow(scene), ends=ends)
+
+
+def new_script(name: str, file: str, space: SceneSpace) -> str:
+    """Return the text of a script with two visits."""
+    return _filled("script", title=_title(name), file=file, scene=_scene(space, {}))
+
+
+def new_skill(name: str) -> str:
+    """Return the text of a skills file with one skill."""
+    return _filled("skill", name=name)
+
+
+def new_experiment(name: str, folder: str) -> Mapping[str, str]:
+    """Return the texts of an experiment with two agents by their files in its folder."""
+    agents = {
+        f"agents/{agent}.yaml": _filled("experiment_agent", name=agent, title=_title(agent))
+        for agent in ("calm", "lively")
+    }
+    return {
+        "scene.yaml": _filled("experiment_scene"),
+        **agents,
+        "experiment.yaml": _filled("experiment", title=_title(name), folder=folder),
+    }
+
+
+def new_sweep(name: str, file: str) -> str:
+    """Return the text of a sweep over the experiment of the same name."""
+    return _filled("sweep", name=name, title=_title(name), file=file)
+
+
 def _remarks(space: SceneSpace, skills: Mapping[str, SkillSpec]) -> dict[str, str]:
     """Return what an agent and its test say, and about which parameter."""
     parameter = space.parameters[0]
@@ -104,8 +137,15 @@ def _say(skills: Mapping[str, SkillSpec]) -> str:
 
 def _scene(space: SceneSpace, values: Mapping[str, float]) -> str:
     """Return a scene of defaults, apart from some values."""
-    every = {one.name: values.get(one.name, one.default) for one in space.parameters}
-    return f"{{{', '.join(f'{name}: {_number(value)}' for name, value in every.items())}}}"
+    return _flow({one.name: values.get(one.name, one.default) for one in space.parameters})
+
+
+def _flow(values: Mapping[str, float]) -> str:
+    return f"{{{', '.join(f'{name}: {_number(value)}' for name, value in values.items())}}}"
+
+
+def _title(name: str) -> str:
+    return name.replace("_", " ").capitalize()
 
 
 def _profile(space: SceneSpace) -> str:

@@ -16,12 +16,14 @@ from bt_agents_core.text import DIGITS, format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import SOON_S
 from bt_agents_tools.cli.formatting import fitted_console, node_names
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 
 @click.command()
 @click.argument("agent", required=False, default="")
 @click.option("--round", "round_number", type=int, default=0, help="Of this round.")
-def moods(agent: str, round_number: int) -> None:
+@table_options
+def moods(agent: str, round_number: int, form: TableForm) -> None:
     """Show how the mood went in the last run of an AGENT, node by node.
 
     Without an AGENT it is the last run of all.
@@ -44,10 +46,23 @@ def moods(agent: str, round_number: int) -> None:
             raise BtAgentsError(_not_found(agent, round_number, traces))
         trace = found()[-1]
         observer.spin_until(lambda: bool(node_names(trees, trace.agent)), FIND_LIMIT_S)
+        if form.for_program:
+            names = node_names(trees, trace.agent)
+            rows = [
+                (trace.agent, trace.round, names.get(leaf), leaf, seconds, mean, change)
+                for leaf, seconds, mean, change in zip(
+                    trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
+                )
+            ]
+            print_table([Column(key=key) for key in _KEYS], rows, form)
+            return
         when = time.strftime("%H:%M:%S", time.localtime(trace.stamp.sec))
         who = f" with {trace.person_id}" if trace.person_id else ""
         click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
         fitted_console().print(mood_table(trace, node_names(trees, trace.agent)))
+
+
+_KEYS = ("agent", "round", "node", "path", "time_s", "mood", "change")
 
 
 def _not_found(agent: str, round_number: int, traces: list[Any]) -> str:

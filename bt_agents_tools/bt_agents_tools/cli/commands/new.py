@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -14,14 +16,108 @@ from bt_agents_language.files.agent_file import read_agent_file
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import SUFFIXES, Trees, read_trees
 from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.testing.scenarios import Scenario
+from bt_agents_language.reference.node_pages import node_page
+from bt_agents_language.tools.schema.folder import folder_symbols
 from bt_agents_language.tools.templates.agent_copies import pattern_file, renamed, tests_beside
-from bt_agents_language.tools.templates.first_files import new_agent, new_library, new_test
+from bt_agents_language.tools.templates.first_files import (
+    new_agent,
+    new_experiment,
+    new_first_test,
+    new_library,
+    new_script,
+    new_skill,
+    new_sweep,
+    new_test,
+)
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_language.yaml.typed_reader import MAX_NAME
 from bt_agents_tools.cli.named_agent import named_agent
+from bt_agents_tools.rehearsal.rehearsal import rehearse
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _SCHEMA_LINE = re.compile(r"^# yaml-language-server:.*\n", re.MULTILINE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FirstFiles:
+    """Files to be written, with their texts, and what to do then."""
+
+    texts: Mapping[Path, str]
+    steps: Sequence[str]
+
+
+def _test(name: str, directory: Path) -> _FirstFiles:
+    trees = read_trees(directory)
+    agent = next((one for one in trees.agents if one.name == name), None)
+    if agent is None:
+        raise BtAgentsError(
+            f"there is no agent '{name}' in '{directory}' that a test could be about; 'bt-agents "
+            f"new {name}' makes one with its test"
+        )
+    space = trees.scene.space
+    scene = dict(zip(space.names, agent.profile, strict=True))
+    rehearsed = rehearse(agent, space, Scenario(scene=scene))
+    if rehearsed.outcome is None:
+        reason = rehearsed.declined or "it does not end by itself"
+        raise BtAgentsError(
+            f"'{name}' cannot be tested so simply: {reason}; look at 'bt-agents rehearse {name}', "
+            "and write what happens meanwhile under 'during'"
+        )
+    file = Path(agent.file).with_suffix(".test.yaml")
+    text = new_first_test(name, str(file), scene, rehearsed.outcome.value)
+    return _FirstFiles(
+        texts={file: _schema(directory, "test") + text}, steps=[f"bt-agents test {file}"]
+    )
+
+
+def _script(name: str, directory: Path) -> _FirstFiles:
+    _make_folder(directory)
+    file = directory / "scripts" / f"{name}.yaml"
+    text = new_script(name, str(file), read_trees(directory).scene.space)
+    return _FirstFiles(
+        texts={file: _schema(directory, "script") + text},
+        steps=[f"bt-agents demo --script {file}"],
+    )
+
+
+def _skill(name: str, directory: Path) -> _FirstFiles:
+    _make_folder(directory)
+    if node_page(name, folder_symbols(directory)) is not None:
+        raise BtAgentsError(f"there is a node '{name}' already; choose another name")
+    file = directory / "skills" / f"{name}.yaml"
+    return _FirstFiles(
+        texts={file: _schema(directory, "library") + new_skill(name)},
+        steps=[f"bt-agents check {directory}", f"{name}: some text, as a node of an agent"],
+    )
+
+
+def _experiment(name: str, directory: Path) -> _FirstFiles:
+    folder = directory / name
+    texts = new_experiment(name, str(folder))
+    return _FirstFiles(
+        texts={folder / file: text for file, text in texts.items()},
+        steps=[f"bt-agents experiment run {folder}"],
+    )
+
+
+def _sweep(name: str, directory: Path) -> _FirstFiles:
+    file = directory / "sweeps" / f"{name}.yaml"
+    there = (directory / name / "experiment.yaml").exists()
+    about = {} if there else _experiment(name, directory).texts
+    return _FirstFiles(
+        texts={**about, file: new_sweep(name, str(file))},
+        steps=[f"bt-agents experiment sweep {file}"],
+    )
+
+
+_OTHERS: Mapping[str, Callable[[str, Path], _FirstFiles]] = {
+    "test": _test,
+    "script": _script,
+    "skill": _skill,
+    "experiment": _experiment,
+    "sweep": _sweep,
+}
 
 
 @click.command()
@@ -30,34 +126,37 @@ _SCHEMA_LINE = re.compile(r"^# yaml-language-server:.*\n", re.MULTILINE)
     "--dir",
     "directory",
     type=click.Path(path_type=Path),
-    default=Path("trees"),
-    show_default=True,
-    help="The trees folder; one that is not there yet is made.",
+    help="The trees folder, or that of experiments; one that is not there yet is made.  "
+    "[default: trees, experiments]",
 )
 @click.option(
     "--kind",
-    type=click.Choice(["agent", "library"]),
+    type=click.Choice(["agent", "library", *_OTHERS]),
     default="agent",
     show_default=True,
-    help="An agent with its test, or a library of subtrees.",
+    help="An agent with its test, a test for an agent that is there, and so on.",
 )
 @click.option("--like", default="", metavar="AGENT", help="Start from this agent and its test.")
 @click.option("--pattern", "of_pattern", default="", metavar="P", help="Start from a pattern.")
-def new(name: str, directory: Path, kind: str, like: str, of_pattern: str) -> None:
+def new(name: str, directory: Path | None, kind: str, like: str, of_pattern: str) -> None:
     """Write a first file for a new agent NAME, with comments, to be changed.
 
     It starts from a short agent that greets, from a pattern, or from an agent like which it is to
-    be; what that imports comes along. Nothing that is there is overwritten.
+    be; what that imports comes along. A sweep gets an experiment of the same name, unless there is
+    one. Nothing that is there is overwritten.
     """
     if like and of_pattern:
         raise BtAgentsError("--like and --pattern are two things to start from; give one of them")
     if kind != "agent" and (like or of_pattern):
         raise BtAgentsError(f"--like and --pattern start an agent, and this is a {kind}")
     _check_name(name)
+    if directory is None:
+        directory = Path("experiments" if kind in ("experiment", "sweep") else "trees")
+    if kind in _OTHERS:
+        _write_all(_OTHERS[kind](name, directory))
+        return
     files = _names(name, directory, kind)
-    for file in files:
-        if file.exists() or file.is_symlink():
-            raise BtAgentsError(f"'{file}' is there already; choose another name, or move it away")
+    _check_free(files)
     _make_folder(directory)
     trees = read_trees(directory)
     skills = trees.symbols.skills
@@ -121,6 +220,19 @@ def _check_name(name: str) -> None:
         f"'{name[:MAX_NAME]}' cannot be a name: small letters a-z, digits and '_', a letter "
         f"first, at most {MAX_NAME} characters{hint}"
     )
+
+
+def _check_free(files: Iterable[Path]) -> None:
+    for file in files:
+        if file.exists() or file.is_symlink():
+            raise BtAgentsError(f"'{file}' is there already; choose another name, or move it away")
+
+
+def _write_all(made: _FirstFiles) -> None:
+    _check_free(made.texts)
+    for file, text in made.texts.items():
+        _write(file, text)
+    click.echo("\n".join(["", "Next:", *(f"  {step}" for step in made.steps)]))
 
 
 def _names(name: str, directory: Path, kind: str) -> list[Path]:

@@ -13,7 +13,13 @@ from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
-from bt_agents_tools.cli.decisions import last_decisions, names_of_scenes, show_decision
+from bt_agents_tools.cli.decisions import (
+    last_decisions,
+    names_of_scenes,
+    print_decision,
+    show_decision,
+)
+from bt_agents_tools.cli.table import TableForm, table_options
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -83,7 +89,8 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
 @click.argument("values", nargs=-1, callback=assignments)
 @click.option("--strategy", default="", help="Another strategy than the one in force.")
 @_person
-def preview(values: Assignments, strategy: str, person: bool | None) -> None:
+@table_options
+def preview(values: Assignments, strategy: str, person: bool | None, form: TableForm) -> None:
     """Say who would win, without giving anybody a run.
 
     For example: bt-agents preview age=4 mood=2 --strategy ucb. What is not named is as in the last
@@ -94,7 +101,11 @@ def preview(values: Assignments, strategy: str, person: bool | None) -> None:
         if values or person is not None:
             given["scene"] = _scene(observer, values, "preview", person, "")
         answer = observer.ask("marketplace/preview", strategy=strategy, **given)
-        show_decision(accepted(answer, "the marketplace").auction)
+        decision = accepted(answer, "the marketplace").auction
+    if form.for_program:
+        print_decision(decision, form)
+    else:
+        show_decision(decision, form=form)
 
 
 @click.command()

@@ -12,6 +12,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli.commands.tune import ask_host, user
 from bt_agents_tools.cli.connection import connect, find_host, find_hosts
 from bt_agents_tools.cli.formatting import counted
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 
 @click.group(invoke_without_command=True)
 @click.pass_context
-def preset(context: click.Context) -> None:
+@table_options
+def preset(context: click.Context, form: TableForm) -> None:
     """Keep values under a name, such as "morning", and apply them together.
 
     Without a command it lists the presets.
@@ -27,12 +29,15 @@ def preset(context: click.Context) -> None:
     if context.invoked_subcommand is None:
         with connect() as observer:
             found = list(_presets(observer))
+            if form.for_program:
+                columns = [Column(key=key) for key in ("preset", "values", "agents")]
+                print_table(columns, [_counts(one) for one in found], form)
+                return
             if not found:
                 click.echo("no preset yet; 'bt-agents preset save NAME' makes one")
             for one in found:
-                agents = {name.partition(".")[0] for name in one.names}
-                values = counted(len(one.names), "value")
-                click.echo(f"{one.name:<24} {values}, {counted(len(agents), 'agent')}")
+                name, values, agents = _counts(one)
+                click.echo(f"{name:<24} {counted(values, 'value')}, {counted(agents, 'agent')}")
 
 
 @preset.command()
@@ -75,15 +80,24 @@ def forget(name: str) -> None:
 
 @preset.command()
 @click.argument("name")
-def show(name: str) -> None:
+@table_options
+def show(name: str, form: TableForm) -> None:
     """Show the values of the preset NAME."""
     with connect() as observer:
         found = [one for one in _presets(observer) if one.name == name]
         if not found:
             raise BtAgentsError(f"no preset '{name}'; 'bt-agents preset' lists them")
-        for one in found:
-            for key, value in zip(one.names, one.values, strict=True):
-                click.echo(f"{key:<40} {value}")
+    rows = [pair for one in found for pair in zip(one.names, one.values, strict=True)]
+    if form.for_program:
+        print_table([Column(key="name"), Column(key="value")], rows, form)
+        return
+    for key, value in rows:
+        click.echo(f"{key:<40} {value}")
+
+
+def _counts(one: Any) -> tuple[str, int, int]:
+    """Return the name of a preset, and how many values and agents it has."""
+    return one.name, len(one.names), len({name.partition(".")[0] for name in one.names})
 
 
 def _presets(observer: Observer) -> Iterable[Any]:

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 _now = click.option(
     "--now", is_flag=True, help="Do not wait for the end of a run: cancel it, with its clean-up."
@@ -37,12 +38,18 @@ def reload(now: bool) -> None:
 
 @click.command()
 @click.argument("agent")
-def versions(agent: str) -> None:
+@table_options
+def versions(agent: str, form: TableForm) -> None:
     """List the good versions that an AGENT has had since its host was started."""
     with connect() as observer:
         answer = observer.ask(f"{find_host(observer, agent)}/versions", agent=agent)
-        for version in accepted(answer, f"the host of {agent}").versions:
-            click.echo(_line(version))
+        found = accepted(answer, f"the host of {agent}").versions
+    if form.for_program:
+        columns = [Column(key=key) for key in _KEYS]
+        print_table(columns, [_cells(version) for version in found], form)
+        return
+    for version in found:
+        click.echo(_line(version))
 
 
 @click.command("roll-back")
@@ -61,6 +68,15 @@ def roll_back(agent: str, version: int | None, now: bool) -> None:
             f"{host}/roll_back", limit_s=_limit_s(), agent=agent, version=version or 0, now=now
         )
         click.echo(accepted(answer, f"the host {host}").message)
+
+
+_KEYS = ("version", "time_s", "cause", "change", "current", "waiting")
+
+
+def _cells(version: Any) -> tuple[object, ...]:
+    stamp = version.stamp.sec + version.stamp.nanosec * 1e-9
+    changed = (version.cause, version.change)
+    return (version.version, stamp, *changed, version.current, version.waiting)
 
 
 def _limit_s() -> float:

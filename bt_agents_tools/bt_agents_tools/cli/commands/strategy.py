@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,6 +15,7 @@ from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.connection import connect
 from bt_agents_tools.cli.decisions import disagreements, last_decisions
 from bt_agents_tools.cli.formatting import print_line
+from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.market import Strategies
@@ -26,9 +28,14 @@ _NO_ANSWER = "the marketplace does not answer; look at 'bt-agents status'"
 @click.argument("name", required=False, default="")
 @click.argument("options", nargs=-1)
 @click.option("--shadow", help="A second strategy that only scores; 'none' for none.")
+@table_options
 @click.pass_context
 def strategy(
-    context: click.Context, name: str, options: tuple[str, ...], shadow: str | None
+    context: click.Context,
+    name: str,
+    options: tuple[str, ...],
+    shadow: str | None,
+    form: TableForm,
 ) -> None:
     """Show how bids are ranked, or rank them by NAME from the next round on.
 
@@ -52,6 +59,9 @@ def strategy(
             if refusal:
                 raise BtAgentsError(refusal)
             found = market.strategies(observer) or found
+        if form.for_program:
+            print_table([Column(key=key) for key in _KEYS], list(_rows(found)), form)
+            return
         auctions = last_decisions(observer)
         last = auctions[-1] if auctions else None
         if not changes:
@@ -89,6 +99,18 @@ def _known(name: str, found: Strategies) -> str:
             f"no strategy '{name}'; {hint}\nthere are {', '.join(found.descriptions)}"
         )
     return name
+
+
+_KEYS = ("strategy", "ranks", "scores", "option", "value", "minimum", "maximum", "description")
+
+
+def _rows(found: Strategies) -> Iterator[tuple[object, ...]]:
+    """Yield a row for each strategy, and one for each of its options."""
+    for name, description in found.descriptions.items():
+        place = (name, name == found.current, name == found.shadow)
+        yield (*place, None, None, None, None, description)
+        for key, one in found.options[name].items():
+            yield (*place, key, one.value, one.minimum, one.maximum, one.description)
 
 
 def _show(found: Strategies) -> None:

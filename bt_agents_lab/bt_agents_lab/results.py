@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results of experiments and journals as one typed table: rounds, their bids, and feedback."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.scene import Vector, finite_or_none
+from marketplace_node.round.decision import AuctionOutcome
+
+if TYPE_CHECKING:
+    from feedback_node.learning.changes import ProfileChange
+    from marketplace_node.effects import PublishAuction
+
+ResultRow = Mapping[str, object]
+"""One row, by the keys of :func:`result_columns`; what is left out is unknown."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultColumn:
+    """Column of the table.
+
+    Attributes:
+        type: ``str``, ``int``, ``float`` or ``bool``.
+    """
+
+    key: str
+    type: type
+
+
+_FIXED = (
+    ResultColumn(key="row", type=str),
+    ResultColumn(key="epoch", type=str),
+    ResultColumn(key="round", type=int),
+    ResultColumn(key="time_s", type=float),
+    ResultColumn(key="scene_id", type=str),
+    ResultColumn(key="scene", type=str),
+    ResultColumn(key="strategy", type=str),
+    ResultColumn(key="preview", type=bool),
+    ResultColumn(key="outcome", type=str),
+    ResultColumn(key="agent", type=str),
+    ResultColumn(key="host", type=str),
+    ResultColumn(key="margin", type=float),
+    ResultColumn(key="rank", type=int),
+    ResultColumn(key="distance", type=float),
+    ResultColumn(key="bonus", type=float),
+    ResultColumn(key="score", type=float),
+    ResultColumn(key="runs", type=int),
+    ResultColumn(key="kind", type=str),
+    ResultColumn(key="source", type=str),
+    ResultColumn(key="layer", type=str),
+    ResultColumn(key="learning_rate", type=float),
+    ResultColumn(key="weight", type=float),
+    ResultColumn(key="wrong", type=bool),
+    ResultColumn(key="false_rate", type=float),
+    ResultColumn(key="reason", type=str),
+)
+
+_VECTORS = ("value", "before", "after", "target")
+"""Each has a column for each parameter of the scene."""
+
+
+def result_columns(parameters: Sequence[str]) -> tuple[ResultColumn, ...]:
+    """Return the columns of results about these parameters of the scene."""
+    vectors = (f"{of}_{name}" for of in _VECTORS for name in parameters)
+    return (*_FIXED, *(ResultColumn(key=key, type=float) for key in vectors))
+
+
+def rows_of_decision(effect: PublishAuction) -> Iterator[ResultRow]:
+    """Return the rows of a round: itself, its accepted bids, its refused ones."""
+    decision, terms = effect.decision, effect.decision.terms
+    return _rows_of_round(
+        {
+            "epoch": terms.epoch,
+            "round": terms.round,
+            "scene_id": terms.scene.scene_id,
+            "scene": terms.scene.label,
+            "strategy": terms.strategy,
+            "preview": terms.preview,
+        },
+        terms.scene,
+        outcome=decision.outcome,
+        winner="" if decision.winner is None else decision.winner.agent,
+        margin=decision.margin,
+        reason=effect.reason,
+        ranking=decision.ranking,
+        refused=decision.refused,
+    )
+
+
+def rows_of_auction(auction: Any) -> Iterator[ResultRow]:
+    """Return the same rows as :func:`rows_of_decision`, with times, of an ``Auction`` message."""
+    return _rows_of_round(
+        {
+            "epoch": auction.epoch,
+            "round": auction.round,
+            "time_s": _seconds(auction.stamp),
+            "scene_id": auction.scene.scene_id,
+            "scene": auction.scene.label,
+            "strategy": auction.strategy,
+            "preview": auction.preview,
+        },
+        auction.scene,
+        outcome=AuctionOutcome(auction.outcome),
+        winner=auction.winner,
+        margin=auction.margin,
+        reason=auction.reason,
+        ranking=auction.ranking,
+        refused=auction.refused,
+    )
+
+
+def _rows_of_round(
+    common: ResultRow,
+    scene: Any,
+    *,
+    outcome: AuctionOutcome,
+    winner: str,
+    margin: float,
+    reason: str,
+    ranking: Iterable[Any],
+    refused: Iterable[Any],
+) -> Iterator[ResultRow]:
+    names = [value.name for value in scene.values]
+    yield {
+        **common,
+        "row": "round",
+        "outcome": outcome.name.lower(),
+        "agent": winner or None,
+        "margin": margin,
+        "reason": reason,
+        **_vector("value", names, [value.value for value in scene.values]),
+    }
+    for rank, bid in enumerate(ranking, start=1):
+        yield {
+            **common,
+            "row": "bid",
+            "outcome": "won" if bid.agent == winner else "lost",
+            "agent": bid.agent,
+            "host": bid.host,
+            "rank": rank,
+            "distance": bid.distance,
+            "bonus": bid.bonus,
+            "score": bid.score,
+            "runs": bid.runs,
+            **_vector("value", names, bid.vector),
+        }
+    for one in refused:
+        yield {
+            **common,
+            "row": "bid",
+            "outcome": one.code.lower(),
+            "agent": one.agent or None,
+            "host": one.host,
+            "reason": one.reason,
+        }
+
+
+def row_of_change(
+    change: ProfileChange, parameters: Sequence[str], wrong: bool | None
+) -> ResultRow:
+    """Return the row of a change of a profile, by feedback that was wrong, right, or unknown."""
+    cause = change.revision.cause
+    return {
+        "row": "feedback",
+        "epoch": cause.epoch or None,
+        "round": cause.round or None,
+        "agent": change.revision.agent,
+        "kind": FeedbackKind(cause.kind).name.lower(),
+        "source": cause.source,
+        "layer": change.revision.layer,
+        "learning_rate": cause.rate,
+        "weight": cause.weight,
+        "wrong": wrong,
+        "false_rate": change.false_rate,
+        "reason": cause.reason,
+        **_change(parameters, change.before, change.after, change.target),
+    }
+
+
+def row_of_feedback(feedback: Any, wrong: bool | None = None) -> ResultRow:
+    """Return the same row as :func:`row_of_change`, with its time, of a ``Feedback`` message."""
+    return {
+        "row": "feedback",
+        "epoch": feedback.epoch or None,
+        "round": feedback.round or None,
+        "time_s": _seconds(feedback.stamp),
+        "agent": feedback.agent,
+        "kind": FeedbackKind(feedback.kind).name.lower(),
+        "source": feedback.source,
+        "layer": feedback.layer,
+        "learning_rate": feedback.learning_rate,
+        "weight": feedback.weight,
+        "wrong": wrong,
+        "false_rate": feedback.false_rate,
+        "reason": feedback.reason,
+        **_change(feedback.parameters, feedback.before, feedback.after, feedback.target),
+    }
+
+
+def _change(names: Sequence[str], before: Vector, after: Vector, target: Vector) -> ResultRow:
+    return {
+        **_vector("before", names, before),
+        **_vector("after", names, after),
+        **_vector("target", names, target),
+    }
+
+
+def _vector(of: str, names: Sequence[str], values: Sequence[float]) -> ResultRow:
+    return {f"{of}_{name}": value for name, value in zip(names, values, strict=True)}
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+class ResultFile:
+    """File of results; its ending says the format."""
+
+    def __init__(self, path: Path) -> None:
+        """Make the file, so that nothing is computed in vain.
+
+        Raises:
+            BtAgentsError: It can not be written, is of no known format, or pyarrow is missing.
+        """
+        self._path = path
+        write = {".csv": _write_csv, ".parquet": _write_parquet}.get(path.suffix)
+        if write is None:
+            raise BtAgentsError(
+                f"{path} ends in '{path.suffix}', expected .csv or .parquet; name such a file"
+            )
+        self._write = write
+        if write is _write_parquet:
+            _import_pyarrow()
+        try:
+            path.open("a").close()
+        except OSError as error:
+            raise self._unwritten(error) from None
+
+    def write(self, parameters: Sequence[str], rows: Iterable[ResultRow]) -> None:
+        """Replace what is in the file.
+
+        Raises:
+            BtAgentsError: It can not be written.
+        """
+        columns = result_columns(parameters)
+        try:
+            self._write(self._path, columns, [_known(row, columns) for row in rows])
+        except OSError as error:
+            raise self._unwritten(error) from None
+
+    def _unwritten(self, error: OSError) -> BtAgentsError:
+        return BtAgentsError(
+            f"{self._path} cannot be written: {error.strerror or error}; name another file"
+        )
+
+
+def _known(row: ResultRow, columns: Sequence[ResultColumn]) -> list[object]:
+    """Return the cells of a row; None for what is unknown, numbers that are none included."""
+    found = (row.get(column.key) for column in columns)
+    return [finite_or_none(cell) if isinstance(cell, float) else cell for cell in found]
+
+
+def _write_csv(
+    path: Path, columns: Sequence[ResultColumn], rows: Sequence[Sequence[object]]
+) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(column.key for column in columns)
+        writer.writerows(
+            [str(cell).lower() if isinstance(cell, bool) else cell for cell in row] for row in rows
+        )
+
+
+def _write_parquet(
+    path: Path, columns: Sequence[ResultColumn], rows: Sequence[Sequence[object]]
+) -> None:
+    arrow, parquet = _import_pyarrow()
+    types = {str: arrow.string(), int: arrow.int64(), float: arrow.float64(), bool: arrow.bool_()}
+    schema = arrow.schema([(column.key, types[column.type]) for column in columns])
+    cells = [[row[place] for row in rows] for place in range(len(columns))]
+    arrays = [arrow.array(c, type=f.type) for c, f in zip(cells, schema, strict=True)]
+    parquet.write_table(arrow.table(arrays, schema=schema), path)
+
+
+def _import_pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ModuleNotFoundError as error:
+        raise BtAgentsError(
+            f"Parquet needs the package {error.name}; install it with "
+            "pip install 'bt-agents[lab]', or name a file that ends in .csv"
+        ) from None
+    return pyarrow, pyarrow.parquet

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that print a table, which programs read, too."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import nullcontext
+from types import SimpleNamespace
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from bt_agents_tools.cli.commands import preset, reload, strategy
+from bt_agents_tools.cli.main import bt_agents
+
+WITHOUT_TABLE = {
+    *("allow", "answer", "award", "cancel", "check", "demo", "experiment plot", "explain"),
+    *("export groot", "export groot-model", "feedback", "fmt", "import groot", "journal"),
+    *("keep", "new", "pin", "profile", "preset apply", "preset forget", "preset save", "press"),
+    *("profile check", "profile expire", "profile export", "profile forget", "profile import"),
+    *("profile recover", "profile reset", "profile undo", "publish", "rehearse", "reload"),
+    *("replay", "roll-back", "scene", "schema", "sense", "show", "test", "trigger", "unpin"),
+    *("up", "veto", "visit"),
+}
+"""Commands whose output is no table: words, a document, a picture, a file.
+
+``profile`` hands its options to ``profile show``.
+"""
+
+
+def leaves(group: click.Group, path: str = "") -> Iterator[tuple[str, click.Command]]:
+    """Yield every command that does something, by its words; a group may, too."""
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command is not None
+        if isinstance(command, click.Group):
+            yield from leaves(command, f"{path}{name} ")
+            if not command.invoke_without_command:
+                continue
+        yield f"{path}{name}", command
+
+
+def test_every_table_is_there_for_programs() -> None:
+    found = {
+        name: {option for one in command.params for option in one.opts}
+        for name, command in leaves(bt_agents)
+    }
+    tables = {name for name, options in found.items() if {"--json", "--csv"} <= options}
+    assert tables == found.keys() - WITHOUT_TABLE
+
+
+def test_presets_and_their_values_are_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = SimpleNamespace(name="morning", names=["a.x", "a.y", "b.x"], values=["1", "2 s", "3"])
+    monkeypatch.setattr(preset, "connect", lambda: nullcontext(None))
+    monkeypatch.setattr(preset, "_presets", lambda _: [one])
+    every = CliRunner().invoke(preset.preset, ["--csv"]).output
+    assert every == "preset,values,agents\nmorning,3,2\n"
+    values = CliRunner().invoke(preset.preset, ["show", "morning", "--json"]).output
+    assert json.loads(values)[1] == {"name": "a.y", "value": "2 s"}
+
+
+def test_versions_are_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    stamp = SimpleNamespace(sec=12, nanosec=500_000_000)
+    version = SimpleNamespace(
+        version=3, stamp=stamp, cause="file", change="tree", current=True, waiting=False
+    )
+    answer = SimpleNamespace(accepted=True, message="", versions=[version])
+    observer = SimpleNamespace(ask=lambda *_, **__: answer)
+    monkeypatch.setattr(reload, "connect", lambda: nullcontext(observer))
+    monkeypatch.setattr(reload, "find_host", lambda *_: "/agents")
+    (row,) = json.loads(CliRunner().invoke(reload.versions, ["a", "--json"]).output)
+    assert row == {
+        "version": 3,
+        "time_s": 12.5,
+        "cause": "file",
+        "change": "tree",
+        "current": True,
+        "waiting": False,
+    }
+
+
+def test_strategies_are_a_table_with_a_row_for_each_option() -> None:
+    option = SimpleNamespace(value=1.0, minimum=0.0, maximum=9.0, description="how much")
+    found = SimpleNamespace(
+        current="ucb", shadow="", descriptions={"ucb": "d"}, options={"ucb": {"c": option}}
+    )
+    assert list(strategy._rows(found)) == [
+        ("ucb", True, False, None, None, None, None, "d"),
+        ("ucb", True, False, "c", 1.0, 0.0, 9.0, "how much"),
+    ]

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands as processes of their own, forked from one that has loaded them all before."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import resource
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from fcntl import F_SETPIPE_SZ, fcntl
+from pathlib import Path
+from typing import Any
+
+HANG_S = 60.0
+
+_STREAMS = ("stdin", "stdout", "stderr")
+
+_REQUEST_BYTES = 1 << 16
+_PIPE_BYTES = 1 << 20
+"""More than any command prints, so that none waits for its reader."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ended:
+    """A command that has ended.
+
+    Attributes:
+        code: Its exit code, as a shell has it.
+        out: What it printed into the pipe that was its standard output.
+        err: The same of standard error.
+    """
+
+    code: int
+    out: str
+    err: str
+
+
+class CommandServer:
+    """Client of the process that forks commands."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+
+    def run(
+        self,
+        *words: str,
+        folder: Path,
+        stdout: int | None = None,
+        closed: Sequence[int] = (),
+        largest_file: int | None = None,
+    ) -> Ended:
+        """Run one command to its end.
+
+        Args:
+            words: The command and its arguments.
+            folder: Where it runs.
+            stdout: Descriptor that becomes its standard output; a pipe that is read when left out.
+            closed: Standard streams, by number, that it finds closed.
+            largest_file: Bytes that it may write into one file.
+        """
+        request = {
+            "words": words,
+            "folder": str(folder),
+            "closed": list(closed),
+            "largest_file": largest_file,
+        }
+        with ExitStack() as open_files, open(os.devnull, "rb") as nothing:
+            readers, writers = [], []
+            for _ in ("stdout", "stderr"):
+                reader, writer = os.pipe()
+                readers.append(open_files.enter_context(open(reader, "rb")))
+                writers.append(open_files.enter_context(open(writer, "wb")))
+                fcntl(writer, F_SETPIPE_SZ, _PIPE_BYTES)
+            out, err = (writer.fileno() for writer in writers)
+            descriptors = [nothing.fileno(), out if stdout is None else stdout, err]
+            socket.send_fds(self._connection, [json.dumps(request).encode()], descriptors)
+            for writer in writers:
+                writer.close()
+            code = int(self._connection.recv(64))
+            texts = [reader.read().decode() for reader in readers]
+        return Ended(code=code if code >= 0 else 128 - code, out=texts[0], err=texts[1])
+
+
+@contextmanager
+def command_server(environment: dict[str, str]) -> Iterator[CommandServer]:
+    """Start the process that forks commands; kill it, and what it has forked, at the end."""
+    mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    mine.settimeout(HANG_S)
+    with mine, its:
+        process = subprocess.Popen(
+            [sys.executable, "-P", __file__, str(its.fileno())],
+            stdin=subprocess.DEVNULL,
+            env=environment,
+            pass_fds=[its.fileno()],
+            start_new_session=True,
+        )
+        its.close()
+        try:
+            yield CommandServer(mine)
+        finally:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def _wait_for_call(connection: socket.socket) -> None:
+    """Fork for each request; return in the fork."""
+    while True:
+        text, descriptors, _, _ = socket.recv_fds(connection, _REQUEST_BYTES, len(_STREAMS))
+        if not text:
+            sys.exit()
+        pid = os.fork()
+        if not pid:
+            connection.close()
+            _become(json.loads(text), descriptors)
+            return
+        for descriptor in descriptors:
+            os.close(descriptor)
+        _, status = os.waitpid(pid, 0)
+        connection.send(str(os.waitstatus_to_exitcode(status)).encode())
+
+
+def _become(request: dict[str, Any], descriptors: Sequence[int]) -> None:
+    """Make this process what the shell makes of a new one."""
+    for number, descriptor in enumerate(descriptors):
+        os.dup2(descriptor, number)
+        os.close(descriptor)
+    for number in request["closed"]:
+        os.close(number)
+        # Python finds it so when it starts.
+        setattr(sys, _STREAMS[number], None)
+    os.chdir(request["folder"])
+    sys.argv = ["bt-agents", *request["words"]]
+    if (size := request["largest_file"]) is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
+if __name__ == "__main__":
+    import pwd
+
+    from bt_agents_tools.cli.main import all_commands, main
+
+    def _unknown(*_: object) -> None:
+        raise KeyError("no such user")
+
+    # A user whom the system does not know.
+    pwd.getpwuid = pwd.getpwnam = _unknown
+    for entry in all_commands().values():
+        entry.load()
+    gc.freeze()
+    with socket.socket(fileno=int(sys.argv[1])) as to_test:
+        _wait_for_call(to_test)
+    main()
