@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import find_trees
+from bt_agents_core.trees_folder import SHIPPED, find_trees
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import SUFFIXES, read_trees
 from bt_agents_language.tools.templates.first_files import new_agent, new_library, new_test
@@ -90,7 +90,7 @@ def _make_folder(directory: Path) -> None:
             f"'{directory}' has no scene.yaml, so it is no trees folder; name one, or a folder "
             "that is empty"
         )
-    shipped = find_trees()
+    shipped = find_trees(SHIPPED)
     for source in (shipped / "scene.yaml", *sorted((shipped / "skills").iterdir())):
         if source.suffix in SUFFIXES:
             _write(directory / source.relative_to(shipped), source.read_text(encoding="utf-8"))
