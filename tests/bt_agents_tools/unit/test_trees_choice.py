@@ -18,7 +18,7 @@ from click.testing import CliRunner, Result
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import TuningCause, TuningChange, TuningRevision
 from bt_agents_core.state_folder import claim_state
-from bt_agents_tools.cli.commands import profile, tune, why
+from bt_agents_tools.cli.commands import demo, profile, tune, why
 from bt_agents_tools.cli.connection import NoSystemError
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.launcher.former_state import adopt_former_state
@@ -104,6 +104,23 @@ def test_the_folder_that_was_taken_is_said_beside_the_output(run: Run, trees: Pa
     shown = run("show", "attentive_guide", "--dir", "shipped")
     assert shown.exit_code == 0
     assert "trees folder: " in shown.stderr
+
+
+def test_the_demo_shows_the_installation_unless_the_folder_here_has_its_script(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[Path] = []
+    monkeypatch.setattr(demo, "Interrupt", lambda: None)
+    monkeypatch.setattr(demo, "run_system", lambda *given: taken.append(given[2].resolve()))
+    assert f"trees folder: {TREES.resolve()}" in run("demo").stderr
+    here = Path.cwd() / "trees"
+    here.mkdir()
+    shutil.copy(TREES / "scene.yaml", here)
+    run("demo")
+    run("demo", "--script", "mine.yaml")
+    shutil.copytree(TREES / "scripts", here / "scripts")
+    run("demo")
+    assert taken == [TREES.resolve(), TREES.resolve(), here, here]
 
 
 def learn(trees: Path, age: float) -> Path:
