@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lookup of folders: of data the named one, else one in the current folder, else the installed."""
+"""Lookup of the folders of trees and experiments."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator
+from itertools import chain, islice
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
@@ -13,18 +14,60 @@ from bt_agents_core.errors import BtAgentsError
 SHIPPED = "shipped"
 """Name by which the trees folder of the installation is asked for."""
 
+_TREES, _TREES_PACKAGE, _SCENE = "trees", "bt_agents_trees", "scene.yaml"
+_MOST_SEARCHED = 200
+"""Folders that are looked through for one to propose."""
+
+
+class NoTreesFolderError(BtAgentsError):
+    """No trees folder is named, and there is none here.
+
+    Attributes:
+        near: One that is not far, to propose; None when there is none.
+    """
+
+    def __init__(self, near: Path | None) -> None:
+        super().__init__(
+            f"no trees folder here: neither this folder nor '{_TREES}' in it has a {_SCENE}"
+            + (f"; there is one in '{near}'" if near else "")
+        )
+        self.near = near
+
 
 def find_trees(explicit: str = "") -> Path:
-    """Return the trees folder: ``explicit``, else this one, ``./trees`` or the installed one.
+    """Return the trees folder: ``explicit``, else this one or ``./trees``.
+
+    :data:`SHIPPED` names that of the installation, which is never taken otherwise.
 
     Raises:
+        NoTreesFolderError: None is named, and there is none here.
         BtAgentsError: There is no such folder, or it has no ``scene.yaml``.
     """
     if explicit == SHIPPED:
-        return _find("/nowhere", "", "bt_agents_trees", "scene.yaml")
-    if not explicit and Path("scene.yaml").is_file():
-        return Path()
-    return _find("trees", explicit, "bt_agents_trees", "scene.yaml")
+        return _installed(_TREES, _TREES_PACKAGE, _SCENE)
+    if explicit:
+        folder = Path(explicit)
+        if _is_trees(folder):
+            return folder
+        near = next(filter(_is_trees, (folder / _TREES, *folder.absolute().parents)), None)
+        hint = f"did you mean '{near}'?" if near else f"'{SHIPPED}' names that of the installation"
+        raise BtAgentsError(f"'{folder}' is no trees folder: it has no {_SCENE}; {hint}")
+    for folder in (Path(), Path(_TREES)):
+        if _is_trees(folder):
+            return folder
+    raise NoTreesFolderError(next(_near(), None))
+
+
+def is_installed(path: Path) -> bool:
+    """Return whether a file or folder is part of an installation, which is nobody's to edit.
+
+    The trees folder of a checkout is not, though the installation that is made of it links there.
+    """
+    inside = path.resolve()
+    return any(
+        folder.is_dir() and not folder.is_symlink() and inside.is_relative_to(folder.resolve())
+        for folder in _shares(_TREES_PACKAGE)
+    )
 
 
 def enclosing_folder(path: Path) -> Path:
@@ -90,28 +133,6 @@ def experiments_folder() -> Path:
     return _find("experiments", "", "bt_agents_experiments", "")
 
 
-def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of logs, journals and learned profiles, by the XDG rules.
-
-    Raises:
-        BtAgentsError: Neither the environment nor the system knows a home of the user.
-    """
-    if base := environment.get("XDG_STATE_HOME"):
-        return Path(base) / "bt-agents"
-    try:
-        return Path.home() / ".local" / "state" / "bt-agents"
-    except RuntimeError:
-        raise BtAgentsError(
-            "no place for logs and learned profiles: neither HOME nor XDG_STATE_HOME is set; set "
-            "XDG_STATE_HOME to a folder that can be written"
-        ) from None
-
-
-def journal_folder() -> Path:
-    """Return the folder of the journal when no other is named."""
-    return state_folder() / "journal"
-
-
 def _find(local: str, explicit: str, package: str, proof: str) -> Path:
     if explicit:
         folder = Path(explicit)
@@ -120,16 +141,43 @@ def _find(local: str, explicit: str, package: str, proof: str) -> Path:
         return folder
     if (Path(local) / proof).exists():
         return Path(local)
-    # A ROS workspace names its prefixes; a wheel installs into that of the environment.
-    prefixes = [
-        *filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)),
-        sys.prefix,
-    ]
-    for prefix in prefixes:
-        folder = Path(prefix) / "share" / package
+    return _installed(local, package, proof)
+
+
+def _installed(local: str, package: str, proof: str) -> Path:
+    for folder in _shares(package):
         if (folder / proof).exists():
             return folder.resolve()
     raise BtAgentsError(
         f"no folder '{local}' here and no package {package} installed; run this in a checkout, or "
         "install bt-agents"
     )
+
+
+def _shares(package: str) -> Iterator[Path]:
+    """Yield where the data of a package may be installed."""
+    # A ROS workspace names its prefixes; a wheel installs into that of the environment.
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    for prefix in (*filter(None, prefixes), sys.prefix):
+        yield Path(prefix) / "share" / package
+
+
+def _is_trees(folder: Path) -> bool:
+    return (folder / _SCENE).is_file()
+
+
+def _near() -> Iterator[Path]:
+    """Yield trees folders above this folder, then in the folders of this one."""
+    here = Path.cwd()
+    above = chain.from_iterable((folder, folder / _TREES) for folder in here.parents)
+    beside = chain.from_iterable(
+        (folder, folder / _TREES) for folder in islice(sorted(_folders()), _MOST_SEARCHED)
+    )
+    return filter(_is_trees, chain(above, beside))
+
+
+def _folders() -> Iterator[Path]:
+    try:
+        yield from (one for one in islice(Path().iterdir(), 10 * _MOST_SEARCHED) if one.is_dir())
+    except OSError:
+        return

@@ -45,7 +45,7 @@ def import_groot(file: str, out: str, agent: str, directory: str) -> None:
     comments. The skills of the trees folder are used where their names fit.
     """
     _refuse_existing(out)
-    folder = find_trees(directory)
+    folder = _take(directory)
     symbols = read_symbols(folder)
     imported = import_agent(read_source(Path(file)), snake(agent or Path(file).stem), symbols)
     _write(out, imported.text)
@@ -83,15 +83,23 @@ def _find(agent: str, directory: str) -> tuple[Path, SymbolTable]:
     path = Path(agent)
     if agent.endswith((".yaml", ".yml")) or "/" in agent:
         above = (one for one in path.absolute().parents if (one / "scene.yaml").is_file())
-        folder = find_trees(directory or str(next(above, "")))
+        folder = _take(directory or str(next(above, "")))
         return path, read_symbols(folder)
-    trees = read_trees(find_trees(directory))
+    trees = read_trees(_take(directory))
     files = {one.name: Path(one.file) for one in trees.agents}
     files |= {broken.file.stem: broken.file for broken in trees.broken}
     if agent not in files:
         hint = did_you_mean(agent, files)
         raise BtAgentsError(f"there is no agent '{agent}' in {trees.folder}; {hint}")
     return files[agent], trees.symbols
+
+
+def _take(named: str) -> Path:
+    """Return the trees folder; one that nobody named is said."""
+    folder = find_trees(named)
+    if not named:
+        click.echo(f"trees folder: {folder.resolve()}", err=True)
+    return folder
 
 
 def _refuse_existing(out: str) -> None:

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import journal_folder
+from bt_agents_core.state_folder import state_home
 from bt_agents_interfaces.msg import (
     AgentFiles,
     Auction,
@@ -204,7 +204,7 @@ def make_node() -> JournalNode:
     """
 
     def make(values: Mapping[str, str]) -> JournalNode:
-        folder = Path(values["folder"]) if values["folder"] else journal_folder()
+        folder = Path(values["folder"]) if values["folder"] else state_home() / "journal"
         return JournalNode(folder.expanduser())
 
     return make_from_parameters("journal", (FOLDER,), make)

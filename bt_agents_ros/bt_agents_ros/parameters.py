@@ -104,7 +104,8 @@ class StartParameter:
 
 
 TREES = StartParameter(
-    name="trees", description="trees folder; empty means ./trees, else the installed one"
+    name="trees",
+    description="trees folder; empty means this one or ./trees, shipped the installed one",
 )
 
 

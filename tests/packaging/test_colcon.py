@@ -36,7 +36,7 @@ def test_the_programs_of_the_workspace_play_an_experiment_together(
 ):
     command = str(install_space / "bt_agents_tools" / "lib" / "bt_agents_tools" / "bt-agents")
     assert pyproject["project"]["version"] in sourced.run(command, "--version")
-    sourced.run(command, "check")
+    sourced.run(command, "check", "shipped")
     assert "Experiment 1" in sourced.run(command, "experiment", "run", "1", "--ros")
 
 

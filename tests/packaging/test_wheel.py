@@ -62,7 +62,7 @@ def test_the_data_of_a_package_is_installed_with_its_folders(installed: Any, pac
 
 
 def test_the_installed_trees_have_no_errors(installed: Any):
-    installed.run("bt-agents", "check")
+    installed.run("bt-agents", "check", "shipped")
 
 
 def test_the_installed_programs_play_an_experiment_together(installed: Any):

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.console import Console
@@ -14,8 +15,8 @@ from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import scene_name
-from bt_agents_core.trees_folder import journal_folder
 from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.trees_choice import kept_state
 
 try:
     with loading():
@@ -42,7 +43,7 @@ files_argument = click.argument("files", nargs=-1, type=click.Path(path_type=Pat
 def journal(files: tuple[Path, ...], out: Path | None) -> None:
     """Show what the FILES of a journal hold: topics, time, rounds and who won them.
 
-    Without FILES it takes those of the newest day in the usual folder.
+    Without FILES it takes those of the newest day of the trees folder here.
     """
     paths = resolve_files(files)
     results = ResultFile(out) if out is not None else None
@@ -113,15 +114,9 @@ def damage_reported() -> Iterator[None]:
 
 
 def resolve_files(files: Sequence[Path]) -> list[Path]:
-    """Return files, and those in folders; without any those of the newest day."""
+    """Return files, and those in folders; without any those of the newest day here."""
     if not files:
-        found = newest_files(journal_folder())
-        if not found:
-            raise BtAgentsError(
-                f"there is no journal in {journal_folder()}; 'bt-agents up --journal' records "
-                "one, or name a file"
-            )
-        return found
+        return _newest(kept_state().journal)
     paths: list[Path] = []
     for path in files:
         inside = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
@@ -129,6 +124,25 @@ def resolve_files(files: Sequence[Path]) -> list[Path]:
             raise BtAgentsError(f"there is no journal in the folder {path}")
         paths += inside
     return paths
+
+
+def recorded_decisions(folder: Path) -> list[Any]:
+    """Return the decisions of the newest day in the folder of a journal, the oldest first.
+
+    Raises:
+        BtAgentsError: There is no journal, or it cannot be read at all.
+    """
+    return [one.auction for one in read_files(_newest(folder)).rounds]
+
+
+def _newest(folder: Path) -> list[Path]:
+    found = newest_files(folder)
+    if not found:
+        raise BtAgentsError(
+            f"there is no journal in {folder}; 'bt-agents up --journal' records one, or name a "
+            "file"
+        )
+    return found
 
 
 def show_problems(console: Console, recording: RecordingIndex) -> None:

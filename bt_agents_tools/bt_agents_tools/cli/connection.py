@@ -24,12 +24,16 @@ BUSY_LIMIT_S = 10.0
 """Longest time for discovery of something that must be there, or is being restarted [s]."""
 
 
+class NoSystemError(BtAgentsError):
+    """No system is running, as far as can be seen from here."""
+
+
 @contextmanager
 def connect() -> Iterator[Observer]:
     """Connect to the running system.
 
     Raises:
-        BtAgentsError: There is none on this ROS domain, or it does not answer.
+        NoSystemError: There is none on this ROS domain, or it does not answer.
     """
     set_local_discovery(os.environ)
     with loading():
@@ -47,7 +51,7 @@ def wait_for_market(observer: Observer, domain: int) -> None:
     """Spin until a status of the market arrives; longer when there are signs of a system.
 
     Raises:
-        BtAgentsError: None has arrived; with the reason as far as it is known.
+        NoSystemError: None has arrived; with the reason as far as it is known.
     """
 
     def is_connected() -> bool:
@@ -62,7 +66,7 @@ def wait_for_market(observer: Observer, domain: int) -> None:
         return
     if sign() and observer.spin_until(is_connected, BUSY_LIMIT_S - FIND_LIMIT_S):
         return
-    raise BtAgentsError(_not_connected(domain, observer, sign()))
+    raise NoSystemError(_not_connected(domain, observer, sign()))
 
 
 def _not_connected(domain: int, observer: Observer, sign: str) -> str:

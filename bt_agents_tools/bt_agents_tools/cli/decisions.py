@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,6 +12,7 @@ import click
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
 from bt_agents_tools.cli.formatting import SceneLabels, code_text, fitted_console, print_line
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table
+from marketplace_node.round.decision import AuctionOutcome
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -67,9 +69,9 @@ def _print_more(count: int, what: str) -> None:
 
 def headline(auction: Any) -> str:
     """Return the result of a decision as a short text."""
-    if auction.outcome == auction.PREEMPTS:
+    if auction.outcome == AuctionOutcome.PREEMPTS:
         return "the run under way is stopped for it"
-    if auction.outcome == auction.WAITS:
+    if auction.outcome == AuctionOutcome.WAITS:
         return "it waits, the run under way goes on"
     if auction.preview and auction.winner:
         return f"{auction.winner} would win"
@@ -118,9 +120,10 @@ def print_decision(auction: Any, form: TableForm) -> None:
 
 
 def as_plain_data(value: Any) -> Any:
-    """Return a message as dictionaries and lists."""
-    if hasattr(value, "get_fields_and_field_types"):
-        names = value.get_fields_and_field_types()
+    """Return a message, of a running system or a journal, as dictionaries and lists."""
+    if hasattr(value, "get_fields_and_field_types") or isinstance(value, SimpleNamespace):
+        is_recorded = isinstance(value, SimpleNamespace)
+        names = value.__slots__ if is_recorded else value.get_fields_and_field_types()
         return {name: as_plain_data(getattr(value, name)) for name in names}
     if isinstance(value, bool | int | float | str):
         return value

@@ -7,10 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import enclosing_folder, find_trees
+from bt_agents_core.trees_folder import enclosing_folder
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
+from bt_agents_tools.cli.trees_choice import take_trees
 
 
 def named_agent(
@@ -18,7 +19,7 @@ def named_agent(
 ) -> tuple[Trees, AgentSpec]:
     """Return the trees folder and the agent that an argument names, or whose file it is.
 
-    An empty directory is found above the file, or as by :func:`find_trees`; ``trees`` is the
+    An empty directory is found above the file, or as by :func:`take_trees`; ``trees`` is the
     folder if it is read already, in the language of its scene or in another one.
 
     Raises:
@@ -26,12 +27,12 @@ def named_agent(
         ReadError: The agent's file is broken, or the scene or the skills of its folder are.
     """
     if not argument.endswith((".yaml", ".yml")) and "/" not in argument:
-        trees = trees or read_trees(find_trees(directory), language=language)
+        trees = trees or read_trees(take_trees(directory), language=language)
         return trees, _find(trees, argument, lambda _: False)
     path = Path(argument)
     if not path.is_file():
         raise BtAgentsError(f"there is no file '{argument}'; name an agent file, or an agent")
-    folder = find_trees(directory) if directory else enclosing_folder(path)
+    folder = take_trees(directory) if directory else enclosing_folder(path)
     trees = trees or read_trees(folder, language=language)
     return trees, _find(trees, argument, path.samefile)
 

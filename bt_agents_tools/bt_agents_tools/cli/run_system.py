@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import journal_folder
+from bt_agents_core.state_folder import StateFolder
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.event_printer import EventPrinter
@@ -45,8 +45,8 @@ journal_option = click.option(
 )
 
 
-def journal_components(folder: str | None) -> list[Component]:
-    """Return the journal as components: none for None; an empty text means the usual folder.
+def journal_components(folder: str | None, state: StateFolder) -> list[Component]:
+    """Return the journal as components: none for None; an empty text means the state folder.
 
     Raises:
         BtAgentsError: The package that it needs is not installed.
@@ -57,7 +57,7 @@ def journal_components(folder: str | None) -> list[Component]:
         raise BtAgentsError(
             "a journal needs the package mcap; install it with pip install 'bt-agents[lab]'"
         )
-    return [components.journal(Path(folder).resolve() if folder else journal_folder())]
+    return [components.journal(Path(folder).resolve() if folder else state.journal)]
 
 
 def run_system(
@@ -108,6 +108,7 @@ def run_system(
             if not interrupt:
                 printer.profiles(profiles_by_agent(observer.profiles))
                 _print_ready(console, observer.cards.values(), time.monotonic() - start)
+                _print_kept_orders(console, observer.market)
                 _print_events(console, observer, supervisor, interrupt, visitors)
             if visitors is not None and not interrupt:
                 printer.summary()
@@ -170,6 +171,16 @@ def _poll_supervisor(console: Console, supervisor: Supervisor) -> None:
         style = "dim" if line.startswith(" ") else "yellow"
         indent = len(line) - len(line.lstrip())
         print_line(console, "", Text(line, style=style), indent + _INDENT)
+
+
+def _print_kept_orders(console: Console, market: Any) -> None:
+    """Print the pins and vetoes of an earlier start, which still hold."""
+    if market.pinned:
+        text = f"only {market.pinned} may bid, until 'bt-agents unpin'"
+        print_line(console, "[yellow]still pinned[/] ", text, _INDENT)
+    for agent in market.vetoed:
+        text = f"{agent} may not bid, until 'bt-agents allow {agent}'"
+        print_line(console, "[yellow]still vetoed[/] ", text, _INDENT)
 
 
 def _print_ready(console: Console, cards: Iterable[Any], seconds: float) -> None:

@@ -7,13 +7,14 @@ import os
 import time
 from pathlib import Path
 
-from bt_agents_core.trees_folder import state_folder
+from bt_agents_core.state_folder import state_home
 from bt_agents_tools.launcher.supervisor import Component
 
 
-def new_log_folder() -> Path:
-    """Return the path of a log folder for this start; nothing is made."""
-    return state_folder() / "logs" / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
+def new_log_folder(state: str = "") -> Path:
+    """Return the path of a log folder for this start, in a state folder; nothing is made."""
+    home = Path(state).expanduser().resolve() if state else state_home()
+    return home / "logs" / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
 
 
 def market(trees: Path, on_new_scene: str = "", strategy: str = "", orders: str = "") -> Component:

@@ -10,7 +10,7 @@ from bt_agents_core.profile_layers import EVERYBODY, checked_layer, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent
-from feedback_node.ledger import Ledger
+from feedback_node.ledger.reading import LedgerReader
 from feedback_node.ledger.rows import RevisionCause, hidden
 
 _RECENT = 30
@@ -118,7 +118,7 @@ def layer_step(
 
 
 def taught(
-    ledger: Ledger, agent: str, layer: str, space: SceneSpace, window: int
+    ledger: LedgerReader, agent: str, layer: str, space: SceneSpace, window: int
 ) -> tuple[Vector, ...]:
     """Return the targets of the last feedbacks, newest last; enough for ``window`` of them."""
     found = []

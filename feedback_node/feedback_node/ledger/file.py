@@ -6,7 +6,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import sqlite3
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from operator import methodcaller
 from pathlib import Path
@@ -14,7 +14,6 @@ from typing import TextIO
 from urllib.parse import quote
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
-from bt_agents_core.trees_folder import state_folder
 from feedback_node.ledger.check import LedgerCheck, check, is_out_of_reach
 from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 
@@ -34,15 +33,6 @@ _FULL_ERRNO = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 class LedgerError(Refused):
     """The ledger cannot be read or written; its code says why."""
-
-
-def ledger_path(explicit: str, environment: Mapping[str, str]) -> str:
-    """Return where the ledger lies: ``explicit``, else the user's state folder."""
-    if explicit == MEMORY:
-        return explicit
-    if explicit:
-        return str(Path(explicit).expanduser())
-    return str(state_folder(environment) / "ledger.sqlite")
 
 
 def lock_file(path: Path) -> TextIO:

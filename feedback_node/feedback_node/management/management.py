@@ -7,19 +7,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
-from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
-from bt_agents_core.scene import finite_or_none
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import IMPORT, ProfileRevision, check_texts
-from feedback_node.management.documents import from_document, to_document
-
-MOST_REVISIONS = 5000
-"""Newest revisions that one document holds."""
+from feedback_node.management.documents import from_document
+from feedback_node.management.profile_documents import ProfileDocument, ProfileDocuments
 
 _MOST_NAMED = 3
 """Changes that a message names one by one."""
@@ -81,7 +77,7 @@ class Management:
         self._profiles = profiles
         self._ledger = ledger
         self._wall = wall
-        self._new_id = new_id
+        self._documents = ProfileDocuments(ledger, profiles.false_rate, new_id=new_id)
 
     def execute(self, command: ManagementCommand) -> ManagementResult:
         """Execute a request.
@@ -101,58 +97,30 @@ class Management:
         if command.layer and action is not ManagementAction.EXPIRE:
             checked_layer(command.layer)
         actions: dict[ManagementAction, Callable[[ManagementCommand], ManagementResult]] = {
-            ManagementAction.HISTORY: self._history,
+            ManagementAction.HISTORY: self._read(self._documents.history),
             ManagementAction.UNDO: partial(self._restore, self._ledger.undo),
             ManagementAction.RESET: partial(self._restore, self._ledger.reset),
-            ManagementAction.EXPORT: self._export,
+            ManagementAction.EXPORT: self._read(self._documents.export),
             ManagementAction.IMPORT: self._import,
             ManagementAction.EXPIRE: self._expire,
             ManagementAction.FORGET: self._forget,
         }
         return actions[action](command)
 
-    def _history(self, command: ManagementCommand) -> ManagementResult:
-        if not command.agent:
-            return self._document(self._selected(command), ())
-        one = self._known(command.agent, command.layer)
-        revisions = self._ledger.history(command.agent, command.layer, newest=MOST_REVISIONS)
-        return self._document([one], revisions)
+    def _read(
+        self, document: Callable[[str, str], ProfileDocument]
+    ) -> Callable[[ManagementCommand], ManagementResult]:
+        def read(command: ManagementCommand) -> ManagementResult:
+            found = document(command.agent, command.layer)
+            message = f"{found.count} profile{'s' if found.count != 1 else ''}"
+            return ManagementResult(message=message, document=found.text)
 
-    def _export(self, command: ManagementCommand) -> ManagementResult:
-        selected = self._selected(command)
-        if not selected:
-            raise self._unknown(command.agent, command.layer)
-        revisions: list[ProfileRevision] = []
-        for one in selected:
-            room = MOST_REVISIONS - len(revisions)
-            revisions += self._ledger.history(one.agent, one.layer, newest=room)
-        return self._document(selected, revisions)
-
-    def _document(
-        self, selected: Sequence[ProfileRevision], revisions: Iterable[ProfileRevision]
-    ) -> ManagementResult:
-        profiles = [self._summary(one) for one in selected]
-        document = to_document(profiles, revisions, document_id=self._new_id())
-        count = len(profiles)
-        return ManagementResult(
-            message=f"{count} profile{'s' if count != 1 else ''}", document=document
-        )
-
-    def _summary(self, one: ProfileRevision) -> dict[str, Any]:
-        return {
-            "agent": one.agent,
-            "layer": one.layer,
-            "revision": one.revision,
-            "changes": one.cause.changes,
-            "stamp": one.stamp,
-            "false_rate": finite_or_none(self._profiles.false_rate(one.agent, one.layer)),
-            "values": dict(one.profile),
-        }
+        return read
 
     def _restore(
         self, restore: Callable[..., ProfileRevision], command: ManagementCommand
     ) -> ManagementResult:
-        self._known(command.agent, command.layer)
+        self._documents.known(command.agent, command.layer)
         revision = restore(
             command.agent, command.layer, source=command.author, reason=command.reason
         )
@@ -171,7 +139,7 @@ class Management:
                 "host introduce its agents first, or take them out of the document",
             )
         self._check_room(found)
-        known = {(one.agent, one.layer) for one in self._layers_of("")}
+        known = {(one.agent, one.layer) for one in self._documents.layers_of("")}
         begun = [
             self._profiles.first_layer_entry(one.agent, one.layer)
             for one in found
@@ -207,7 +175,7 @@ class Management:
         before = self._wall() - command.older_s
         old = [
             one
-            for one in self._layers_of(command.agent)
+            for one in self._documents.layers_of(command.agent)
             if one.stamp < before and one.layer.startswith(command.layer)
         ]
         return self._erase(old, command.author)
@@ -219,9 +187,11 @@ class Management:
                 "name the person or the place, such as person/anna; the profile for everybody is "
                 "not forgotten, 'bt-agents profile reset' brings back that of the file",
             )
-        found = [one for one in self._layers_of(command.agent) if one.layer == command.layer]
+        found = [
+            one for one in self._documents.layers_of(command.agent) if one.layer == command.layer
+        ]
         if not found:
-            raise self._unknown(command.agent, command.layer)
+            raise self._documents.unknown(command.agent, command.layer)
         return self._erase(found, command.author)
 
     def _erase(self, found: Sequence[ProfileRevision], author: str) -> ManagementResult:
@@ -248,31 +218,3 @@ class Management:
         if len(changes) > _MOST_NAMED:
             message += f"; and {len(changes) - _MOST_NAMED} more"
         return ManagementResult(message=message, changes=changes)
-
-    def _selected(self, command: ManagementCommand) -> list[ProfileRevision]:
-        names = [command.agent] if command.agent else self._ledger.agents()
-        own = (self._ledger.current(name) for name in names) if not command.layer else ()
-        found = [one for one in own if one is not None]
-        layers = self._layers_of(command.agent)
-        found += [one for one in layers if command.layer in ("", one.layer)]
-        return sorted(found, key=lambda one: (one.agent, one.layer))
-
-    def _layers_of(self, agent: str) -> list[ProfileRevision]:
-        names = [agent] if agent else self._ledger.agents()
-        return [one for name in names for one in self._ledger.layers(name)]
-
-    def _known(self, agent: str, layer: str) -> ProfileRevision:
-        if not agent:
-            raise Refused("UNKNOWN_AGENT", "no agent is named; name one")
-        current = self._ledger.current(agent, layer)
-        if current is None:
-            raise self._unknown(agent, layer)
-        return current
-
-    def _unknown(self, agent: str, layer: str) -> Refused:
-        agents = self._ledger.agents()
-        if agent and agent not in agents:
-            known = ", ".join(agents) or "none yet"
-            return Refused("UNKNOWN_AGENT", f"no agent '{agent}'; known are: {known}")
-        known = ", ".join(sorted({one.layer for one in self._layers_of(agent)})) or "none"
-        return Refused("UNKNOWN_LAYER", f"no layer '{layer}'; there are: {known}")

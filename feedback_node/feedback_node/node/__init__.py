@@ -18,6 +18,7 @@ from rclpy.task import Future
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.state_folder import claim_state
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import Feedback, HostCard, MoodTrace, TreeStatus
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
@@ -42,7 +43,7 @@ from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackController, RuleOutcome
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
-from feedback_node.ledger.file import LedgerError, ledger_path
+from feedback_node.ledger.file import LedgerError
 from feedback_node.management.management import Management, ManagementCommand
 from feedback_node.node.cancel_requests import CancelRequests
 from feedback_node.node.hosts import HostProfiles
@@ -360,8 +361,8 @@ _START = (
     TREES,
     StartParameter(
         name="ledger",
-        description="SQLite file of all learned profiles; empty: bt-agents/ledger.sqlite in the "
-        "user's state folder; :memory: keeps nothing",
+        description="SQLite file of all learned profiles; empty: in the state folder of the trees "
+        "folder, as 'bt-agents up' does; :memory: keeps nothing",
     ),
     StartParameter(
         name="simulated_feedback",
@@ -375,14 +376,19 @@ def main(args: Sequence[str] | None = None) -> int:
     with ExitStack() as owned:
 
         def make(values: Mapping[str, str]) -> FeedbackNode:
-            space = read_scene(find_trees(values["trees"]) / "scene.yaml").space
+            trees = find_trees(values["trees"])
+            space = read_scene(trees / "scene.yaml").space
             path = values["simulated_feedback"]
             simulated = (
                 SimulatedFeedback(read_experiment(Path(path), space).feedback) if path else None
             )
-            ledger = owned.enter_context(Ledger(ledger_path(values["ledger"], os.environ)))
+            kept = None if values["ledger"] else claim_state(trees)
+            file = kept.ledger if kept else os.path.expanduser(values["ledger"])
+            ledger = owned.enter_context(Ledger(file))
             node = FeedbackNode(space, ledger, simulated)
             node.get_logger().info(f"the ledger is {ledger.path}")
+            if kept and kept.note:
+                node.get_logger().warning(kept.note)
             return node
 
         return run(lambda: make_from_parameters("feedback", _START, make), args)

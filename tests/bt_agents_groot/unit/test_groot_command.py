@@ -26,7 +26,7 @@ def run(tmp_path, monkeypatch, capsys) -> Callable[..., tuple[str, str]]:
         group = import_ if words[0] == "import" else export
         group.main([*words[1:]], standalone_mode=False)
         captured = capsys.readouterr()
-        return captured.out, captured.err
+        return captured.out, captured.err.removeprefix(f"trees folder: {TREES.resolve()}\n")
 
     return call
 

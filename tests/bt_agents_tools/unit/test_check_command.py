@@ -56,7 +56,7 @@ def run(*arguments: str) -> tuple[int, str]:
     result = CliRunner().invoke(check, arguments)
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
-    return result.exit_code, result.output
+    return result.exit_code, result.stdout
 
 
 def found(*paths: str) -> list[str]:

@@ -32,7 +32,7 @@ def rehearse(*words: str, typed: str | None = None) -> Result:
 def test_an_agent_is_rehearsed_by_its_name_or_file(name: str) -> None:
     result = rehearse(name, "--scene", "age=4", "familiarity=1")
     assert result.exit_code == 0, result.output
-    assert result.output.startswith("Attentive guide\nage 4 (an older adult), familiarity 1")
+    assert result.stdout.startswith("Attentive guide\nage 4 (an older adult), familiarity 1")
     assert '0.0 s  ▶ say "Hello. I carry your luggage."' in result.output
     assert "● succeeded" in result.output
 
@@ -241,7 +241,7 @@ def test_a_button_can_be_pressed_at_a_wait_that_has_a_limit() -> None:
 
 
 def test_the_head_says_that_an_agent_would_not_be_called() -> None:
-    lines = rehearse("patient_carrier").output.splitlines()
+    lines = rehearse("patient_carrier").stdout.splitlines()
     assert lines[1].endswith("a person is there")
     assert lines[2].startswith("The market would not call it: it does not bid, it needs not")
     assert "nobody is there" in rehearse("patient_carrier", "person=false").output

@@ -8,13 +8,12 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 
 from bt_agents_core.errors import Refused
 from feedback_node.ledger import Ledger
-from feedback_node.ledger.file import LedgerError, ledger_path
+from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import AUTHORED, FEEDBACK, UNDO, RevisionCause
 
 FIRST = {"age": 4.0, "mood": 3.0}
@@ -314,19 +313,6 @@ def test_every_acknowledged_revision_survives_kill_9(tmp_path):
         ages = [row.profile["age"] for row in ledger.history("guide")]
     assert len(ages) >= acknowledged + 1
     assert ages == [float(number) for number in range(len(ages))]
-
-
-@pytest.mark.parametrize(
-    ("explicit", "environment", "expected"),
-    [
-        (":memory:", {}, ":memory:"),
-        ("/data/l.sqlite", {"XDG_STATE_HOME": "/x"}, "/data/l.sqlite"),
-        ("", {"XDG_STATE_HOME": "/x"}, "/x/bt-agents/ledger.sqlite"),
-        ("", {}, str(Path.home() / ".local/state/bt-agents/ledger.sqlite")),
-    ],
-)
-def test_the_ledger_lies_where_it_is_told_or_in_the_state_folder(explicit, environment, expected):
-    assert ledger_path(explicit, environment) == expected
 
 
 def test_a_tidy_ledger_has_nothing_left_to_write_when_it_is_closed(tmp_path):

@@ -11,10 +11,11 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, wait
 from concurrent.futures import Future as Job
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any
+from urllib.parse import quote
 
 from bt_agents.host.tuning.history import (
     MOST_SHOWN,
@@ -71,6 +72,10 @@ PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {FORMAT};
 COMMIT;
 """
+
+_REVISIONS = "SELECT number, stamp, author, reason, action, of, changes FROM revisions"
+_ON_STACK = "WHERE stack = ? ORDER BY pushed DESC LIMIT ?"
+_CHANGED = "WHERE changes != '[]' ORDER BY number DESC LIMIT ?"
 
 _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR)
 
@@ -265,9 +270,13 @@ class ChangeLog:
         newest = db.execute("SELECT max(number) FROM revisions").fetchone()[0] or 0
         history = TuningHistory(
             newest,
-            self._revisions(db, "stack = ? ORDER BY pushed DESC LIMIT ?", _UNDO, MOST_UNDONE),
-            self._revisions(db, "stack = ? ORDER BY pushed DESC LIMIT ?", _REDO, MOST_UNDONE),
-            self._revisions(db, "changes != '[]' ORDER BY number DESC LIMIT ?", MOST_SHOWN),
+            self._revisions(
+                db, "WHERE stack = ? ORDER BY pushed DESC LIMIT ?", _UNDO, MOST_UNDONE
+            ),
+            self._revisions(
+                db, "WHERE stack = ? ORDER BY pushed DESC LIMIT ?", _REDO, MOST_UNDONE
+            ),
+            self._revisions(db, _CHANGED, MOST_SHOWN),
         )
         for name, value, default in db.execute("SELECT name, value, file_default FROM overrides"):
             try:
@@ -281,11 +290,7 @@ class ChangeLog:
     def _revisions(
         self, db: sqlite3.Connection, which: str, *values: object
     ) -> list[TuningRevision]:
-        rows = db.execute(
-            "SELECT number, stamp, author, reason, action, of, changes FROM revisions WHERE "
-            + which,
-            values,
-        ).fetchall()
+        rows = db.execute(f"{_REVISIONS} {which}", values).fetchall()
         found = []
         for row in reversed(rows):
             try:
@@ -302,6 +307,24 @@ class ChangeLog:
             self.problems.append(text)
         elif len(self.problems) == _MOST_PROBLEMS:
             self.problems.append(f"{self._path}: and more that cannot be read")
+
+
+def read_changes(path: Path) -> list[TuningRevision]:
+    """Return the last revisions of a log that no host has open, the oldest first.
+
+    Raises:
+        BtAgentsError: It cannot be read.
+    """
+    try:
+        with closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as db:
+            rows = db.execute(f"{_REVISIONS} {_CHANGED}", (MOST_SHOWN,)).fetchall()
+        return [_revision_from(*row) for row in reversed(rows)]
+    except (sqlite3.Error, ValueError) as error:
+        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
+            hint = "a host has it open; ask its system, with its ROS_DOMAIN_ID"
+        else:
+            hint = "expected the tunings of a host"
+        raise BtAgentsError(f"{path} cannot be read: {error}; {hint}") from error
 
 
 def _push(db: sqlite3.Connection, revision: TuningRevision) -> None:

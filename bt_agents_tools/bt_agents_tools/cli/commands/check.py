@@ -14,7 +14,7 @@ import click
 from bt_agents_core.diagnostic import Severity
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.file_watch import changes, poll
-from bt_agents_core.trees_folder import enclosing_folder, find_trees
+from bt_agents_core.trees_folder import enclosing_folder
 from bt_agents_language.diagnostics.renderers import (
     as_annotation,
     as_json,
@@ -26,6 +26,7 @@ from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.folder_reader import SUFFIXES
 from bt_agents_language.tools.folder_check import Checked, check_folder
 from bt_agents_tools.cli.formatting import counted
+from bt_agents_tools.cli.trees_choice import named_path, take_trees
 from bt_agents_tools.rehearsal.installed_types import installed_types
 
 
@@ -69,7 +70,7 @@ def check_paths(paths: Iterable[str], interfaces: Interfaces | None) -> Checked:
         BtAgentsError: A path is neither a trees folder nor a file that belongs into one.
     """
     wanted: dict[Path, list[Path] | None] = {}
-    for path in map(Path, paths):
+    for path in map(named_path, paths):
         folder, part = _located(path)
         # A whole folder includes its parts.
         if part is None or wanted.get(folder, []) is None:
@@ -77,7 +78,7 @@ def check_paths(paths: Iterable[str], interfaces: Interfaces | None) -> Checked:
         else:
             wanted[folder] = [*(wanted.get(folder) or []), part]
     if not wanted:
-        wanted[find_trees()] = None
+        wanted[take_trees()] = None
     found = []
     for folder, only in wanted.items():
         checked = check_folder(folder, interfaces, only)
@@ -103,7 +104,7 @@ def watched(
     ``sleep`` waits so many seconds; it raises ``KeyboardInterrupt`` to end.
     """
     interfaces = installed_types()
-    folders = {_located(Path(path))[0] for path in paths} or {find_trees()}
+    folders = {_located(named_path(path))[0] for path in paths} or {take_trees()}
     # Looked at before it is checked: a change during the check must not be missed.
     seen = changes(lambda: poll(folders, SUFFIXES), sleep)
     show(check_paths(paths, interfaces))

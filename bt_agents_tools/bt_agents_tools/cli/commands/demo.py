@@ -9,11 +9,15 @@ from pathlib import Path
 
 import click
 
-from bt_agents_core.trees_folder import find_trees
+from bt_agents_core.state_folder import find_state
+from bt_agents_core.trees_folder import SHIPPED, NoTreesFolderError, find_trees
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
+from bt_agents_tools.cli.trees_choice import say_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
+
+_MORNING = Path("scripts") / "airport_morning.yaml"
 
 
 @click.command()
@@ -30,8 +34,9 @@ def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> No
     interrupt = Interrupt()
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
-    trees = find_trees()
-    script = script or trees / "scripts" / "airport_morning.yaml"
+    trees = _folder(script)
+    say_trees(trees)
+    script = script or trees / _MORNING
     with tempfile.TemporaryDirectory(prefix="bt-agents-demo-") as folder:
         processes = [
             components.robot(pace=1.0, voice="auto" if voice else "off"),
@@ -39,7 +44,16 @@ def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> No
             components.scene_layer(trees),
             components.host(trees, tags),
             components.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
-            *journal_components(journal),
+            *journal_components(journal, find_state(trees)),
         ]
         visitors = components.visitors(trees, script, pace=1.0)
         run_system("demo", processes, trees, tags, interrupt, visitors)
+
+
+def _folder(script: Path | None) -> Path:
+    """Return the trees folder here, when it has what is shown, else that of the installation."""
+    try:
+        here = find_trees()
+    except NoTreesFolderError:
+        return find_trees(SHIPPED)
+    return here if script or (here / _MORNING).is_file() else find_trees(SHIPPED)

@@ -18,7 +18,6 @@ from rich.text import Text
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import quote
-from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.model.specs import SubtreeSpec
@@ -36,6 +35,7 @@ from bt_agents_language.reference.node_pages import (
 )
 from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
 from bt_agents_language.tools.schema.folder import folder_symbols
+from bt_agents_tools.cli.trees_choice import take_trees
 
 Part = Text | Table | Padding
 """A part of a page; a text that must not be wrapped has ``no_wrap``."""
@@ -136,7 +136,7 @@ def _subtrees(symbols: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
 def _symbols(directory: str) -> SymbolTable:
     """Return the symbols of a trees folder, without one those of the language itself."""
     try:
-        return folder_symbols(find_trees(directory))
+        return folder_symbols(take_trees(directory))
     except BtAgentsError as error:
         if directory:
             raise

@@ -13,9 +13,10 @@ import click
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError, ReadError
-from bt_agents_core.trees_folder import find_trees
+from bt_agents_core.trees_folder import is_installed
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source, read_source
+from bt_agents_tools.cli.trees_choice import named_path, take_trees
 
 _SUFFIXES = (".yaml", ".yml")
 _COLOURS = {"+": "green", "-": "red", "@": "cyan"}
@@ -58,7 +59,12 @@ def fmt(paths: tuple[str, ...], check: bool, diff: bool) -> None:
 
 
 def _files(paths: tuple[str, ...]) -> Iterator[Path]:
-    for path in map(Path, paths or (find_trees(),)):
+    for path in (named_path(path) for path in paths or (take_trees(may_be_shipped=False),)):
+        if is_installed(path):
+            raise BtAgentsError(
+                f"'{path}' belongs to the installation, whose files are not changed; 'bt-agents "
+                "new NAME' makes a trees folder of your own"
+            )
         if not path.is_dir():
             yield path
             continue

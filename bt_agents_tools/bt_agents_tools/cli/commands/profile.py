@@ -15,12 +15,15 @@ import click
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.state_folder import StateFolder
 from bt_agents_core.text import format_known
 from bt_agents_language.expression.quantities import QuantityError, quantity
+from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_tools.cli.commands.tune import user
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, NoSystemError, accepted, connect
 from bt_agents_tools.cli.formatting import KINDS, counted
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
+from bt_agents_tools.cli.trees_choice import kept_state, state_option
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -63,11 +66,14 @@ def profile(ctx: click.Context) -> None:
 @profile.command()
 @click.argument("agent", required=False, default="")
 @table_options
-def show(agent: str, form: TableForm) -> None:
-    """Show the profiles of an AGENT, or of all: everybody's, and those of persons and places."""
-    with connect() as observer:
-        answer = _manage(observer, "EXPORT" if agent else "HISTORY", agent=agent)
-    profiles = json.loads(answer.document)["profiles"]
+@state_option
+def show(agent: str, form: TableForm, state: str) -> None:
+    """Show the profiles of an AGENT, or of all: everybody's, and those of persons and places.
+
+    Without a running system they are read from the ledger, as with --state.
+    """
+    action = "EXPORT" if agent else "HISTORY"
+    profiles = json.loads(_document(action, state, agent=agent))["profiles"]
     if not profiles:
         click.echo("no agent is known to the feedback node yet", err=True)
     names = list(dict.fromkeys(name for one in profiles for name in one["values"]))
@@ -92,11 +98,13 @@ def show(agent: str, form: TableForm) -> None:
 @click.argument("agent")
 @_layer
 @table_options
-def history(agent: str, layer: str, form: TableForm) -> None:
-    """List the revisions of an AGENT's profile, the oldest first, and why there is each."""
-    with connect() as observer:
-        answer = _manage(observer, "HISTORY", agent=agent, layer=layer)
-    document = json.loads(answer.document)
+@state_option
+def history(agent: str, layer: str, form: TableForm, state: str) -> None:
+    """List the revisions of an AGENT's profile, the oldest first, and why there is each.
+
+    Without a running system they are read from the ledger, as with --state.
+    """
+    document = json.loads(_document("HISTORY", state, agent=agent, layer=layer))
     if form is TableForm.JSON:
         print_json(document)
         return
@@ -145,16 +153,20 @@ def reset(agent: str, layer: str, author: str, reason: str) -> None:
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--agent", default="", help="Of one agent only.")
 @click.option("--layer", default="", help="Of one person or place only, such as person/anna.")
-def export(file: Path, agent: str, layer: str) -> None:
-    """Write what was learned into a FILE, as JSON."""
-    with connect() as observer:
-        answer = _manage(observer, "EXPORT", agent=agent, layer=layer)
+@state_option
+def export(file: Path, agent: str, layer: str, state: str) -> None:
+    """Write what was learned into a FILE, as JSON.
+
+    Without a running system it is read from the ledger, as with --state.
+    """
+    document = _document("EXPORT", state, agent=agent, layer=layer)
     try:
         with file.open("x", encoding="utf-8") as opened:
-            opened.write(answer.document + "\n")
+            opened.write(document + "\n")
     except OSError as error:
         raise BtAgentsError(f"{file}: {error.strerror}; choose another name") from None
-    click.echo(f"{answer.message} written to {file}")
+    profiles = counted(len(json.loads(document)["profiles"]), "profile")
+    click.echo(f"{profiles} written to {file}")
 
 
 @profile.command("import")
@@ -241,14 +253,16 @@ def forget(layer: str, agent: str, yes: bool, author: str) -> None:
 
 
 @profile.command()
-@click.argument("file", type=click.Path(path_type=Path))
-def check(file: Path) -> None:
-    """Check a ledger FILE: every revision, and that none is missing.
+@click.argument("file", required=False, type=click.Path(path_type=Path))
+@state_option
+def check(file: Path | None, state: str) -> None:
+    """Check a ledger FILE, or that of the trees folder: every revision, and that none is missing.
 
     A feedback node may have it open. The exit code is 1 when something is wrong.
     """
     from feedback_node.ledger.file import inspect
 
+    file = file or _with_ledger(state).ledger
     report = inspect(str(file))
     good = f"{report.good} revisions are as they were written"
     if report.forgotten:
@@ -278,6 +292,32 @@ def recover(file: Path, new: Path) -> None:
 
     count = ledger_file.recover(str(file), str(new))
     click.echo(f"{count} revisions copied to {new}")
+
+
+def _document(action: str, state: str, **fields: str) -> str:
+    """Return a document of the running system, or of the ledger when there is none."""
+    if not state:
+        try:
+            with connect() as observer:
+                return str(_manage(observer, action, **fields).document)
+        except NoSystemError as error:
+            click.echo(f"{error}; this is from the ledger", err=True)
+    from feedback_node.management.profile_documents import read_profiles
+
+    kept = _with_ledger(state)
+    space = read_scene(kept.trees / "scene.yaml").space
+    return read_profiles(kept.ledger, space, **fields, revisions=action == "HISTORY").text
+
+
+def _with_ledger(state: str) -> StateFolder:
+    """Return the state folder of the trees folder here, which has a ledger."""
+    kept = kept_state(state)
+    if not kept.ledger.is_file():
+        raise BtAgentsError(
+            f"nothing was learned in {kept.trees} yet: there is no {kept.ledger}; 'bt-agents up' "
+            "makes it"
+        )
+    return kept
 
 
 def _manage(observer: Observer, action: str, **fields: Any) -> Any:

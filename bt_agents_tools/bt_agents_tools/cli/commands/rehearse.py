@@ -20,7 +20,6 @@ from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import NOON
 from bt_agents_core.scene import Origin, SceneSpace
-from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
 from bt_agents_language.files.testing.scenarios import AgentTestCase, RehearsedPerson, Scenario
 from bt_agents_language.files.testing.test_reader import read_scenario_text, read_test
@@ -28,6 +27,7 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.cli.named_agent import named_agent
 from bt_agents_tools.cli.prompts import InteractiveAnswers
 from bt_agents_tools.cli.scenario_options import scenario_yaml
+from bt_agents_tools.cli.trees_choice import take_trees
 from bt_agents_tools.rehearsal import rehearsal
 from bt_agents_tools.rehearsal.assertions import failed_assertions
 from bt_agents_tools.rehearsal.events import Event, Rehearsed
@@ -135,7 +135,7 @@ def _material(
     file, _, name = script.partition(":")
     path = Path(file)
     trees = (
-        read_trees(find_trees(directory), language=language)
+        read_trees(take_trees(directory), language=language)
         if directory
         else TreesFolders(language).trees_of(path)
     )

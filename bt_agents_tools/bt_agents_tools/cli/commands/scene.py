@@ -7,6 +7,7 @@ import json
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -23,7 +24,7 @@ from bt_agents_core.scene import Origin, SceneParameter, finite_or_none, nearest
 from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_tools.cli.connection import accepted, connect
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 from bt_agents_tools.cli.formatting import fitted_console
 
 if TYPE_CHECKING:
@@ -55,8 +56,9 @@ def scene(watch: bool, as_json: bool, directory: str) -> None:
 
     During a run it is the live scene, else what a trigger would put on the market.
     """
-    labels = _labels(directory)
+    labels = _labels(Path(directory)) if directory else {}
     with connect() as observer:
+        labels = labels or _labels_of(observer)
         polls = _poll(observer)
         if not watch:
             _print(*next(polls), labels, as_json)
@@ -78,14 +80,18 @@ def _print(message: Any, persons: Any, labels: Labels, as_json: bool) -> None:
         fitted_console().print(page(message, persons, labels))
 
 
-def _labels(directory: str) -> Labels:
-    """Return the parameters with the labels of their values; none without a trees folder."""
-    try:
-        space = read_scene(find_trees(directory) / "scene.yaml").space
-    except BtAgentsError:
-        if directory:
-            raise
-        return {}
+def _labels_of(observer: Observer) -> Labels:
+    """Return the labels of the trees folder that runs; none when it is on another machine."""
+    observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+    for card in observer.cards.values():
+        with suppress(BtAgentsError):
+            return _labels(Path(card.trees))
+    return {}
+
+
+def _labels(trees: Path) -> Labels:
+    """Return the parameters with the labels of their values."""
+    space = read_scene(find_trees(str(trees)) / "scene.yaml").space
     return {parameter.name: parameter for parameter in space.parameters}
 
 

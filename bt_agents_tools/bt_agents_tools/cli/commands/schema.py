@@ -9,9 +9,9 @@ from pathlib import Path
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.tools.schema.folder import folder_symbols, schema_file, schema_text
+from bt_agents_tools.cli.trees_choice import take_trees
 
 
 @click.command()
@@ -37,7 +37,7 @@ def schema(directory: str, kinds: tuple[str, ...], output: Path, check: bool) ->
     \b
     # yaml-language-server: $schema=../../schema/agent.schema.json
     """  # noqa: D301 (click wants the character, not the two letters)
-    symbols = folder_symbols(find_trees(directory))
+    symbols = folder_symbols(take_trees(directory))
     outdated = []
     for kind in kinds or FILE_KINDS:
         file = output / schema_file(kind)

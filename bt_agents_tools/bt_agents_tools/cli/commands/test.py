@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import find_trees
+from bt_agents_tools.cli.trees_choice import named_path, take_trees
 from bt_agents_tools.rehearsal.suite import (
     CaseResult,
     FileResult,
@@ -57,7 +57,10 @@ def test(
     start = time.perf_counter()
     console = Console(highlight=False, soft_wrap=True)
     folders = TreesFolders(language)
-    results = [run_file(path, folders, word) for path in find_tests(paths or (find_trees(),))]
+    results = [
+        run_file(path, folders, word)
+        for path in find_tests(map(named_path, paths or (take_trees(),)))
+    ]
     for result in results:
         _show(console, result, verbose)
     if coverage:

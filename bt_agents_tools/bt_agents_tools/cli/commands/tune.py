@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bt_agents.host.tuning.change_log import read_changes
 from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_language.expression.quantities import QuantityError, number
-from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
+from bt_agents_tools.cli.connection import NoSystemError, accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
+from bt_agents_tools.cli.trees_choice import kept_state, state_option
 from bt_agents_tools.cli.tune_table import table
 
 if TYPE_CHECKING:
@@ -49,6 +51,7 @@ def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
 @click.option("--history", is_flag=True, help="Show the last changes, and who made them.")
 @click.option("--reason", default="", help="Why, in words.")
 @click.option("--author", default=user, show_default="you", help="Who makes the change.")
+@state_option
 @table_options
 def tune(
     arguments: tuple[str, ...],
@@ -57,6 +60,7 @@ def tune(
     history: bool,
     reason: str,
     author: str,
+    state: str,
     form: TableForm,
 ) -> None:
     """Change values of an AGENT while it runs, or show them.
@@ -70,7 +74,7 @@ def tune(
     change of their own, which the feedback node records.
 
     Without values it shows where everything stands. 'bt-agents keep' writes changed values into
-    the agents' files.
+    the agents' files. Without a running system --history is read from the file, as with --state.
     """
     agent, values = _split(arguments)
     actions = [name for name, on in (("undo", undo), ("redo", redo), ("history", history)) if on]
@@ -82,10 +86,13 @@ def tune(
         raise click.UsageError(
             f"tick_rate belongs to no agent; --{actions[0]} alone is for the whole host"
         )
+    if state and not history:
+        raise click.UsageError("--state goes with --history; all else needs a running system")
+    if history:
+        _history(agent, state, form)
+        return
     with connect() as observer:
-        if history:
-            _show_history(observer, agent, form)
-        elif actions:
+        if actions:
             _take_back(observer, agent, actions[0], author=author, reason=reason)
         elif values:
             _set(observer, agent, values, author=author, reason=reason)
@@ -240,6 +247,28 @@ _HISTORY = (
     Column(key="author", title="by"),
     Column(key="reason", title="why"),
 )
+
+
+def _history(agent: str, state: str, form: TableForm) -> None:
+    if not state:
+        try:
+            with connect() as observer:
+                _show_history(observer, agent, form)
+        except NoSystemError as error:
+            click.echo(f"{error}; this is from the file", err=True)
+        else:
+            return
+    kept = kept_state(state)
+    if not kept.tunings.is_file():
+        raise BtAgentsError(f"nothing was tuned in {kept.trees} yet: there is no {kept.tunings}")
+    rows = [
+        (one.number, one.stamp, change.name, change.before, change.after, *by)
+        for one in read_changes(kept.tunings)
+        for change in one.changes
+        for by in [(one.cause.author, one.cause.reason)]
+        if not agent or change.name.startswith(f"{agent}.")
+    ]
+    print_table(_HISTORY, rows, form)
 
 
 def _show_history(observer: Observer, agent: str, form: TableForm) -> None:

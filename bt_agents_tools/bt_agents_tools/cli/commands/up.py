@@ -8,10 +8,13 @@ from pathlib import Path
 
 import click
 
-from bt_agents_core.trees_folder import find_trees, state_folder
+from bt_agents_core.state_folder import claim_state, state_home
+from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
+from bt_agents_tools.cli.trees_choice import state_option, take_trees
 from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.former_state import adopt_former_state
 
 
 @click.command()
@@ -21,8 +24,15 @@ from bt_agents_tools.launcher import components
 @click.option("--language", default="", help="Language of the texts; else that of scene.yaml.")
 @click.option("--bindings", default="", help="Robot whose bindings of skills are preferred.")
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
-@click.option("--ledger", default="", help="File of the learned profiles.")
-@click.option("--memory", default="", help="File in which measurements of known persons stay.")
+@state_option
+@click.option("--ledger", default="", help="Another file of the learned profiles.")
+@click.option(
+    "--memory",
+    is_flag=False,
+    flag_value="",
+    metavar="[FILE]",
+    help="Keep measurements of known persons, in this FILE or in the state folder.",
+)
 @click.option(
     "--on-new-scene",
     type=click.Choice(["queue", "reject", "preempt"]),
@@ -52,8 +62,9 @@ def up(
     language: str,
     bindings: str,
     voice: bool,
+    state: str,
     ledger: str,
-    memory: str,
+    memory: str | None,
     on_new_scene: str | None,
     strategy: str,
     selector: str,
@@ -66,31 +77,42 @@ def up(
 
     In another terminal: bt-agents trigger age=4.5 mood=2, sense, cancel, status, why, feedback.
     """
-    profiles = ledger or str(state_folder() / "ledger.sqlite")
+    if bool(selector) != bool(model):
+        raise click.UsageError("--selector and --model go together: the server, and its model")
+    interrupt = Interrupt()
+    trees = take_trees(directory)
+    kept = claim_state(trees, state)
+    click.echo(f"kept in {kept.path}", err=True)
+    for note in (kept.note, adopt_former_state(kept, state_home(), lambda: _agents(trees))):
+        if note:
+            click.echo(note, err=True)
+    profiles = ledger or str(kept.ledger)
+    memory = str(kept.memory) if memory == "" else memory or ""
     if memory and Path(memory).resolve() == Path(profiles).resolve():
         raise click.UsageError("--memory names the ledger; it needs a file of its own")
-    interrupt = Interrupt()
-    trees = find_trees(directory)
-    logs = components.new_log_folder()
+    logs = components.new_log_folder(state)
     processes = [
         components.market(
             trees,
             on_new_scene or "",
             strategy or ("external" if selector else ""),
-            orders=str(logs / "orders.json"),
+            orders=str(kept.orders),
         ),
         components.scene_layer(trees, memory=memory),
-        components.host(trees, tags, bindings, str(state_folder() / "tunings.sqlite"), language),
+        components.host(trees, tags, bindings, str(kept.tunings), language),
         components.feedback(trees, ledger=profiles),
     ]
-    if bool(selector) != bool(model):
-        raise click.UsageError("--selector and --model go together: the server, and its model")
     if selector:
         processes.append(components.selector(trees, selector, model, key_variable))
         if strategy not in ("", "external"):
             click.echo(f"{strategy} ranks; 'bt-agents strategy external' has the selector asked")
     if robot:
         processes.append(components.robot(pace=1.0, voice="auto" if voice else "off"))
-    processes += journal_components(journal)
+    processes += journal_components(journal, kept)
     processes = [replace(component, file=params) for component in processes]
     run_system("up", processes, trees, tags, interrupt, logs=logs)
+
+
+def _agents(trees: Path) -> set[str]:
+    found = read_trees(trees)
+    return {one.name for one in found.agents} | {one.file.stem for one in found.broken}

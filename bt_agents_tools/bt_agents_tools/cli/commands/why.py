@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.cli.connection import connect
+from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.decisions import (
     SOON_S,
     end_text,
@@ -17,28 +21,65 @@ from bt_agents_tools.cli.decisions import (
     show_decision,
 )
 from bt_agents_tools.cli.table import TableForm, table_options
+from bt_agents_tools.cli.trees_choice import kept_state, state_option
 
 
 @click.command()
 @click.argument("round_number", metavar="[ROUND]", required=False, type=int)
+@state_option
 @table_options
-def why(round_number: int | None, form: TableForm) -> None:
-    """Say why an agent won, last or in a ROUND."""
+def why(round_number: int | None, state: str, form: TableForm) -> None:
+    """Say why an agent won, last or in a ROUND.
+
+    Without a running system it is read from the journal of the newest day, as with --state.
+    """
+    if state:
+        _show_recorded(state, round_number, form)
+        return
+    try:
+        _show_running(round_number, form)
+    except NoSystemError as error:
+        click.echo(f"{error}; this is from the journal", err=True)
+        _show_recorded(state, round_number, form)
+
+
+def _show_running(round_number: int | None, form: TableForm) -> None:
     with connect() as observer:
         ends = observer.received("scene_ends")
         auctions = last_decisions(observer)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
-        found = [a for a in auctions if round_number is None or a.round == round_number]
-        if not found:
-            known = ", ".join(str(a.round) for a in auctions)
-            which = "yet" if round_number is None else f"of round {round_number}"
-            hint = f"there are rounds {known}" if known else "'bt-agents trigger' asks for one"
-            raise BtAgentsError(f"no decision {which}; {hint}")
+        found = _show(auctions, round_number, form)
         if form in (TableForm.JSON, TableForm.CSV):
-            print_decision(found[-1], form)
             return
         names = names_of_scenes(auctions)
-        show_decision(found[-1], names, form)
         for end in ends:
-            if end.scene_id == found[-1].scene.scene_id and end.code != "DUPLICATE":
+            if end.scene_id == found.scene.scene_id and end.code != "DUPLICATE":
                 click.echo(f"the scene ended: {end_text(end, names)}")
+
+
+def _show_recorded(state: str, round_number: int | None, form: TableForm) -> None:
+    journal = kept_state(state).journal
+    try:
+        # The journal is an extra that need not be installed.
+        lab = import_module("bt_agents_lab.cli.journal")
+    except ModuleNotFoundError as error:
+        raise BtAgentsError(
+            f"a journal needs the package {error.name}; install it with "
+            "pip install 'bt-agents[lab]'"
+        ) from None
+    _show(lab.recorded_decisions(journal), round_number, form)
+
+
+def _show(auctions: Sequence[Any], round_number: int | None, form: TableForm) -> Any:
+    """Print the decision of a round, of the last one without a number, and return it."""
+    found = [a for a in auctions if round_number is None or a.round == round_number]
+    if not found:
+        known = ", ".join(str(a.round) for a in auctions)
+        which = "yet" if round_number is None else f"of round {round_number}"
+        hint = f"there are rounds {known}" if known else "'bt-agents trigger' asks for one"
+        raise BtAgentsError(f"no decision {which}; {hint}")
+    if form in (TableForm.JSON, TableForm.CSV):
+        print_decision(found[-1], form)
+    else:
+        show_decision(found[-1], names_of_scenes(auctions), form)
+    return found[-1]

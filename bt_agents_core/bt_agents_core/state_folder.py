@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""State folder of one trees folder: what was learned, tuned and ordered there, and nowhere else.
+
+A trees folder is known by the id in its file :data:`ID_FILE`, so that it may be moved; its state
+folder notes where it was last. By both a copy is told from the original.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.trees_folder import is_installed
+
+ID_FILE = ".bt-agents-id"
+"""File of a trees folder with its id."""
+
+_OWNER_FILE = "trees-folder"
+"""File of a state folder with the path of its trees folder."""
+
+_ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,79}")
+_LONGEST_PATH = 4096
+_HASH_DIGITS = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateFolder:
+    """State folder of a trees folder; it need not be there yet.
+
+    Attributes:
+        path: Where it is.
+        trees: The trees folder.
+        note: What people should know about the two: that a folder is a copy, or was moved.
+        is_new: Nothing was kept of the trees folder before.
+    """
+
+    path: Path
+    trees: Path
+    note: str = ""
+    is_new: bool = False
+
+    @property
+    def ledger(self) -> Path:
+        """File of the learned profiles."""
+        return self.path / "ledger.sqlite"
+
+    @property
+    def tunings(self) -> Path:
+        """File of the tunings; that of the presets lies beside it."""
+        return self.path / "tunings.sqlite"
+
+    @property
+    def orders(self) -> Path:
+        """File of pins, vetoes and counts of runs."""
+        return self.path / "orders.json"
+
+    @property
+    def memory(self) -> Path:
+        """File of what is remembered of persons and places."""
+        return self.path / "people.json"
+
+    @property
+    def journal(self) -> Path:
+        """Folder of the journal."""
+        return self.path / "journal"
+
+
+def state_home(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of all logs and state folders of a user, by the XDG rules.
+
+    Raises:
+        BtAgentsError: Neither the environment nor the system knows a home of the user.
+    """
+    if base := environment.get("XDG_STATE_HOME"):
+        return Path(base) / "bt-agents"
+    try:
+        return Path.home() / ".local" / "state" / "bt-agents"
+    except RuntimeError:
+        raise BtAgentsError(
+            "no place for logs and learned profiles: neither HOME nor XDG_STATE_HOME is set; set "
+            "XDG_STATE_HOME to a folder that can be written"
+        ) from None
+
+
+def find_state(trees: Path, explicit: str = "", home: Path | None = None) -> StateFolder:
+    """Return the state folder of a trees folder; nothing is written.
+
+    Args:
+        trees: The trees folder.
+        explicit: The state folder, when somebody has named it.
+        home: In which those that nobody named lie, without it :func:`state_home`.
+
+    Raises:
+        BtAgentsError: It belongs to another trees folder that is still there, a file about it
+            cannot be read, or there is no home.
+    """
+    trees = trees.resolve()
+    if explicit:
+        return _named_state(trees, Path(explicit).expanduser().resolve())
+    home = (home or state_home()) / "trees"
+    known = _id_of(trees)
+    if known:
+        found = _state(trees, home / known)
+        owner = _owner_of(found.path)
+        if owner is None or _is_same(owner, trees):
+            return found
+        if _id_if_readable(owner) != known:
+            return replace(found, note=_moved(owner))
+        return replace(
+            next(_free_states(trees, home)),
+            note=f"this trees folder is a copy of {owner}: what was learned, tuned and ordered "
+            "there stays there, and this one begins anew; 'bt-agents profile export' there and "
+            "'profile import' here take along what was learned",
+        )
+    return next(_free_states(trees, home))
+
+
+def claim_state(trees: Path, explicit: str = "", home: Path | None = None) -> StateFolder:
+    """Make the state folder of a trees folder, and write down which folder it belongs to.
+
+    Raises:
+        BtAgentsError: As in :func:`find_state`, or it cannot be written.
+    """
+    found = find_state(trees, explicit, home)
+    try:
+        found.path.mkdir(parents=True, exist_ok=True)
+        owner = found.path / _OWNER_FILE
+        if _owner_of(found.path) != found.trees:
+            owner.write_text(f"{found.trees}\n", encoding="utf-8", errors="surrogateescape")
+    except OSError as error:
+        raise BtAgentsError(
+            f"no place for what is learned: {found.path} ({error.strerror}); name another folder "
+            "with --state, or set XDG_STATE_HOME to a folder that can be written"
+        ) from None
+    if not explicit and not is_installed(found.trees) and _id_of(found.trees) != found.path.name:
+        # Without the file, as in a folder that cannot be written, it is known by its path.
+        with suppress(OSError):
+            (found.trees / ID_FILE).write_text(f"{found.path.name}\n", encoding="utf-8")
+    return found
+
+
+def _named_state(trees: Path, place: Path) -> StateFolder:
+    owner = _owner_of(place)
+    found = _state(trees, place)
+    if owner is None or _is_same(owner, trees):
+        return found
+    if _is_trees(owner):
+        raise BtAgentsError(
+            f"{place} holds the state of the trees folder {owner}; name another folder with "
+            f"--state, or remove '{place / _OWNER_FILE}' to give it to {trees}"
+        )
+    return replace(found, note=_moved(owner))
+
+
+def _state(trees: Path, place: Path) -> StateFolder:
+    return StateFolder(path=place, trees=trees, is_new=_owner_of(place) is None)
+
+
+def _moved(owner: Path) -> str:
+    return f"the trees folder was {owner} before; what was learned there goes on here"
+
+
+def _free_states(trees: Path, home: Path) -> Iterator[StateFolder]:
+    """Yield the state folders that a trees folder may have by its path, the usual one first."""
+    name = trees.parent.name if trees.name == "trees" else trees.name
+    plain = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")[:40] or "trees"
+    digest = hashlib.sha256(os.fsencode(trees)).hexdigest()[:_HASH_DIGITS]
+    for number in count(1):
+        place = home / (f"{plain}-{digest}" + (f"-{number}" if number > 1 else ""))
+        owner = _owner_of(place)
+        if owner is None or _is_same(owner, trees):
+            yield _state(trees, place)
+
+
+def _id_of(trees: Path) -> str:
+    """Return the id of a trees folder, empty when it has none."""
+    file = trees / ID_FILE
+    text = _read(file)
+    if text and not _ID.fullmatch(text):
+        raise BtAgentsError(
+            f"{file}: expected a line of letters, digits, '_' and '-', found {text[:40]!r}; "
+            "remove the file, then the folder begins anew"
+        )
+    return text or ""
+
+
+def _id_if_readable(trees: Path) -> str:
+    try:
+        return _id_of(trees) if _is_trees(trees) else ""
+    except BtAgentsError:
+        return ""
+
+
+def _owner_of(place: Path) -> Path | None:
+    """Return the trees folder that a state folder belongs to; None while it is nobody's."""
+    text = _read(place / _OWNER_FILE)
+    return Path(text) if text else None
+
+
+def _is_trees(folder: Path) -> bool:
+    try:
+        return (folder / "scene.yaml").is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    try:
+        return one == other or one.samefile(other)
+    except (OSError, ValueError):
+        return False
+
+
+def _read(file: Path) -> str | None:
+    try:
+        with file.open(encoding="utf-8", errors="surrogateescape") as opened:
+            return opened.read(_LONGEST_PATH + 1).strip()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise BtAgentsError(f"{file} cannot be read: {error.strerror}; mend its rights") from None

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Choice of the trees folder of a command, and of its state folder, said on standard error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.state_folder import StateFolder, find_state
+from bt_agents_core.trees_folder import SHIPPED, NoTreesFolderError, find_trees
+
+state_option = click.option(
+    "--state",
+    default="",
+    metavar="DIR",
+    help="What was learned, tuned and ordered; without it each trees folder has its own.",
+)
+
+
+def take_trees(named: str = "", may_be_shipped: bool = True) -> Path:
+    """Return the trees folder that a command works on; one that nobody named is said.
+
+    Args:
+        named: As for :func:`find_trees`.
+        may_be_shipped: Propose that of the installation where there is none.
+
+    Raises:
+        BtAgentsError: As in :func:`find_trees`; it says how to name one.
+    """
+    try:
+        folder = find_trees(named)
+    except NoTreesFolderError as error:
+        near = error.near or (SHIPPED if may_be_shipped else "")
+        example = f"name one, as in '{_named_as(near)}'" if near else ""
+        what = " for that of the installation" if near == SHIPPED else ""
+        text = f"{error}; {example}{what}, or make" if near else f"{error}; make"
+        raise BtAgentsError(f"{text} one with 'bt-agents new NAME'") from None
+    if named in ("", SHIPPED):
+        say_trees(folder)
+    return folder
+
+
+def named_path(path: str | Path) -> Path:
+    """Return the path of an argument, which may be the name of the shipped trees folder."""
+    return take_trees(SHIPPED) if str(path) == SHIPPED else Path(path)
+
+
+def say_trees(folder: Path) -> None:
+    """Say which trees folder a command has taken."""
+    _say(f"trees folder: {folder.resolve()}")
+
+
+def kept_state(state: str = "") -> StateFolder:
+    """Return the state folder of the trees folder here, or the named one, and say which.
+
+    Raises:
+        BtAgentsError: As in :func:`find_trees` and :func:`find_state`.
+    """
+    found = find_state(take_trees(), state)
+    _say(f"kept in {found.path}")
+    if found.note:
+        _say(found.note)
+    return found
+
+
+def _say(text: str) -> None:
+    """Say something beside the output, unless that is for a program."""
+    context = click.get_current_context(silent=True)
+    options = context.params if context is not None else {}
+    if not (options.get("as_json") or options.get("as_csv") or options.get("form") == "json"):
+        click.echo(text, err=True)
+
+
+def _named_as(folder: str | Path) -> str:
+    """Return how the command at hand is given a trees folder."""
+    context = click.get_current_context()
+    options = {name for one in context.command.params for name in one.opts}
+    return f"{context.command_path} {'… --dir ' if '--dir' in options else ''}{folder}"

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where what belongs to one trees folder is kept."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.state_folder import ID_FILE, StateFolder, claim_state, find_state, state_home
+
+
+def make(folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    (folder / "scene.yaml").write_text("format: 1\n")
+    return folder
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    return tmp_path / "home"
+
+
+def claim(trees: Path, home: Path, explicit: str = "") -> StateFolder:
+    return claim_state(trees, explicit, home)
+
+
+def test_two_projects_keep_nothing_in_the_same_place(tmp_path: Path, home: Path) -> None:
+    one = claim(make(tmp_path / "one" / "trees"), home)
+    other = claim(make(tmp_path / "other" / "trees"), home)
+    assert one.path != other.path
+    assert one.is_new
+    assert one.path.is_relative_to(home)
+    assert one.path.name.startswith("one-")
+    files = (one.ledger, one.tunings, one.orders, one.memory, one.journal)
+    assert {file.parent for file in files} == {one.path}
+
+
+def test_a_start_finds_what_the_one_before_has_kept(tmp_path: Path, home: Path) -> None:
+    trees = make(tmp_path / "one" / "trees")
+    first = claim(trees, home)
+    again = claim(trees, home)
+    assert (again.path, again.is_new, again.note) == (first.path, False, "")
+    assert find_state(trees, home=home) == again
+
+
+def test_looking_writes_nothing(tmp_path: Path, home: Path) -> None:
+    trees = make(tmp_path / "one" / "trees")
+    found = find_state(trees, home=home)
+    assert not home.exists()
+    assert not (trees / ID_FILE).exists()
+    assert claim(trees, home).path == found.path
+
+
+def test_a_folder_that_was_moved_takes_along_what_it_has_learned(
+    tmp_path: Path, home: Path
+) -> None:
+    trees = make(tmp_path / "one" / "trees")
+    first = claim(trees, home)
+    moved = Path(shutil.move(trees, tmp_path / "elsewhere"))
+    found = claim(moved, home)
+    assert found.path == first.path
+    assert f"was {trees} before" in found.note
+    assert claim(moved, home).note == ""
+    # Who comes into the old place is somebody else.
+    assert claim(make(trees), home).path != first.path
+
+
+def test_a_copy_says_so_once_and_begins_anew(tmp_path: Path, home: Path) -> None:
+    trees = make(tmp_path / "one" / "trees")
+    first = claim(trees, home)
+    copied = Path(shutil.copytree(trees, tmp_path / "copy" / "trees"))
+    assert "is a copy of" in find_state(copied, home=home).note
+    found = claim(copied, home)
+    assert found.path != first.path
+    assert found.is_new
+    assert f"is a copy of {trees}" in found.note
+    again = claim(copied, home)
+    assert (again.path, again.note) == (found.path, "")
+    assert claim(trees, home).path == first.path
+
+
+def test_without_its_file_a_folder_is_known_by_its_path(tmp_path: Path, home: Path) -> None:
+    trees = make(tmp_path / "one" / "trees")
+    first = claim(trees, home)
+    (trees / ID_FILE).unlink()
+    assert claim(trees, home).path == first.path
+
+
+def test_an_installed_folder_gets_no_file(
+    tmp_path: Path, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trees = make(tmp_path / "installation" / "share" / "bt_agents_trees")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "installation"))
+    first = claim(trees, home)
+    assert sorted(path.name for path in trees.iterdir()) == ["scene.yaml"]
+    assert claim(trees, home).path == first.path
+
+
+@pytest.mark.parametrize("text", ["../../etc", "a/b", "a b", "", "x" * 81, "\x00", "-rf"])
+def test_an_id_that_is_none_leads_nowhere(tmp_path: Path, home: Path, text: str) -> None:
+    trees = make(tmp_path / "one" / "trees")
+    (trees / ID_FILE).write_text(f"{text}\n")
+    if not text:
+        assert claim(trees, home).path.parent == home / "trees"
+        return
+    with pytest.raises(BtAgentsError, match="expected a line of letters"):
+        claim(trees, home)
+
+
+def test_a_named_place_belongs_to_one_folder(tmp_path: Path, home: Path) -> None:
+    one, other = make(tmp_path / "one" / "trees"), make(tmp_path / "other" / "trees")
+    place = str(tmp_path / "robot")
+    assert claim(one, home, place).path == tmp_path / "robot"
+    assert not (one / ID_FILE).exists()
+    assert not home.exists()
+    with pytest.raises(BtAgentsError, match=f"holds the state of the trees folder {one}"):
+        claim(other, home, place)
+    assert claim(one, home, place).note == ""
+    shutil.rmtree(one)
+    assert f"was {one} before" in claim(other, home, place).note
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, home: Path) -> None:
+    home.write_text("a file")
+    with pytest.raises(BtAgentsError, match="name another folder with --state"):
+        claim(make(tmp_path / "one" / "trees"), home)
+
+
+def test_the_home_of_all_follows_xdg() -> None:
+    assert state_home({"XDG_STATE_HOME": "/x"}) == Path("/x/bt-agents")
+    assert state_home({}) == Path.home() / ".local" / "state" / "bt-agents"

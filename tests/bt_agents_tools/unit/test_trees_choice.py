@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which folder commands work on, and what they say about it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents.host.tuning.change_log import ChangeLog
+from bt_agents.host.tuning.history import TuningCause, TuningChange, TuningRevision
+from bt_agents_core.state_folder import claim_state
+from bt_agents_tools.cli.commands import demo, profile, tune, why
+from bt_agents_tools.cli.connection import NoSystemError
+from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.launcher.former_state import adopt_former_state
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.rows import RevisionCause
+from journal_fixture import morning
+from tree_harness import TREES
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a command in an empty folder; no system is running."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+
+    def no_system() -> None:
+        raise NoSystemError("no running system")
+
+    for module in (profile, tune, why):
+        monkeypatch.setattr(module, "connect", no_system)
+    return lambda *words: CliRunner().invoke(bt_agents, words)
+
+
+@pytest.fixture
+def trees(run: Run) -> Path:
+    """A trees folder in this one."""
+    return Path(shutil.copytree(TREES, Path.cwd() / "trees"))
+
+
+@pytest.mark.parametrize(
+    ("words", "example"),
+    [
+        (("check",), "bt-agents check shipped"),
+        (("test",), "bt-agents test shipped"),
+        (("up",), "bt-agents up shipped"),
+        (("schema",), "bt-agents schema shipped"),
+        (("rehearse", "attentive_guide"), "bt-agents rehearse … --dir shipped"),
+        (("show", "attentive_guide"), "bt-agents show … --dir shipped"),
+    ],
+)
+def test_without_a_trees_folder_a_command_says_how_to_name_one(
+    run: Run, words: tuple[str, ...], example: str
+) -> None:
+    said = str(run(*words).exception)
+    assert "no trees folder here" in said
+    assert example in said.replace("bt-agents-", "bt-agents ")
+    assert "'bt-agents new NAME'" in said
+
+
+def test_the_formatter_does_not_propose_to_change_the_installation(run: Run) -> None:
+    said = str(run("fmt").exception)
+    assert "no trees folder here" in said
+    assert "shipped" not in said
+
+
+def test_the_formatter_leaves_the_installation_alone(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installed = tmp_path / "installation" / "share" / "bt_agents_trees"
+    shutil.copytree(TREES, installed)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "installation"))
+    ugly = installed / "agents" / "ugly.yaml"
+    ugly.write_text("a:   1\n")
+    for path in ("shipped", str(installed), str(ugly)):
+        assert "belongs to the installation" in str(run("fmt", path).exception)
+    assert ugly.read_text() == "a:   1\n"
+
+
+def test_the_folder_that_was_taken_is_said_beside_the_output(run: Run, trees: Path) -> None:
+    for words in (
+        ("check",),
+        ("test", "-k", "own words"),
+        ("explain", "wait"),
+        ("fmt", "--check"),
+    ):
+        assert f"trees folder: {trees}\n" in run(*words).stderr, words
+    assert run("check", "trees").stderr == ""
+    assert run("check", "--format", "json").stderr == ""
+    shown = run("show", "attentive_guide", "--dir", "shipped")
+    assert shown.exit_code == 0
+    assert "trees folder: " in shown.stderr
+
+
+def test_the_demo_shows_the_installation_unless_the_folder_here_has_its_script(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[Path] = []
+    monkeypatch.setattr(demo, "Interrupt", lambda: None)
+    monkeypatch.setattr(demo, "run_system", lambda *given: taken.append(given[2].resolve()))
+    assert f"trees folder: {TREES.resolve()}" in run("demo").stderr
+    here = Path.cwd() / "trees"
+    here.mkdir()
+    shutil.copy(TREES / "scene.yaml", here)
+    run("demo")
+    run("demo", "--script", "mine.yaml")
+    shutil.copytree(TREES / "scripts", here / "scripts")
+    run("demo")
+    assert taken == [TREES.resolve(), TREES.resolve(), here, here]
+
+
+def learn(trees: Path, age: float) -> Path:
+    kept = claim_state(trees)
+    with Ledger(kept.ledger) as ledger:
+        ledger.enter({"attentive_guide": {"age": 3.0, "familiarity": 1.0, "mood": 3.0}})
+        values = {"age": age, "familiarity": 1.0, "mood": 3.0}
+        ledger.append("attentive_guide", values, RevisionCause(source="anna"))
+    return kept.ledger
+
+
+def test_what_was_learned_is_read_without_a_system_and_stays_with_its_folder(
+    run: Run, trees: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "nothing was learned in" in str(run("profile").exception)
+    ledger = learn(trees, 4.5)
+    before = ledger.read_bytes()
+    shown = run("profile", "--json")
+    assert json.loads(shown.stdout)[0]["age"] == 4.5
+    lines = run("profile", "history", "attentive_guide").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == ["revision", "0", "1"]
+    assert "age 3 → 4.5" in lines[2]
+    assert "2 revisions are as they were written" in run("profile", "check").stdout
+    assert run("profile", "export", "out.json").stdout == "1 profile written to out.json\n"
+    assert ledger.read_bytes() == before
+    other = tmp_path / "other"
+    other.mkdir()
+    shutil.copytree(trees, other / "trees")
+    monkeypatch.chdir(other)
+    copied = run("profile")
+    assert "is a copy of" in copied.stderr
+    assert "nothing was learned in" in str(copied.exception)
+    # A state folder that is named is read whoever runs.
+    assert run("profile", "--state", str(other / "robot")).exit_code == 1
+
+
+def test_a_ledger_is_read_while_its_writer_is_at_work(run: Run, trees: Path) -> None:
+    ledger = learn(trees, 4.0)
+    with Ledger(ledger) as open_one:
+        values = {"age": 4.2, "familiarity": 1.0, "mood": 3.0}
+        open_one.append("attentive_guide", values, RevisionCause(source="anna"))
+        assert json.loads(run("profile", "--json").stdout)[0]["age"] == 4.2
+
+
+def test_tunings_are_read_without_a_system(run: Run, trees: Path) -> None:
+    assert "nothing was tuned in" in str(run("tune", "--history").exception)
+    kept = claim_state(trees)
+    with ThreadPoolExecutor(1) as disk:
+        log = ChangeLog(kept.tunings, disk, print)
+        change = TuningChange(name="attentive_guide.patience", before=8.0, after=12.0)
+        cause = TuningCause(author="anna", reason="slow")
+        revision = TuningRevision(number=1, stamp=time.time(), cause=cause, changes=(change,))
+        log.append(revision, {})
+        assert "a host has it open" in str(run("tune", "--history").exception)
+        log.close()
+    row = json.loads(run("tune", "--history", "--json").stdout)[0]
+    assert (row["name"], row["after"], row["author"]) == ("attentive_guide.patience", 12.0, "anna")
+    assert run("tune", "quick", "--history", "--json").stdout == "[]\n"
+    assert run("tune", "--state", "there", "patience=3").exit_code == 2
+
+
+def test_a_decision_is_read_from_the_journal_without_a_system(
+    run: Run, trees: Path, tmp_path: Path
+) -> None:
+    assert "there is no journal in" in str(run("why").exception)
+    kept = claim_state(trees)
+    kept.journal.mkdir()
+    morning(tmp_path / "town").write(kept.journal / "journal-2026-05-04_001.mcap")
+    last = run("why")
+    assert last.exit_code == 0
+    assert "wins" in last.stdout or "round 4" in last.stdout
+    assert run("why", "1").stdout.startswith("round 1")
+    assert json.loads(run("why", "1", "--json").stdout)["round"] == 1
+    assert "no decision of round 9" in str(run("why", "9").exception)
+    assert "rounds" in run("journal").stdout or run("journal").exit_code == 0
+
+
+def former(home: Path, *agents: str) -> None:
+    with Ledger(home / "ledger.sqlite") as ledger:
+        ledger.enter({agent: {"age": 3.0} for agent in agents})
+    with closing(sqlite3.connect(home / "tunings.sqlite")) as tunings:
+        tunings.execute("CREATE TABLE t (x)")
+    (home / "presets.yaml").write_text("presets\n")
+
+
+def test_what_all_folders_shared_goes_to_the_first_whose_agents_have_learned_it(
+    tmp_path: Path, trees: Path
+) -> None:
+    home = tmp_path / "state" / "bt-agents"
+    former(home, "anna", "bert")
+    left = adopt_former_state(claim_state(trees), home, lambda: {"anna"})
+    assert "stays in" in left
+    assert "such as bert" in left
+    assert (home / "ledger.sqlite").exists()
+    assert adopt_former_state(claim_state(trees), home, lambda: {"anna", "bert"}) == ""
+    second = Path(shutil.copytree(TREES, tmp_path / "second" / "trees"))
+    kept = claim_state(second)
+    assert "is moved from" in adopt_former_state(kept, home, lambda: {"anna", "bert", "carl"})
+    assert kept.tunings.exists()
+    assert (kept.path / "presets.yaml").exists()
+    with Ledger(kept.ledger) as ledger:
+        assert ledger.agents() == ("anna", "bert")
+    assert not list(home.glob("*.sqlite*"))
+
+
+def test_a_ledger_that_is_in_use_is_not_moved(tmp_path: Path, trees: Path) -> None:
+    home = tmp_path / "state" / "bt-agents"
+    former(home, "anna")
+    with Ledger(home / "ledger.sqlite"):
+        left = adopt_former_state(claim_state(trees), home, lambda: {"anna"})
+    assert "another feedback node writes it" in left
+    assert (home / "tunings.sqlite").exists()
