@@ -36,7 +36,7 @@ def navigated(entry: Any) -> Iterator[str]:
 
 def test_the_site_has_every_page_once_and_every_link_leads_somewhere_without_the_net() -> None:
     built = subprocess.run(
-        [sys.executable, str(ROOT / "scripts" / "site.py")], capture_output=True, text=True
+        [sys.executable, str(ROOT / "scripts" / "docs_site.py")], capture_output=True, text=True
     )
     assert built.returncode == 0, built.stdout + built.stderr
     pages = list(navigated(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]))

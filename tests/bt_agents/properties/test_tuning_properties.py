@@ -6,6 +6,7 @@ from __future__ import annotations
 import difflib
 import json
 import math
+import re
 import sqlite3
 from collections.abc import Mapping
 from dataclasses import replace
@@ -346,7 +347,7 @@ def test_keeping_changes_the_wanted_values_of_a_file_and_nothing_else(text, data
         for bound in ("type", "minimum", "maximum", "step"):
             assert getattr(parameter, bound) == getattr(parameters[name], bound)
     rate_is_new = any(one.parameter.key == "learning_rate" for one in tuned) and (
-        "learning_rate" not in text
+        re.search(r"\blearning_rate:|\blearning: \{rate:", text) is None
     )
     old, new = text.splitlines(keepends=True), kept.splitlines(keepends=True)
     assert len(new) == len(old) + rate_is_new

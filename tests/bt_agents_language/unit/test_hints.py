@@ -101,7 +101,7 @@ def test_a_mood_rule_is_about_the_mood_as_it_is_now():
         ("{say: Hello., unless: live.person}", ["'when: not (…)'"]),
         ("{sequence: [{say: Hello.}, {stop: true}]}", ["check: false"]),
         ("{random: [Hello., Good day.]}", ["'say: Hello.'", "'say: Good day.'"]),
-        ("{say: [Hello., Good day.]}", ["'random'"]),
+        ("{say: [Hello., Good day.]}", ["{one_of: […]}"]),
         ("{choose: [{otherwise: {say: Hello.}}]}", ["'choose: {children: …, otherwise: …}'"]),
         (
             "{choose: [{name: a, when: live.person, say: Hi.}], otherwise: {say: Hello.}}",

@@ -159,7 +159,7 @@ def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
         ("expect: {cancelled_by: mood.change <= -2}", "[unknown-name]: nothing cancels this run"),
         ("expect: {bids: false, ends: failed}", "[contradiction]: an agent that does not bid"),
         ("expect: {within: soon}", "[bad-duration]"),
-        ("picks: {tree/0.say: 2}", "[unknown-path]: no node of the agent that has several texts"),
+        ("variants: {tree/0.say: 2}", "[unknown-path]: no node of the agent that has"),
         ("answers: {sing: yes}", "[unknown-name]: the agent's tree uses no skill 'sing'"),
         ("answers: {drive: yes}", "[wrong-type]: the answer of 'drive': it gives nothing back"),
         ("answers: {ask: {gives: a, fails: b}}", "[contradiction]: the answer of 'ask' has"),

@@ -186,7 +186,7 @@ def test_every_command_exists_with_its_options(document: str, text: str) -> None
         name, *words = command.split()
         found = bt_agents.get_command(click.Context(bt_agents), name)
         if isinstance(found, click.Group) and words:
-            found = found.get_command(click.Context(found), words[0])
+            found = found.resolve_command(click.Context(found), words)[1]
         assert found is not None, f"{document}: bt-agents {command}"
         known = {o for p in found.params for o in (*p.opts, *p.secondary_opts)}
         assert {word for word in words if word.startswith("--")} <= known

@@ -35,7 +35,7 @@ def test_a_run_says_since_when_it_is_under_way_and_for_which_scene():
 
 def test_a_scene_without_a_label_is_named_by_its_values_and_never_by_an_id_that_is_known():
     names = SceneLabels()
-    names.add(Scene(scene_id="scene-7", values=[SceneValue(name="age", value=4.5)]))
+    names.add(Scene(scene_id="scene-7", person=True, values=[SceneValue(name="age", value=4.5)]))
     running = MarketStatus(
         stamp=to_time(SINCE_S),
         state=MarketStatus.COLLECTING,

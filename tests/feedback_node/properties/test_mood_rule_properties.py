@@ -36,7 +36,9 @@ class Look:
     @property
     def low(self) -> bool:
         """Whether the mood of the right person is known to be low."""
-        known = self.origin in (Origin.MEASURED, Origin.GIVEN) and self.confidence >= 0.5
+        known = (
+            self.origin in (Origin.MEASURED, Origin.GIVEN, Origin.TOLD) and self.confidence >= 0.5
+        )
         there = self.person and self.person_id in ("anna", "")
         return known and there and self.mood is not None and self.mood <= START - 1.0
 
