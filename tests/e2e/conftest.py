@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from command_server import CommandServer, command_server
 from programs import ROOT, Program, children
 
 
@@ -47,15 +48,21 @@ def start(environment: dict[str, str]) -> Iterator[Callable[..., Program]]:
             program.close()
 
 
+@pytest.fixture(scope="session")
+def commands() -> Iterator[CommandServer]:
+    """Every command, loaded once."""
+    with command_server(dict(os.environ)) as server:
+        yield server
+
+
 @pytest.fixture
-def ask(start: Callable[..., Program]) -> Callable[..., str]:
+def ask(commands: CommandServer, environment: dict[str, str]) -> Callable[..., str]:
     """Run a short command to its end; return what it prints. Any exit code will do with None."""
 
     def ask_one(*arguments: str, code: int | None = 0) -> str:
-        program = start(*arguments)
-        found = program.wait()
-        assert code is None or found == code, program.output
-        return program.output
+        ended = commands.run(*arguments, folder=ROOT, environment=environment, together=True)
+        assert code is None or ended.code == code, ended.out
+        return ended.out
 
     return ask_one
 

@@ -76,7 +76,7 @@ def commands() -> Iterator[CommandServer]:
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("HOME", "XDG_"))}
     # COLUMNS may be left from a wider terminal.
     more = {"TERM": "dumb", "COLUMNS": "80"}
-    with command_server({**kept, **ASCII, **NO_SYSTEM, **more}) as server:
+    with command_server({**kept, **ASCII, **NO_SYSTEM, **more}, without_home=True) as server:
         yield server
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from command_server import CommandServer
 from programs import ROOT, Program
 
 pytestmark = pytest.mark.e2e
@@ -35,7 +36,10 @@ def fits(printed: str, written: str) -> bool:
 
 
 def test_every_command_of_the_tutorial_prints_what_stands_there(
-    start: Callable[..., Program], tmp_path: Path
+    start: Callable[..., Program],
+    commands: CommandServer,
+    environment: dict[str, str],
+    tmp_path: Path,
 ) -> None:
     folder = tmp_path / "hospital"
     folder.mkdir()
@@ -46,14 +50,13 @@ def test_every_command_of_the_tutorial_prints_what_stands_there(
             (folder / head.removeprefix("# ")).write_text(below)
             continue
         words = shlex.split(head)
-        program = start(*[word for word in words if word != "&"], folder=folder)
         if words[-1] == "&":
-            up = program
+            up = start(*words[:-1], folder=folder)
             up.until("ready")
             continue
-        program.wait()
-        if not fits(program.output, below):
-            different.append(f"$ bt-agents {head}\n{program.output}")
+        ended = commands.run(*words, folder=folder, environment=environment, together=True)
+        if not fits(ended.out, below):
+            different.append(f"$ bt-agents {head}\n{ended.out}")
         if up is not None and words[0] in BEFORE_THE_NEXT:
             up.until(BEFORE_THE_NEXT[words[0]])
     assert up is not None

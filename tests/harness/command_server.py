@@ -11,7 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from fcntl import F_SETPIPE_SZ, fcntl
@@ -22,7 +22,7 @@ HANG_S = 60.0
 
 _STREAMS = ("stdin", "stdout", "stderr")
 
-_REQUEST_BYTES = 1 << 16
+_REQUEST_BYTES = 1 << 17
 _PIPE_BYTES = 1 << 20
 """More than any command prints, so that none waits for its reader."""
 
@@ -55,6 +55,8 @@ class CommandServer:
         stdout: int | None = None,
         closed: Sequence[int] = (),
         largest_file: int | None = None,
+        environment: Mapping[str, str] | None = None,
+        together: bool = False,
     ) -> Ended:
         """Run one command to its end.
 
@@ -64,12 +66,15 @@ class CommandServer:
             stdout: Descriptor that becomes its standard output; a pipe that is read when left out.
             closed: Standard streams, by number, that it finds closed.
             largest_file: Bytes that it may write into one file.
+            environment: Its environment; that of the server when left out.
+            together: True: what it prints on standard error is in ``out``, in its place.
         """
         request = {
             "words": words,
             "folder": str(folder),
             "closed": list(closed),
             "largest_file": largest_file,
+            "environment": None if environment is None else dict(environment),
         }
         with ExitStack() as open_files, open(os.devnull, "rb") as nothing:
             readers, writers = [], []
@@ -79,7 +84,8 @@ class CommandServer:
                 writers.append(open_files.enter_context(open(writer, "wb")))
                 fcntl(writer, F_SETPIPE_SZ, _PIPE_BYTES)
             out, err = (writer.fileno() for writer in writers)
-            descriptors = [nothing.fileno(), out if stdout is None else stdout, err]
+            printed = out if stdout is None else stdout
+            descriptors = [nothing.fileno(), printed, printed if together else err]
             socket.send_fds(self._connection, [json.dumps(request).encode()], descriptors)
             for writer in writers:
                 writer.close()
@@ -89,13 +95,20 @@ class CommandServer:
 
 
 @contextmanager
-def command_server(environment: dict[str, str]) -> Iterator[CommandServer]:
-    """Start the process that forks commands; kill it, and what it has forked, at the end."""
+def command_server(
+    environment: dict[str, str], *, without_home: bool = False
+) -> Iterator[CommandServer]:
+    """Start the process that forks commands; kill it, and what it has forked, at the end.
+
+    Args:
+        environment: Its environment.
+        without_home: True: the commands are run by a user whom the system does not know.
+    """
     mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     mine.settimeout(HANG_S)
     with mine, its:
         process = subprocess.Popen(
-            [sys.executable, "-P", __file__, str(its.fileno())],
+            [sys.executable, "-P", __file__, str(its.fileno()), str(int(without_home))],
             stdin=subprocess.DEVNULL,
             env=environment,
             pass_fds=[its.fileno()],
@@ -135,6 +148,9 @@ def _become(request: dict[str, Any], descriptors: Sequence[int]) -> None:
         os.close(number)
         # Python finds it so when it starts.
         setattr(sys, _STREAMS[number], None)
+    if (environment := request["environment"]) is not None:
+        os.environ.clear()
+        os.environ.update(environment)
     os.chdir(request["folder"])
     sys.argv = ["bt-agents", *request["words"]]
     if (size := request["largest_file"]) is not None:
@@ -149,8 +165,8 @@ if __name__ == "__main__":
     def _unknown(*_: object) -> None:
         raise KeyError("no such user")
 
-    # A user whom the system does not know.
-    pwd.getpwuid = pwd.getpwnam = _unknown
+    if int(sys.argv[2]):
+        pwd.getpwuid = pwd.getpwnam = _unknown
     for entry in all_commands().values():
         entry.load()
     gc.freeze()
