@@ -29,7 +29,7 @@ def test_a_system_is_triggered_explained_tuned_by_feedback_cancelled_and_remembe
     decision = ask("trigger", "age=4.5", "familiarity=1", "mood=3", "--label", "Mrs Smith")
     assert "attentive_guide" in decision
     up.until("attentive_guide starts")
-    assert "running: " in ask("status")
+    assert "running since " in ask("status")
     assert re.search(
         r"Mrs Smith, somebody is there.*\n(.*\n)*age +4.5 \(an older adult\) +given", ask("scene")
     )
