@@ -283,12 +283,17 @@ def _check_contains(arguments: Sequence[Part]) -> None:
             raise one.error("every text contains the empty text", "write what to look for")
 
 
+def _stands_in(words: str, text: str) -> bool:
+    """Return whether words stand in a text as such, not inside of longer words."""
+    return re.search(rf"(?<!\w){re.escape(words)}(?!\w)", text) is not None
+
+
 def _compile_contains(arguments: Sequence[Part], column: int) -> Evaluator:
     where_of, *wanted = (argument.run for argument in arguments)
 
     def run(lookup: Lookup) -> bool:
         where = _a_text(where_of(lookup), "contains", column)
-        return any(_a_text(one(lookup), "contains", column) in where for one in wanted)
+        return any(_stands_in(_a_text(one(lookup), "contains", column), where) for one in wanted)
 
     return run
 
@@ -375,7 +380,7 @@ FUNCTIONS: dict[str, Function] = {
         Function(
             name="contains",
             usage="contains(text, 'a', 'b')",
-            means="true where one of the texts behind it is in the first",
+            means="true where one of the texts behind it stands in the first, as whole words",
             check_kinds=_check_contains,
             compile=_compile_contains,
             least=2,

@@ -16,6 +16,10 @@ from bt_agents_ros.types import fill, load_type, read_field
 from bt_agents_tools.client.observer import Observer
 
 _LIMIT_S = 3.0
+_SETTLE_S = 0.5
+"""Time before and after a message for listeners that confirm nothing: until they know the
+publisher, and until they have taken the message, which is gone with its publisher [s]."""
+
 _OWN_PACKAGES = ("action_msgs", "bt_agents_interfaces", "rcl_interfaces", "rosgraph_msgs")
 
 
@@ -73,7 +77,10 @@ def _plain(text: str, example: object) -> Any:
 
 
 def publish(observer: Observer, topic: str, message: Any) -> bool:
-    """Publish a message once all who listen are connected; return whether it has reached them."""
+    """Publish a message once all who listen are connected; return whether it has reached them.
+
+    Trees listen by best effort, as any publisher reaches them so: they cannot say what they got.
+    """
     # Latched, so that every kind of subscription matches.
     publisher = observer.node.create_publisher(type(message), topic, qos.FACT)
 
@@ -83,5 +90,7 @@ def publish(observer: Observer, topic: str, message: Any) -> bool:
 
     if not observer.spin_until(connected, _LIMIT_S):
         return False
+    observer.spin_until(lambda: False, _SETTLE_S)
     publisher.publish(message)
+    observer.spin_until(lambda: False, _SETTLE_S)
     return bool(publisher.wait_for_all_acked(Duration(seconds=_LIMIT_S)))

@@ -40,7 +40,9 @@ def test_a_pattern_is_an_agent_without_remarks_whose_every_test_passes(pattern: 
 def test_a_copy_has_another_name_the_same_tests_and_what_it_imports(here: Path) -> None:
     assert run("new", "carrier", "--like", "polite_carrier").exit_code == 0
     assert (here / "trees/libraries/manners.yaml").exists()
-    assert run("new", "other", "--like", "carrier").exit_code == 0
+    other = run("new", "other", "--like", "carrier")
+    assert other.exit_code == 0
+    assert "profile are still those of carrier" in other.stdout
     assert run("new", "third", "--like", "trees/agents/other.yaml").exit_code == 0
     for name in ("carrier", "other", "third"):
         agent = (here / f"trees/agents/{name}.yaml").read_text()

@@ -186,6 +186,10 @@ def new(name: str, directory: Path | None, kind: str, like: str, of_pattern: str
         if text:
             _write(path, _schema(directory, of_kind) + text)
     _next_steps(name, directory, kind)
+    if like:
+        click.echo(
+            f"\nIts title and its profile are still those of {like}: both suit the same scenes."
+        )
 
 
 def _origin(like: str, of_pattern: str, trees: Trees) -> tuple[Trees, Path]:
