@@ -71,12 +71,12 @@ for line in sys.stdin:
     path, seed = json.loads(line)
     child = os.fork()
     if child == 0:
+        say("started", os.getpid())
         try:
             write(path, seed)
         except BaseException as error:
             say("failed", repr(error))
         os._exit(0)
-    say("started", child)
     os.waitpid(child, 0)
     say("ended")
 """
@@ -91,6 +91,7 @@ class Writers:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            start_new_session=True,
         )
 
     def run(self, path: Path, seed: int, acknowledged: int, more_s: float) -> list[list[Any]]:
@@ -116,7 +117,8 @@ class Writers:
         return heard
 
     def close(self) -> None:
-        self._process.kill()
+        # The writer, too, which would go on otherwise.
+        os.killpg(self._process.pid, signal.SIGKILL)
         self._process.communicate()
 
 

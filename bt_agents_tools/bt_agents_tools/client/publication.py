@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rclpy.duration import Duration
+from rclpy.qos import ReliabilityPolicy
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
@@ -79,7 +80,8 @@ def _plain(text: str, example: object) -> Any:
 def publish(observer: Observer, topic: str, message: Any) -> bool:
     """Publish a message once all who listen are connected; return whether it has reached them.
 
-    Trees listen by best effort, as any publisher reaches them so: they cannot say what they got.
+    Trees listen by best effort, so that every publisher reaches them: they cannot say what they
+    got.
     """
     # Latched, so that every kind of subscription matches.
     publisher = observer.node.create_publisher(type(message), topic, qos.FACT)
@@ -90,7 +92,10 @@ def publish(observer: Observer, topic: str, message: Any) -> bool:
 
     if not observer.spin_until(connected, _LIMIT_S):
         return False
-    observer.spin_until(lambda: False, _SETTLE_S)
+    listeners = observer.node.get_subscriptions_info_by_topic(topic)
+    lossy = any(one.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT for one in listeners)
+    settle_s = _SETTLE_S if lossy else 0.0
+    observer.spin_until(lambda: False, settle_s)
     publisher.publish(message)
-    observer.spin_until(lambda: False, _SETTLE_S)
+    observer.spin_until(lambda: False, settle_s)
     return bool(publisher.wait_for_all_acked(Duration(seconds=_LIMIT_S)))
