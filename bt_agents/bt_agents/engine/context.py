@@ -45,6 +45,11 @@ class RunContext:
         del path
         return self.random.choice([number for number in range(count) if number != last])
 
+    def picked_child(self, spec: NodeSpec) -> int | None:
+        """Return which of its children a ``random`` takes, by its place; None: it draws one."""
+        del spec
+        return None
+
     def send(self, path: str, goal: SkillGoal) -> GoalRun:
         """Send a goal in the name of the node at ``path``."""
         return self._track(path, self.environment.send(goal))

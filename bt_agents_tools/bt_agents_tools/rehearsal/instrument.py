@@ -7,12 +7,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from bt_agents_core.field_types import BindingKind
-from bt_agents_language.files.testing.path_patterns import branches_of, matches
+from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED, Replacement
 from bt_agents_language.model.specs import (
     AgentSpec,
     Binding,
-    Literal,
     MapValue,
     NodeSpec,
     Reference,
@@ -26,12 +25,6 @@ def with_replacements(agent: AgentSpec, replacements: Iterable[Replacement]) -> 
     if not every:
         return agent
     return _changed(agent, lambda root: _with_replacements(root, every))
-
-
-def with_picks(agent: AgentSpec, picks: Iterable[str]) -> AgentSpec:
-    """Return the agent with the children that its ``random`` nodes take."""
-    every = tuple(picks)
-    return _changed(agent, lambda root: _with_picks(root, every)) if every else agent
 
 
 def with_open_bindings(agent: AgentSpec) -> AgentSpec:
@@ -66,16 +59,6 @@ def _with_replacements(node: NodeSpec, replacements: tuple[Replacement, ...]) ->
 def _at_path(node: NodeSpec, path: str) -> NodeSpec:
     children = tuple(_at_path(child, path) for child in node.children)
     return replace(node, path=path + node.path.removeprefix(REPLACED), children=children)
-
-
-def _with_picks(node: NodeSpec, picks: tuple[str, ...]) -> NodeSpec:
-    fields = node.fields
-    branches = branches_of(node)
-    fitting = [[i for i, path in enumerate(branches) if matches(one, path)] for one in picks]
-    if places := tuple(found[0] for found in fitting if found):
-        fields = {**fields, "picks": Literal(value=places)}
-    children = tuple(_with_picks(child, picks) for child in node.children)
-    return replace(node, fields=fields, children=children)
 
 
 def _with_open_bindings(node: NodeSpec) -> NodeSpec:

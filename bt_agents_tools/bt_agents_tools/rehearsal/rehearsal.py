@@ -37,12 +37,7 @@ from bt_agents_language.nodes.remember import BINDING as REMEMBER
 from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
-from bt_agents_tools.rehearsal.instrument import (
-    replaced,
-    with_open_bindings,
-    with_picks,
-    with_replacements,
-)
+from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
 from bt_agents_tools.rehearsal.rehearsal_context import RehearsalContext
 from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
 from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLiveScene, awarded, change_text
@@ -148,7 +143,7 @@ class _Rehearsal:
         self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
         self._tunables |= scenario.tunables
         self._run = Run(
-            with_picks(with_open_bindings(agent), scenario.picks),
+            with_open_bindings(agent),
             space=space,
             scene=self._scene,
             profile=agent.profile,
@@ -157,7 +152,7 @@ class _Rehearsal:
             environment=self._environment,
             steady=self._clock,
             random=Random(scenario.seed),
-            context=partial(RehearsalContext, variants=scenario.variants),
+            context=partial(RehearsalContext, picks=scenario.picks, variants=scenario.variants),
             on_visit=lambda node, status: self._ticked.append((node, status)),
         )
         self._watch = Watch(agent.rules, self._scene, space, self._clock)

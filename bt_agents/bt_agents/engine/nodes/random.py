@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from random import Random
-from typing import cast
 
 from py_trees.behaviour import Behaviour
 
@@ -21,8 +19,7 @@ class RandomChoice(ChooseOne):
     """Ticks one child, drawn at each start, the more often the larger its weight.
 
     Without repeats, those that had their turn are left out until all have had theirs; the last one
-    does not come twice in a row even then. A test can say with ``picks`` which children come
-    instead, by their places, the last one for ever.
+    does not come twice in a row even then.
     """
 
     def __init__(
@@ -30,17 +27,16 @@ class RandomChoice(ChooseOne):
     ) -> None:
         super().__init__(spec, context, scope, build)
         seed = self.fields.constant("seed")
-        self._picks = list(cast(Sequence[int], self.fields.constant("picks", ())))
+        self._context = context
         self._repeats = bool(self.fields.constant("repeats", True))
         self._had: set[Weight] = set()
         self._last: Weight | None = None
         self._random = Random(seed) if isinstance(seed, int) else context.random
 
     def pick(self) -> Behaviour:
-        picked = self._drawn() if not self._picks else self.children[self._picks[0]]
+        place = self._context.picked_child(self.spec)
+        picked = self._drawn() if place is None else self.children[place]
         assert isinstance(picked, Weight)
-        if len(self._picks) > 1:
-            del self._picks[0]
         self._had.add(picked)
         self._last = picked
         self.feedback_message = f"picked '{picked.decorated.name}'"

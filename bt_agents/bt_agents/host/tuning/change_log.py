@@ -270,12 +270,8 @@ class ChangeLog:
         newest = db.execute("SELECT max(number) FROM revisions").fetchone()[0] or 0
         history = TuningHistory(
             newest,
-            self._revisions(
-                db, "WHERE stack = ? ORDER BY pushed DESC LIMIT ?", _UNDO, MOST_UNDONE
-            ),
-            self._revisions(
-                db, "WHERE stack = ? ORDER BY pushed DESC LIMIT ?", _REDO, MOST_UNDONE
-            ),
+            self._revisions(db, _ON_STACK, _UNDO, MOST_UNDONE),
+            self._revisions(db, _ON_STACK, _REDO, MOST_UNDONE),
             self._revisions(db, _CHANGED, MOST_SHOWN),
         )
         for name, value, default in db.execute("SELECT name, value, file_default FROM overrides"):
