@@ -17,7 +17,7 @@ from itertools import count
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import is_installed
+from bt_agents_core.trees_folder import is_installed, is_trees
 
 ID_FILE = ".bt-agents-id"
 """File of a trees folder with its id."""
@@ -151,7 +151,7 @@ def _named_state(trees: Path, place: Path) -> StateFolder:
     found = _state(trees, place)
     if owner is None or _is_same(owner, trees):
         return found
-    if _is_trees(owner):
+    if is_trees(owner):
         raise BtAgentsError(
             f"{place} holds the state of the trees folder {owner}; name another folder with "
             f"--state, or remove '{place / _OWNER_FILE}' to give it to {trees}"
@@ -193,7 +193,7 @@ def _id_of(trees: Path) -> str:
 
 def _id_if_readable(trees: Path) -> str:
     try:
-        return _id_of(trees) if _is_trees(trees) else ""
+        return _id_of(trees) if is_trees(trees) else ""
     except BtAgentsError:
         return ""
 
@@ -202,13 +202,6 @@ def _owner_of(place: Path) -> Path | None:
     """Return the trees folder that a state folder belongs to; None while it is nobody's."""
     text = _read(place / _OWNER_FILE)
     return Path(text) if text else None
-
-
-def _is_trees(folder: Path) -> bool:
-    try:
-        return (folder / "scene.yaml").is_file()
-    except (OSError, ValueError):
-        return False
 
 
 def _is_same(one: Path, other: Path) -> bool:

@@ -34,6 +34,14 @@ class NoTreesFolderError(BtAgentsError):
         self.near = near
 
 
+def is_trees(folder: Path) -> bool:
+    """Return whether a folder is one of trees; one that cannot be read is none."""
+    try:
+        return (folder / _SCENE).is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def find_trees(explicit: str = "") -> Path:
     """Return the trees folder: ``explicit``, else this one or ``./trees``.
 
@@ -47,13 +55,13 @@ def find_trees(explicit: str = "") -> Path:
         return _installed(_TREES, _TREES_PACKAGE, _SCENE)
     if explicit:
         folder = Path(explicit)
-        if _is_trees(folder):
+        if is_trees(folder):
             return folder
-        near = next(filter(_is_trees, (folder / _TREES, *folder.absolute().parents)), None)
+        near = next(filter(is_trees, (folder / _TREES, *folder.absolute().parents)), None)
         hint = f"did you mean '{near}'?" if near else f"'{SHIPPED}' names that of the installation"
         raise BtAgentsError(f"'{folder}' is no trees folder: it has no {_SCENE}; {hint}")
     for folder in (Path(), Path(_TREES)):
-        if _is_trees(folder):
+        if is_trees(folder):
             return folder
     raise NoTreesFolderError(next(_near(), None))
 
@@ -162,10 +170,6 @@ def _shares(package: str) -> Iterator[Path]:
         yield Path(prefix) / "share" / package
 
 
-def _is_trees(folder: Path) -> bool:
-    return (folder / _SCENE).is_file()
-
-
 def _near() -> Iterator[Path]:
     """Yield trees folders above this folder, then in the folders of this one."""
     here = Path.cwd()
@@ -173,7 +177,7 @@ def _near() -> Iterator[Path]:
     beside = chain.from_iterable(
         (folder, folder / _TREES) for folder in islice(sorted(_folders()), _MOST_SEARCHED)
     )
-    return filter(_is_trees, chain(above, beside))
+    return filter(is_trees, chain(above, beside))
 
 
 def _folders() -> Iterator[Path]:
