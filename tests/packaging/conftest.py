@@ -26,6 +26,12 @@ COLCON = [
 
 CMAKE = ["cmake>=3.24", "ninja"]
 
+NOT_OPTIMIZED = [
+    f"--config-settings=cmake.define.CMAKE_{language}_FLAGS_RELEASE=-O0"
+    for language in ("C", "CXX")
+]
+"""How fast the interfaces are is measured with those of the checkout."""
+
 NOT_COMPILED = "--no-compile"
 """Of the many modules of an environment few are imported; Python compiles these when they are."""
 
@@ -94,16 +100,32 @@ def tools(
 
 
 @pytest.fixture(scope="session")
-def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where both ways build, so that the C++ of the interfaces is compiled once."""
-    return tmp_path_factory.mktemp("workspace")
+def build(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Where both ways build, so that the C++ of the interfaces is compiled once.
+
+    Raises:
+        FileExistsError: Another worker of this test run builds too.
+    """
+    of_run = tmp_path_factory.getbasetemp()
+    folder = (of_run if worker_id == "master" else of_run.parent) / "workspace"
+    folder.mkdir()
+    return folder
 
 
 @pytest.fixture(scope="session")
 def wheel(source: Path, tools: Path, build: Path) -> Path:
     """The one wheel of the project."""
     shared = f"--config-settings=build-dir={build / 'build' / 'bt_agents_interfaces'}"
-    pip = ["python", "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", shared]
+    pip = [
+        "python",
+        "-m",
+        "pip",
+        "wheel",
+        "--no-deps",
+        "--no-build-isolation",
+        shared,
+        *NOT_OPTIMIZED,
+    ]
     run([*pip, "--wheel-dir", str(build / "dist"), str(source)], tools, build)
     (found,) = (build / "dist").iterdir()
     return found

@@ -10,7 +10,7 @@ import pytest
 
 from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES
 
-pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
+pytestmark = pytest.mark.packaging
 
 
 def test_every_package_is_built(install_space: Path):

@@ -11,7 +11,7 @@ import pytest
 
 from checkout import PYTHON_PACKAGES, ROOT, needed_by
 
-pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
+pytestmark = pytest.mark.packaging
 
 ALONE = needed_by("marketplace_node")
 ITS_PACKAGES = [package for package in PYTHON_PACKAGES if package.name in ALONE]

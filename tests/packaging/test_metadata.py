@@ -14,7 +14,7 @@ import yaml
 
 from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage, needed_by
 
-pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
+pytestmark = pytest.mark.packaging
 
 KEYS = {
     "aiohttp": ("python3-aiohttp", "aiohttp>=3.8"),

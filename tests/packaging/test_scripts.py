@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
+pytestmark = pytest.mark.packaging
 
 COMMANDS = (
     "basename bash cat chmod cp dirname env find flock ln mkdir rm sed sha256sum sleep sort tail "

@@ -12,7 +12,7 @@ import pytest
 
 from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES
 
-pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
+pytestmark = pytest.mark.packaging
 
 
 def test_the_project_builds_into_one_wheel_with_every_module(
