@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from ipaddress import ip_address
@@ -32,14 +32,10 @@ _JSON = "application/json"
 class SessionRole(IntEnum):
     """What a session may do; one that may more has the larger number."""
 
-    PERSON = 0
-    """Answer, stop and give feedback; sees the page for the person only."""
     VIEW = 1
     """See everything, change nothing."""
     OPERATE = 2
-    """Run, stop, feedback, pins, vetoes, scenes and values."""
-    AUTHOR = 3
-    """Change files, too."""
+    """Stop, give feedback, pin, veto, announce scenes and tune."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +63,7 @@ class Access:
 
     def __init__(
         self,
-        hosts: frozenset[str],
+        hosts: Collection[str],
         *,
         scheme: str,
         random_bytes: Callable[[int], bytes],

@@ -7,7 +7,7 @@ import os
 import time
 import uuid
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
@@ -62,19 +62,20 @@ def studio(
 ) -> None:
     """Show the running system of a trees DIRECTORY in a browser, until Ctrl-C."""
     trees = take_trees(directory)
-    mood = read_scene(trees / "scene.yaml").space.mood
+    space = read_scene(trees / "scene.yaml").space
     folder = journal or find_state(trees, state).journal
     set_local_discovery(os.environ)
     with loading():
         from bt_agents_studio.service import Address, serve
 
-    def ready(url: str) -> None:
-        click.echo(f"studio: {url}")
+    def ready(addresses: Mapping[SessionRole, str]) -> None:
+        click.echo(f"studio: {addresses[SessionRole.OPERATE]}")
+        click.echo(f"to look on only: {addresses[SessionRole.VIEW]}")
         if opens:
-            webbrowser.open(url)
+            webbrowser.open(addresses[SessionRole.OPERATE])
 
     where = Address(host=address, port=port, certificate=certificate, key=key)
-    serve(where, mood=mood or "", journal=folder, ready=ready)
+    serve(where, space=space, journal=folder, ready=ready)
 
 
 @click.command()
@@ -87,13 +88,13 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     With --json it prints what a browser gets, one message a line: docs/studio_protocol.md.
     """
     trees = take_trees(directory)
-    mood = read_scene(trees / "scene.yaml").space.mood or ""
+    space = read_scene(trees / "scene.yaml").space
     set_local_discovery(os.environ)
     with loading():
         from bt_agents_studio.node import NodeThread, StudioNode
     interrupt = Interrupt()
     events: SimpleQueue[Callable[[], None]] = SimpleQueue()
-    shown = Studio(uuid.uuid4().hex[:12], mood=mood)
+    shown = Studio(uuid.uuid4().hex[:12], space=space)
 
     def later(handle: Callable[..., None]) -> Callable[..., None]:
         return lambda *values: events.put(partial(handle, *values))
@@ -115,7 +116,7 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
             studio=shown.name,
             now_s=time.time(),
             role=SessionRole.VIEW.name.lower(),
-            mood=mood,
+            parameters=shown.parameters,
             namespace=namespace,
         )
         click.echo(encode(hello))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operations: what a page may change, by which service, and who may do it."""
+"""Operations: what a page may change, and by which service."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from bt_agents_core.errors import Refused
-from bt_agents_studio.access import SessionRole
+
+LIMIT_S = 30.0
+"""Longest time for the answer of a service [s]."""
 
 LONGEST_TEXT = 1000
 """Characters of a text of an operation."""
@@ -23,31 +25,25 @@ class Operation:
     """One way to change a running system.
 
     Attributes:
-        role: What a session needs at least.
         service: Name of the service, relative to the namespace of the system; ``{host}`` stands
             for a field of that name, which is no field of the request.
         kind: Type of the service in ``bt_agents_interfaces``.
         fields: Field of the request → ``text``, ``number``, ``bool``, ``texts``, ``numbers``, or
             the numbers of its constants by their names.
-        limit_s: Longest time for the answer [s].
     """
 
-    role: SessionRole
     service: str
     kind: str
     fields: Mapping[str, str | Mapping[str, int]]
-    limit_s: float = 5.0
 
 
 OPERATIONS: Mapping[str, Operation] = {
     "cancel": Operation(
-        role=SessionRole.PERSON,
         service="marketplace/cancel",
         kind="CancelRun",
         fields={"reason": "text", "round": "number", "by": {"OPERATOR": 1}},
     ),
     "feedback": Operation(
-        role=SessionRole.PERSON,
         service="feedback/give",
         kind="GiveFeedback",
         fields={
@@ -60,7 +56,6 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "operate": Operation(
-        role=SessionRole.OPERATE,
         service="marketplace/operate",
         kind="OperateMarket",
         fields={
@@ -71,11 +66,10 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "profiles": Operation(
-        role=SessionRole.OPERATE,
         service="feedback/manage",
         kind="ManageProfiles",
         fields={
-            "action": {"HISTORY": 0, "UNDO": 1, "RESET": 2},
+            "action": {"UNDO": 1, "RESET": 2},
             "agent": "text",
             "layer": "text",
             "author": "text",
@@ -83,7 +77,6 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "scene": Operation(
-        role=SessionRole.OPERATE,
         service="scene_layer/analyze",
         kind="Analyze",
         fields={
@@ -96,7 +89,6 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "tune": Operation(
-        role=SessionRole.OPERATE,
         service="{host}/tune",
         kind="Tune",
         fields={

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from bt_agents_core.errors import Refused
+from bt_agents_studio.records import ParameterRecord
 from bt_agents_studio.store import Change
 
 VERSION = 1
@@ -27,8 +28,8 @@ class Hello:
         version: :data:`VERSION`.
         studio: This start of the studio; sequences of another one mean nothing.
         now_s: Clock of the studio [s since 1970], to which all times refer.
-        role: What the client may do: ``view``, ``operate``, ``author`` or ``person``.
-        mood: The scene parameter that is the mood; empty for none.
+        role: What the client may do: ``view`` or ``operate``.
+        parameters: The scene parameters of the trees folder.
         namespace: Of the system that is watched.
     """
 
@@ -37,7 +38,7 @@ class Hello:
     studio: str
     now_s: float
     role: str
-    mood: str
+    parameters: tuple[ParameterRecord, ...]
     namespace: str
 
 

@@ -13,6 +13,19 @@ Json = str | float | int | bool | None
 
 
 @dataclass(frozen=True, kw_only=True)
+class ParameterRecord:
+    """A scene parameter, as the scene file declares it; ``labels`` are words for some values."""
+
+    name: str
+    minimum: float
+    maximum: float
+    default: float
+    description: str
+    labels: Mapping[str, str]
+    is_mood: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class StrategyRecord:
     """One way to rank bids."""
 

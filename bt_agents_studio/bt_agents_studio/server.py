@@ -25,7 +25,7 @@ from bt_agents_studio.access import (
     security_headers,
 )
 from bt_agents_studio.feed import Feed
-from bt_agents_studio.operations import OPERATIONS, read_request
+from bt_agents_studio.operations import LIMIT_S, OPERATIONS, read_request
 from bt_agents_studio.protocol import (
     LARGEST_MESSAGE,
     VERSION,
@@ -151,7 +151,7 @@ class Server:
 
     async def _log_out(self, request: web.Request) -> web.Response:
         described = _described(request)
-        self._access.check(_as_json(described), SessionRole.PERSON)
+        self._access.check(_as_json(described), SessionRole.VIEW)
         self._access.log_out(described.session)
         answer = _json({"code": "", "message": ""})
         answer.del_cookie(COOKIE, path="/")
@@ -170,16 +170,15 @@ class Server:
         operation = OPERATIONS.get(name)
         if operation is None:
             raise Refused("NOT_FOUND", f"no operation '{name[:40]}'; there are {_names()}")
-        self._access.check(_described(request), operation.role)
+        self._access.check(_described(request), SessionRole.OPERATE)
         service, fields = read_request(operation, await _body(request))
-        future = self._caller.call(operation.kind, service, fields, operation.limit_s)
+        future = self._caller.call(operation.kind, service, fields, LIMIT_S)
         answer = await asyncio.wrap_future(future)
         return _json(
             {
                 "accepted": bool(answer.accepted),
                 "code": str(getattr(answer, "code", "")),
                 "message": str(answer.message),
-                "document": str(getattr(answer, "document", "")),
             }
         )
 
@@ -233,7 +232,7 @@ class Server:
                 studio=self._studio.name,
                 now_s=time.time(),
                 role=role.name.lower(),
-                mood=self._studio.mood,
+                parameters=self._studio.parameters,
                 namespace=self._namespace,
             ),
         )

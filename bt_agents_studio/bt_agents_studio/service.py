@@ -13,7 +13,7 @@ import sys
 import time
 import uuid
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from typing import Any
 from aiohttp import web
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import SceneSpace
 from bt_agents_studio.access import Access, SessionRole, is_loopback
 from bt_agents_studio.node import NodeThread, StudioNode
 from bt_agents_studio.server import Server
@@ -104,33 +105,42 @@ class Bridge:
 
 
 def serve(
-    address: Address, *, mood: str, journal: Path | None, ready: Callable[[str], None]
+    address: Address,
+    *,
+    space: SceneSpace,
+    journal: Path | None,
+    ready: Callable[[Mapping[SessionRole, str]], None],
 ) -> None:
     """Serve a studio until SIGINT or SIGTERM.
 
     Args:
         address: Where.
-        mood: The scene parameter that is the mood; empty for none.
+        space: The scene parameters.
         journal: Folder of journal files; None for none.
-        ready: Called with the address for a browser, token included, when it can be opened.
+        ready: Called with the address for a browser of each role, token included, when it can be
+            opened.
 
     Raises:
         BtAgentsError: The address cannot be taken, or ROS cannot be started.
     """
     # Long work of this thread must not hold up the messages: facts of the interpreter's lock.
     sys.setswitchinterval(_SWITCH_S)
-    asyncio.run(_serve(address, mood=mood, journal=journal, ready=ready))
+    asyncio.run(_serve(address, space=space, journal=journal, ready=ready))
 
 
 async def _serve(
-    address: Address, *, mood: str, journal: Path | None, ready: Callable[[str], None]
+    address: Address,
+    *,
+    space: SceneSpace,
+    journal: Path | None,
+    ready: Callable[[Mapping[SessionRole, str]], None],
 ) -> None:
     context = address.context()
     loop = asyncio.get_running_loop()
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
-    studio = Studio(uuid.uuid4().hex[:12], mood=mood, journal=journal)
+    studio = Studio(uuid.uuid4().hex[:12], space=space, journal=journal)
     server: Server | None = None
     bridge = Bridge(loop, lambda: server.changed() if server is not None else None)
     thread = NodeThread(
@@ -159,7 +169,8 @@ async def _serve(
         await runner.setup()
         try:
             await web.TCPSite(runner, address.host, port, ssl_context=context).start()
-            ready(f"{scheme}://{address.host}:{port}/#{access.token(SessionRole.AUTHOR)}")
+            base = f"{scheme}://{address.host}:{port}/"
+            ready({role: f"{base}#{access.token(role)}" for role in SessionRole})
             while not stopped.is_set():
                 studio.check_parts()
                 server.changed()

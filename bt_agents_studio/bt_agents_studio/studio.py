@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.history import History
 from bt_agents_studio.projection import Projection
-from bt_agents_studio.records import MOST_ENTRIES, Json, PartRecord
+from bt_agents_studio.records import MOST_ENTRIES, Json, ParameterRecord, PartRecord
 from bt_agents_studio.store import Change, Store
 
 SILENT_S = 1.0
@@ -31,11 +32,12 @@ class Studio:
 
     Args:
         name: Of this start of the studio.
-        mood: The scene parameter that is the mood; empty for none.
+        space: The scene parameters.
         journal: Folder of journal files; None for none.
         clock: Time of day [s since 1970].
 
     Attributes:
+        parameters: The scene parameters, as a page gets them.
         store: What is shown.
         history: The last minutes of the store.
     """
@@ -44,17 +46,18 @@ class Studio:
         self,
         name: str,
         *,
-        mood: str = "",
+        space: SceneSpace,
         journal: Path | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         self.name = name
-        self.mood = mood
+        self.parameters = tuple(_record(one, space.mood) for one in space.parameters)
+        self._mood = space.mood or ""
         self.history = History()
         self.store = Store(MOST_ENTRIES, self._record)
         self._journal = journal
         self._clock = clock
-        self._projection = Projection(self.store, mood)
+        self._projection = Projection(self.store, self._mood)
         self._journals: OrderedDict[tuple[str, int, int], History] = OrderedDict()
 
     def receive(self, kind: str, message: Any, at_s: float, live: bool) -> None:
@@ -113,7 +116,7 @@ class Studio:
                     "TOO_LARGE",
                     f"'{source}' has {state.st_size} bytes, at most {_LARGEST_JOURNAL} are shown",
                 )
-            self._journals[key] = read_journal(file, self.mood)
+            self._journals[key] = read_journal(file, self._mood)
             while len(self._journals) > MOST_JOURNALS:
                 self._journals.popitem(last=False)
         self._journals.move_to_end(key)
@@ -156,3 +159,15 @@ def read_journal(file: Path, mood: str) -> History:
     except BtAgentsError as error:
         raise Refused("UNREADABLE", str(error)) from None
     return history
+
+
+def _record(parameter: SceneParameter, mood: str | None) -> ParameterRecord:
+    return ParameterRecord(
+        name=parameter.name,
+        minimum=parameter.minimum,
+        maximum=parameter.maximum,
+        default=parameter.default,
+        description=parameter.description,
+        labels={f"{value:g}": label for value, label in parameter.labels.items()},
+        is_mood=parameter.name == mood,
+    )

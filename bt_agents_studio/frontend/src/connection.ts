@@ -137,7 +137,6 @@ export interface Answer {
   accepted: boolean;
   code: string;
   message: string;
-  document: string;
 }
 
 async function post(path: string, body: unknown): Promise<Answer> {
@@ -148,9 +147,9 @@ async function post(path: string, body: unknown): Promise<Answer> {
       body: JSON.stringify(body),
     });
     const found = (await answer.json()) as Partial<Answer>;
-    return { accepted: false, code: "", message: "", document: "", ...found };
+    return { accepted: false, code: "", message: "", ...found };
   } catch {
-    return { accepted: false, code: "NO_STUDIO", message: "the studio does not answer", document: "" };
+    return { accepted: false, code: "NO_STUDIO", message: "the studio does not answer" };
   }
 }
 

@@ -10,9 +10,10 @@ import { Market } from "./market";
 import { System } from "./system";
 import { texts } from "./texts";
 import { Tune } from "./tune";
+import { World } from "./world";
 import "./style.css";
 
-const PAGES = { live: Live, market: Market, tune: Tune, system: System };
+const PAGES = { live: Live, market: Market, tune: Tune, world: World, system: System };
 type Page = keyof typeof PAGES;
 
 const isPage = (name: string): name is Page => name in PAGES;

@@ -3,6 +3,16 @@
 
 export const VERSION = 1;
 
+export interface ParameterRecord {
+  name: string;
+  minimum: number;
+  maximum: number;
+  default: number;
+  description: string;
+  labels: Record<string, string>;
+  is_mood: boolean;
+}
+
 export interface StrategyRecord {
   name: string;
   description: string;
@@ -297,7 +307,7 @@ export interface Hello {
   studio: string;
   now_s: number;
   role: string;
-  mood: string;
+  parameters: ParameterRecord[];
   namespace: string;
 }
 
@@ -369,7 +379,7 @@ export interface Operations {
   cancel: { reason?: string; round?: number; by?: "OPERATOR" };
   feedback: { feedback_id?: string; agent?: string; kind?: "DIRECT" | "POSITIVE" | "NEGATIVE" | "SET"; values?: (number | null)[]; source?: string; reason?: string };
   operate: { action?: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD"; agent?: string; author?: string; reason?: string };
-  profiles: { action?: "HISTORY" | "UNDO" | "RESET"; agent?: string; layer?: string; author?: string; reason?: string };
+  profiles: { action?: "UNDO" | "RESET"; agent?: string; layer?: string; author?: string; reason?: string };
   scene: { label?: string; names?: string[]; values?: (number | null)[]; person?: "AS_MEASURED" | "PRESENT" | "ABSENT"; urgent?: boolean; announce?: boolean };
   tune: { host: string; action?: "SET" | "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET"; author?: string; reason?: string; names?: string[]; values?: string[]; preset?: string; agents?: string[] };
 }

@@ -2,7 +2,7 @@
 // All texts of the pages.
 
 export const texts = {
-  pages: { live: "Live", market: "Market", tune: "Tune", system: "System" },
+  pages: { live: "Live", market: "Market", tune: "Tune", world: "World", system: "System" },
   connection: {
     connecting: "connecting …",
     open: "connected",
@@ -87,6 +87,19 @@ export const texts = {
     apply: "Apply",
     save: "Save as",
     author: "studio",
+  },
+  world: {
+    scene: "Play the world",
+    explain: "What is not ticked is left as it is measured. Announced values are a new scene, for which agents bid.",
+    give: "give",
+    label: "Label",
+    person: "Somebody is there",
+    measured: "as measured",
+    present: "yes",
+    absent: "no",
+    urgent: "urgent",
+    announce: "Announce the scene",
+    sense: "Only change what is sensed now",
   },
   system: {
     parts: "Parts",

@@ -129,7 +129,7 @@ const Cell = memo(function Cell({ agent, item, isTip, isChosen, isFound, isFolde
         {shorten(node.kind, 26)}
       </text>
       <text className="name" x={10} y={28}>
-        {shorten(reason || node.name, 27)}
+        {shorten(reason || node.name, 24)}
       </text>
       {modifiers.map((one, index) => (
         <Badge key={one.path} agent={agent} node={one} x={WIDTH - 8 - index * 16} />

@@ -58,7 +58,7 @@ def test_a_token_gives_the_role_that_it_was_made_for(role: SessionRole) -> None:
     access = _access()
     session = access.log_in(access.token(role))
     assert len(access.token(role)) == 64
-    assert access.check(_request(session=session), SessionRole.PERSON) is role
+    assert access.check(_request(session=session), SessionRole.VIEW) is role
 
 
 @pytest.mark.parametrize("token", ["", "0" * 64, "ä" * 64, "\ud800"])
@@ -68,7 +68,7 @@ def test_a_wrong_token_gives_nothing(token: str) -> None:
 
 def test_a_session_id_is_no_token_and_a_token_no_session_id() -> None:
     access = _access()
-    token = access.token(SessionRole.AUTHOR)
+    token = access.token(SessionRole.OPERATE)
     session = access.log_in(token)
     assert _code(lambda: access.log_in(session)) == "BAD_TOKEN"
     assert _code(lambda: access.check(_request(session=token), SessionRole.VIEW)) == "NO_SESSION"
@@ -119,7 +119,7 @@ def test_a_request_that_a_foreign_page_may_have_made_is_refused(
     fields: dict[str, str], code: str
 ) -> None:
     access = _access()
-    session = access.log_in(access.token(SessionRole.AUTHOR))
+    session = access.log_in(access.token(SessionRole.OPERATE))
     request = _request(session=session, **fields)
     assert _code(lambda: access.check(request, SessionRole.VIEW)) == code
     assert _code(lambda: access.check_socket(request)) == code
@@ -136,12 +136,12 @@ def test_a_request_that_a_foreign_page_may_have_made_is_refused(
 )
 def test_a_change_needs_an_origin_and_json(fields: dict[str, str], code: str) -> None:
     access = _access()
-    session = access.log_in(access.token(SessionRole.AUTHOR))
+    session = access.log_in(access.token(SessionRole.OPERATE))
     request = _request(method="POST", session=session, **fields)
     assert _code(lambda: access.check(request, SessionRole.OPERATE)) == code
     kind = "application/json; charset=utf-8"
     fitting = replace(request, origin=OWN, content_type=kind)
-    assert access.check(fitting, SessionRole.OPERATE) is SessionRole.AUTHOR
+    assert access.check(fitting, SessionRole.OPERATE) is SessionRole.OPERATE
 
 
 def test_a_role_may_do_what_the_lesser_ones_may_and_no_more() -> None:
