@@ -181,8 +181,9 @@ function MoodPanel({ agent }: { agent: string }) {
   const plot = useRef<uPlot | null>(null);
   useEffect(() => {
     if (box.current === null) return;
-    const style = getComputedStyle(box.current);
-    const axis = { stroke: style.color, grid: { stroke: style.borderColor }, ticks: { stroke: style.borderColor } };
+    const shade = (name: string) => () => getComputedStyle(document.body).getPropertyValue(name).trim();
+    const line = shade("--line");
+    const axis = { stroke: shade("--faint"), grid: { stroke: line }, ticks: { stroke: line } };
     plot.current = new uPlot(
       {
         width: box.current.clientWidth || 300,
@@ -190,12 +191,18 @@ function MoodPanel({ agent }: { agent: string }) {
         legend: { show: false },
         cursor: { show: false },
         axes: [axis, { ...axis, size: 34 }],
-        series: [{}, { stroke: style.accentColor === "auto" ? style.color : style.accentColor, width: 2 }],
+        series: [{}, { stroke: shade("--accent"), width: 2 }],
       },
       [[], []],
       box.current,
     );
-    return () => plot.current?.destroy();
+    const scheme = matchMedia("(prefers-color-scheme: dark)");
+    const redraw = (): void => plot.current?.redraw();
+    scheme.addEventListener("change", redraw);
+    return () => {
+      scheme.removeEventListener("change", redraw);
+      plot.current?.destroy();
+    };
   }, []);
   useEffect(() => {
     plot.current?.setData([moods.map(([, one]) => one.at_s), moods.map(([, one]) => one.mood)]);
