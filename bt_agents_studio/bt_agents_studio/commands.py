@@ -27,6 +27,7 @@ from bt_agents_tools.cli.trees_choice import state_option, take_trees
 from bt_agents_tools.launcher.supervisor import set_local_discovery
 
 _PERIOD_S = 0.05
+_FIND_S = 3.0
 
 
 @click.command()
@@ -120,13 +121,19 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
             namespace=namespace,
         )
         click.echo(encode(hello))
-    end = time.monotonic() + seconds if seconds is not None else float("inf")
+    began = time.monotonic()
+    end = began + seconds if seconds is not None else float("inf")
+    told = False
     try:
         while not interrupt and time.monotonic() < end:
             time.sleep(_PERIOD_S)
             while not events.empty():
                 events.get()()
             shown.check_parts()
+            if not told and time.monotonic() - began > _FIND_S:
+                told = True
+                if shown.store.get("market") is None:
+                    click.echo("no system yet: start one with 'bt-agents up'", err=True)
             message = feed.next()
             if message is not None and as_json:
                 click.echo(encode(message))
