@@ -9,6 +9,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from patterns_page import patterns_page
+from protocol_types import protocol_types
 
 from bt_agents_groot.catalogue import with_table
 from bt_agents_language.files.file_kinds import FILE_KINDS
@@ -34,6 +35,7 @@ def _groot_page() -> str:
 
 
 GENERATED: Mapping[str, Callable[[], str]] = {
+    "bt_agents_studio/frontend/src/protocol.ts": protocol_types,
     "docs/errors.md": codes_page,
     "docs/groot.md": _groot_page,
     "docs/nodes.md": lambda: reference_page(shipped()),

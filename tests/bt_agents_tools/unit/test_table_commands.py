@@ -22,7 +22,7 @@ WITHOUT_TABLE = {
     *("profile check", "profile expire", "profile export", "profile forget", "profile import"),
     *("profile recover", "profile reset", "profile undo", "publish", "rehearse", "reload"),
     *("replay", "roll-back", "scene", "schema", "sense", "show", "test", "trigger", "unpin"),
-    *("up", "veto", "visit"),
+    *("studio", "up", "veto", "visit", "watch"),
 }
 """Commands whose output is no table: words, a document, a picture, a file.
 

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands `bt-agents studio` for a browser, and `bt-agents watch` for terminals and programs."""
+
+from __future__ import annotations
+
+import os
+import time
+import uuid
+import webbrowser
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from queue import SimpleQueue
+
+import click
+
+from bt_agents_core.state_folder import find_state
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_studio.access import SessionRole
+from bt_agents_studio.feed import Feed
+from bt_agents_studio.history import History
+from bt_agents_studio.protocol import VERSION, Delta, Hello, Resume, Snapshot, encode
+from bt_agents_studio.records import LogRecord
+from bt_agents_studio.studio import Studio
+from bt_agents_tools.cli.trees_choice import state_option, take_trees
+from bt_agents_tools.launcher.supervisor import set_local_discovery
+
+_PERIOD_S = 0.05
+_FIND_S = 3.0
+
+
+@click.command()
+@click.argument("directory", required=False, default="")
+@state_option
+@click.option("--address", default="127.0.0.1", help="Address to listen on.", show_default=True)
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port.  [default: 8770]")
+@click.option(
+    "--certificate",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Certificate for TLS, which another address than that of this machine needs.",
+)
+@click.option(
+    "--key",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Key of the certificate, when it is a file of its own.",
+)
+@click.option(
+    "--journal",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Folder of journals to look back into; without it that of the trees folder.",
+)
+@click.option("--open", "opens", is_flag=True, help="Open it in a browser.")
+def studio(
+    directory: str,
+    state: str,
+    address: str,
+    port: int,
+    certificate: Path | None,
+    key: Path | None,
+    journal: Path | None,
+    opens: bool,
+) -> None:
+    """Show the running system of a trees DIRECTORY in a browser, until Ctrl-C."""
+    trees = take_trees(directory)
+    space = read_scene(trees / "scene.yaml").space
+    folder = journal or find_state(trees, state).journal
+    set_local_discovery(os.environ)
+    with loading():
+        from bt_agents_studio.service import Address, serve
+
+    def ready(addresses: Mapping[SessionRole, str]) -> None:
+        click.echo(f"studio: {addresses[SessionRole.OPERATE]}")
+        click.echo(f"to look on only: {addresses[SessionRole.VIEW]}")
+        if opens:
+            webbrowser.open(addresses[SessionRole.OPERATE])
+
+    where = Address(host=address, port=port, certificate=certificate, key=key)
+    serve(where, space=space, journal=folder, ready=ready)
+
+
+@click.command()
+@click.argument("directory", required=False, default="")
+@click.option("--json", "as_json", is_flag=True, help="Print the messages of the studio protocol.")
+@click.option("--seconds", type=click.FloatRange(min=0), help="End after so long.")
+def watch(directory: str, as_json: bool, seconds: float | None) -> None:
+    """Print what happens in the running system of a trees DIRECTORY, until Ctrl-C.
+
+    With --json it prints what a browser gets, one message a line: docs/studio_protocol.md.
+    """
+    trees = take_trees(directory)
+    space = read_scene(trees / "scene.yaml").space
+    set_local_discovery(os.environ)
+    with loading():
+        from bt_agents_studio.node import NodeThread, StudioNode
+    interrupt = Interrupt()
+    events: SimpleQueue[Callable[[], None]] = SimpleQueue()
+    shown = Studio(uuid.uuid4().hex[:12], space=space)
+
+    def later(handle: Callable[..., None]) -> Callable[..., None]:
+        return lambda *values: events.put(partial(handle, *values))
+
+    thread = NodeThread(
+        lambda: StudioNode(
+            later(shown.receive),
+            later(shown.beat),
+            later(shown.value),
+            namespace=os.environ.get("ROS_NAMESPACE", ""),
+        )
+    )
+    namespace = thread.start().get_namespace()
+    feed = Feed(shown.store, shown.history, shown.name, lambda _source: History())
+    feed.take(Resume(version=VERSION, studio="", sequence=0))
+    if as_json:
+        hello = Hello(
+            version=VERSION,
+            studio=shown.name,
+            now_s=time.time(),
+            role=SessionRole.VIEW.name.lower(),
+            parameters=shown.parameters,
+            namespace=namespace,
+        )
+        click.echo(encode(hello))
+    began = time.monotonic()
+    end = began + seconds if seconds is not None else float("inf")
+    told = False
+    try:
+        while not interrupt and time.monotonic() < end:
+            time.sleep(_PERIOD_S)
+            while not events.empty():
+                events.get()()
+            shown.check_parts()
+            if not told and time.monotonic() - began > _FIND_S:
+                told = True
+                if shown.store.get("market") is None:
+                    click.echo("no system yet: start one with 'bt-agents up'", err=True)
+            message = feed.next()
+            if message is not None and as_json:
+                click.echo(encode(message))
+            elif isinstance(message, Snapshot | Delta):
+                _print_lines(message)
+    finally:
+        thread.stop()
+
+
+def _print_lines(message: Snapshot | Delta) -> None:
+    if isinstance(message, Snapshot):
+        values = list(message.entries.get("log", {}).values())
+    else:
+        values = [value for collection, _, value in message.changes if collection == "log"]
+    for record in values:
+        if isinstance(record, LogRecord):
+            moment = time.strftime("%H:%M:%S", time.localtime(record.at_s))
+            who = f"{record.agent}: " if record.agent else ""
+            click.echo(f"{moment} {record.kind:>8}  {who}{record.text}")

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Feed of one client: which message it needs next, however slowly it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bt_agents_core.errors import Refused
+from bt_agents_studio.history import History
+from bt_agents_studio.protocol import (
+    VERSION,
+    ClientMessage,
+    Delta,
+    Failure,
+    Resume,
+    Seek,
+    ServerMessage,
+    Snapshot,
+)
+from bt_agents_studio.store import Store
+
+
+class Feed:
+    """What one client has received of a store, and is shown: now, or an earlier moment.
+
+    Nothing is queued for a client. It is sent what has changed since its last message, the newest
+    value of each entry only, so a slow one gets fewer and larger messages.
+
+    Args:
+        store: Of the running system.
+        history: Its last minutes.
+        studio: Name of this start of the studio.
+        recorded: Returns the history of a journal file by its name; it raises ``Refused``.
+    """
+
+    def __init__(
+        self, store: Store, history: History, studio: str, recorded: Callable[[str], History]
+    ) -> None:
+        self._store = store
+        self._history = history
+        self._studio = studio
+        self._recorded = recorded
+        self._sent: int | None = None
+        self._seek: Seek | None = None
+        self._resumed = False
+
+    def take(self, message: ClientMessage) -> None:
+        """Act on a message of the client; :meth:`next` has the answer.
+
+        Raises:
+            Refused: ``OTHER_VERSION`` or ``NOT_RESUMED``.
+        """
+        if isinstance(message, Resume):
+            if message.version != VERSION:
+                raise Refused(
+                    "OTHER_VERSION",
+                    f"the page speaks version {message.version} of the protocol, the studio "
+                    f"{VERSION}; load the page anew",
+                )
+            self._resumed = True
+            self._seek = None
+            known = message.studio == self._studio and message.sequence <= self._store.sequence
+            self._sent = message.sequence if known and message.sequence else None
+        elif not self._resumed:
+            raise Refused("NOT_RESUMED", f"'{message.type}' comes after 'resume'")
+        elif isinstance(message, Seek):
+            self._seek, self._sent = message, None
+        else:
+            self._seek, self._sent = None, None
+
+    @property
+    def reads_journal(self) -> bool:
+        """True when :meth:`next` may read a file, which takes its time."""
+        return self._seek is not None and bool(self._seek.source) and self._sent is None
+
+    def next(self) -> ServerMessage | None:
+        """Return the message that is due; None while there is nothing new."""
+        if not self._resumed:
+            return None
+        if self._seek is not None:
+            return self._moment(self._seek) if self._sent is None else None
+        if self._sent == self._store.sequence:
+            return None
+        changes = self._store.since(self._sent) if self._sent is not None else None
+        self._sent = self._store.sequence
+        if changes is not None:
+            return Delta.of(self._sent, changes)
+        return Snapshot(
+            sequence=self._sent,
+            at_s=None,
+            source="",
+            first_s=self._history.first_s,
+            last_s=self._history.last_s,
+            entries=self._store.snapshot(),
+        )
+
+    def _moment(self, seek: Seek) -> ServerMessage:
+        self._sent = self._store.sequence
+        try:
+            history = self._recorded(seek.source) if seek.source else self._history
+        except Refused as refused:
+            self._seek, self._sent = None, None
+            return Failure(code=refused.code, message=refused.reason)
+        return Snapshot(
+            sequence=0,
+            at_s=seek.at_s,
+            source=seek.source,
+            first_s=history.first_s,
+            last_s=history.last_s,
+            entries=history.at(seek.at_s),
+        )

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""History of a store: what it held at an earlier moment."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from itertools import islice
+
+from bt_agents_studio.store import Change
+
+SPAN_S = 600.0
+"""Time that a running system can be looked back over [s]."""
+
+MOST_CHANGES = 300_000
+"""Changes that are remembered, whatever their time; the oldest are forgotten first."""
+
+_KEYFRAME = 5000
+
+
+class History:
+    """Changes of a store by time, from which it is put together again for any moment.
+
+    Args:
+        span_s: Older changes are forgotten [s]; infinite for what was recorded.
+        most: Changes that are remembered.
+        keyframe: All entries are noted after so many changes, from where the others are applied.
+    """
+
+    def __init__(
+        self, span_s: float = SPAN_S, most: int = MOST_CHANGES, keyframe: int = _KEYFRAME
+    ) -> None:
+        self._span_s = span_s
+        self._most = most
+        self._keyframe = keyframe
+        self._base: dict[tuple[str, str], object] = {}
+        self._base_s: float | None = None
+        self._changes: deque[tuple[float, Change]] = deque()
+        self._dropped = 0
+        # Entries after a number of changes, counted from the first one ever.
+        self._keyframes: dict[int, dict[tuple[str, str], object]] = {}
+        self._newest: dict[tuple[str, str], object] = {}
+        self._last_s = 0.0
+
+    @property
+    def first_s(self) -> float | None:
+        """Earliest moment that can be looked at [s since 1970]; None while there is none."""
+        if self._base_s is not None:
+            return self._base_s
+        return self._changes[0][0] if self._changes else None
+
+    @property
+    def last_s(self) -> float | None:
+        """Moment of the last change [s since 1970]; None before the first."""
+        return self._last_s if self._changes or self._base_s is not None else None
+
+    def record(self, at_s: float, change: Change) -> None:
+        """Remember a change; a clock that goes back is taken as one that stands still."""
+        self._last_s = max(at_s, self._last_s)
+        self._changes.append((self._last_s, change))
+        _apply(self._newest, change)
+        count = self._dropped + len(self._changes)
+        if count % self._keyframe == 0:
+            self._keyframes[count] = dict(self._newest)
+        while len(self._changes) > self._most or (
+            self._changes[0][0] < self._last_s - self._span_s
+        ):
+            self._drop()
+
+    def at(self, at_s: float) -> dict[str, dict[str, object]]:
+        """Return what the store held at a moment [s since 1970], the changes of it included."""
+        count = bisect_right(self._changes, at_s, key=lambda one: one[0])
+        numbers = [n for n in self._keyframes if self._dropped <= n <= self._dropped + count]
+        start = max(numbers, default=self._dropped)
+        entries = dict(self._keyframes[start] if numbers else self._base)
+        for _, change in islice(self._changes, start - self._dropped, count):
+            _apply(entries, change)
+        found: dict[str, dict[str, object]] = {}
+        for (collection, key), value in entries.items():
+            found.setdefault(collection, {})[key] = value
+        return found
+
+    def moments(self, collection: str) -> list[tuple[float, str]]:
+        """Return when entries of a collection changed [s since 1970], and their keys."""
+        return [(at_s, one.key) for at_s, one in self._changes if one.collection == collection]
+
+    def _drop(self) -> None:
+        self._base_s, change = self._changes.popleft()
+        _apply(self._base, change)
+        self._dropped += 1
+        self._keyframes.pop(self._dropped - 1, None)
+
+
+def _apply(entries: dict[tuple[str, str], object], change: Change) -> None:
+    if change.value is None:
+        entries.pop((change.collection, change.key), None)
+    else:
+        entries[change.collection, change.key] = change.value

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Protocol between studio and browser: one JSON text a message, typed by its field ``type``."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from bt_agents_core.errors import Refused
+from bt_agents_studio.records import ParameterRecord
+from bt_agents_studio.store import Change
+
+VERSION = 1
+"""Version of the protocol; a client of another one is told so, and loads the page anew."""
+
+LARGEST_MESSAGE = 4096
+"""Bytes of a message from a client."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hello:
+    """First message to a client.
+
+    Attributes:
+        version: :data:`VERSION`.
+        studio: This start of the studio; sequences of another one mean nothing.
+        now_s: Clock of the studio [s since 1970], to which all times refer.
+        role: What the client may do: ``view`` or ``operate``.
+        parameters: The scene parameters of the trees folder.
+        namespace: Of the system that is watched.
+    """
+
+    type: ClassVar[str] = "hello"
+    version: int
+    studio: str
+    now_s: float
+    role: str
+    parameters: tuple[ParameterRecord, ...]
+    namespace: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snapshot:
+    """All entries: collection → key → value.
+
+    Attributes:
+        sequence: Number of the last change that is in it.
+        at_s: Moment that was asked for [s since 1970]; None for now.
+        source: Name of the journal file it is from; empty for the running system.
+        first_s: Earliest moment that can be asked for [s since 1970]; None while there is none.
+        last_s: Latest one.
+    """
+
+    type: ClassVar[str] = "snapshot"
+    sequence: int
+    at_s: float | None
+    source: str
+    first_s: float | None
+    last_s: float | None
+    entries: Mapping[str, Mapping[str, object]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delta:
+    """Newest change of each entry since the message before; a value of None removes it.
+
+    Attributes:
+        sequence: Number of the last change that is in it.
+        changes: Collection, key and value of each.
+    """
+
+    type: ClassVar[str] = "delta"
+    sequence: int
+    changes: tuple[tuple[str, str, object | None], ...]
+
+    @classmethod
+    def of(cls, sequence: int, changes: list[Change]) -> Delta:
+        """Return the message of some changes of a store."""
+        return cls(
+            sequence=sequence,
+            changes=tuple((one.collection, one.key, one.value) for one in changes),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """Refusal of a message of the client, with a code and in words."""
+
+    type: ClassVar[str] = "failure"
+    code: str
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resume:
+    """First message of a client: what it has already.
+
+    Attributes:
+        version: Of the protocol.
+        studio: From :class:`Hello` of the connection before; empty without one.
+        sequence: Of the last message that it has received; 0 for none.
+    """
+
+    type: ClassVar[str] = "resume"
+    version: int = field(metadata={"minimum": 0, "maximum": 2**31})
+    studio: str = field(metadata={"longest": 64})
+    sequence: int = field(metadata={"minimum": 0, "maximum": 2**53})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seek:
+    """Wish to see an earlier moment, until :class:`Follow`.
+
+    Attributes:
+        source: Name of a journal file; empty for the running system.
+        at_s: The moment [s since 1970].
+    """
+
+    type: ClassVar[str] = "seek"
+    source: str = field(metadata={"longest": 255})
+    at_s: float = field(metadata={"minimum": 0, "maximum": 2**40})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Follow:
+    """Wish to see what happens now."""
+
+    type: ClassVar[str] = "follow"
+
+
+ServerMessage = Hello | Snapshot | Delta | Failure
+ClientMessage = Resume | Seek | Follow
+
+_CLIENT_MESSAGES: Mapping[str, type[Resume] | type[Seek] | type[Follow]] = {
+    one.type: one for one in (Resume, Seek, Follow)
+}
+
+
+def encode(message: ServerMessage) -> str:
+    """Return a message as JSON; records become objects with the names of their fields.
+
+    Raises:
+        ValueError: A number is not finite.
+    """
+    fields = {"type": message.type, **vars(message)}
+    return json.dumps(
+        fields, default=vars, allow_nan=False, ensure_ascii=False, separators=(",", ":")
+    )
+
+
+def decode(text: str) -> ClientMessage:
+    """Return the message of a client.
+
+    Raises:
+        Refused: ``TOO_LARGE``, ``NOT_JSON``, ``UNKNOWN_TYPE`` or ``BAD_FIELD``.
+    """
+    if len(text) > LARGEST_MESSAGE:
+        raise Refused(
+            "TOO_LARGE",
+            f"the message has {len(text)} characters, at most {LARGEST_MESSAGE} may be",
+        )
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        raise Refused("NOT_JSON", "the message is not JSON") from None
+    kind = _CLIENT_MESSAGES.get(str(found.get("type"))) if isinstance(found, dict) else None
+    if kind is None:
+        names = ", ".join(_CLIENT_MESSAGES)
+        raise Refused("UNKNOWN_TYPE", f"expected an object with a 'type' of {names}")
+    fields = kind.__dataclass_fields__
+    unknown = found.keys() - fields.keys() - {"type"}
+    if unknown:
+        raise Refused("BAD_FIELD", f"'{kind.type}' has no field '{min(unknown)[:40]}'")
+    return kind(**{name: _checked(name, found.get(name), fields[name]) for name in _own(fields)})
+
+
+def _own(fields: Mapping[str, Any]) -> list[str]:
+    return [name for name, one in fields.items() if one.metadata]
+
+
+_CHECKS: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
+    "int": ("whole number", lambda value: type(value) is int),
+    "float": ("number", lambda value: type(value) in (int, float) and math.isfinite(value)),
+    "str": ("text", lambda value: isinstance(value, str)),
+}
+
+
+def _checked(name: str, value: Any, declared: Any) -> Any:
+    expected, check = _CHECKS[declared.type]
+    limits = declared.metadata
+    if not check(value):
+        raise Refused("BAD_FIELD", f"'{name}' is no {expected}")
+    if isinstance(value, str):
+        if len(value) > limits["longest"]:
+            raise Refused("BAD_FIELD", f"'{name}' is longer than {limits['longest']} characters")
+    elif not limits["minimum"] <= value <= limits["maximum"]:
+        allowed = f"{limits['minimum']} to {limits['maximum']}"
+        raise Refused("BAD_FIELD", f"'{name}' is {value}, expected {allowed}")
+    return value

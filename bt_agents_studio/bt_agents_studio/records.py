@@ -1,0 +1,454 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records: the values of all collections that a studio shows, as they travel to the browser.
+
+Times are in seconds since 1970 unless they say otherwise. What is not known is None, never NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+Json = str | float | int | bool | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterRecord:
+    """A scene parameter, as the scene file declares it; ``labels`` are words for some values."""
+
+    name: str
+    minimum: float
+    maximum: float
+    default: float
+    description: str
+    labels: Mapping[str, str]
+    is_mood: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrategyRecord:
+    """One way to rank bids."""
+
+    name: str
+    description: str
+    options: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProblemRecord:
+    """Why a file is not in force, an agent does not take part, or a rule does not count."""
+
+    agent: str
+    file: str
+    line: int
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarketRecord:
+    """What the marketplace is doing; ``state`` is the name of a constant of ``MarketStatus``."""
+
+    epoch: str
+    state: str
+    since_s: float
+    round: int
+    scene_id: str
+    scene_label: str
+    agent: str
+    host: str
+    waiting: tuple[str, ...]
+    awaited_hosts: tuple[str, ...]
+    hosts: int
+    agents: int
+    strategy: str
+    shadow_strategy: str
+    strategies: tuple[StrategyRecord, ...]
+    pinned: str
+    vetoed: tuple[str, ...]
+    starved: tuple[str, ...]
+    problems: tuple[ProblemRecord, ...]
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValueRecord:
+    """One scene parameter; ``origin`` is the name of a constant of ``SceneValue``."""
+
+    name: str
+    value: float | None
+    origin: str
+    age_s: float | None
+    std: float | None
+    confidence: float
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneRecord:
+    """A scene, awarded or live."""
+
+    at_s: float
+    scene_id: str
+    label: str
+    person: bool
+    urgent: bool
+    person_id: str
+    place: str
+    persons: int
+    visits: int
+    remembered: Mapping[str, Json]
+    values: tuple[ValueRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeNodeRecord:
+    """One node of a tree; ``parent`` is its place in the list, -1 for the root."""
+
+    path: str
+    parent: int
+    kind: str
+    name: str
+    file: str
+    line: int
+    column: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeRecord:
+    """Structure of an agent's tree, parents before children."""
+
+    agent: str
+    host: str
+    nodes: tuple[TreeNodeRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeRecord:
+    """What a node of the last run of an agent has done so far.
+
+    Attributes:
+        status: Name of a constant of ``StatusChange``.
+        message: Why, in words.
+        since_s: When it got the status.
+        tick: Number of the tick in which it did.
+        starts: How often it has begun to run.
+        successes: How often it has succeeded.
+        failures: How often it has failed.
+        busy_s: How long it ran altogether until ``since_s`` [s].
+        reason: Why it failed last; empty when it never did.
+    """
+
+    status: str
+    message: str
+    since_s: float
+    tick: int
+    starts: int
+    successes: int
+    failures: int
+    busy_s: float
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecord:
+    """The last run of an agent; names are those of the constants of ``Run``.
+
+    Attributes:
+        ended_s: When its end was announced; None while it is under way.
+        tick: Number of its last tick that changed something.
+        ticks: Number of all ticks; 0 before the end.
+    """
+
+    agent: str
+    host: str
+    host_instance: str
+    epoch: str
+    round: int
+    scene_id: str
+    scene_label: str
+    event: str
+    outcome: str
+    stopped_by: str
+    stop_reason: str
+    message: str
+    began_s: float
+    ended_s: float | None
+    tick: int
+    tip: str
+    orphans: tuple[str, ...]
+    ticks: int
+    overruns: int
+    duration_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogRecord:
+    """One line of what happened; ``kind`` says in which part of the system."""
+
+    at_s: float
+    kind: str
+    agent: str
+    path: str
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class BidRecord:
+    """One accepted bid, as it was ranked."""
+
+    agent: str
+    host: str
+    vector: tuple[float, ...]
+    contributions: tuple[float, ...]
+    distance: float | None
+    bonus: float
+    score: float | None
+    runs: int
+    calculation: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefusedBidRecord:
+    """One bid that takes no part in the ranking."""
+
+    agent: str
+    host: str
+    declined: bool
+    code: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundRecord:
+    """The outcome of one round; names are those of the constants of ``Auction``."""
+
+    at_s: float
+    epoch: str
+    round: int
+    follows: int
+    scene: SceneRecord
+    outcome: str
+    closed_by: str
+    preview: bool
+    duration_s: float
+    strategy: str
+    options: Mapping[str, float]
+    intervention: str
+    ranking: tuple[BidRecord, ...]
+    refused: tuple[RefusedBidRecord, ...]
+    silent_hosts: tuple[str, ...]
+    winner: str
+    margin: float | None
+    shadow_strategy: str
+    shadow_winner: str
+    change: Mapping[str, float]
+    reason: str
+    explanation: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProfileStepRecord:
+    """A change of a profile; ``kind`` is the name of a constant of ``Feedback``."""
+
+    at_s: float
+    agent: str
+    layer: str
+    kind: str
+    source: str
+    reason: str
+    round: int
+    leaf: str
+    parameters: tuple[str, ...]
+    before: tuple[float | None, ...]
+    after: tuple[float | None, ...]
+    target: tuple[float | None, ...]
+    weight: float
+    learning_rate: float
+    revision: int
+    false_rate: float | None
+    cancels: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProfileRecord:
+    """Current profile of an agent, for everybody or of a layer."""
+
+    agent: str
+    layer: str
+    revision: int
+    values: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoodRuleRecord:
+    """What a change of mood during a run teaches an agent."""
+
+    when: str
+    hold_s: float
+    give: str
+    cancels: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentRecord:
+    """What others need to know of an agent."""
+
+    name: str
+    title: str
+    description: str
+    tags: tuple[str, ...]
+    host: str
+    profile: Mapping[str, float | None]
+    current: Mapping[str, float | None]
+    revision: int
+    learning_rate: float
+    rules: tuple[MoodRuleRecord, ...]
+    version: int
+    waiting: bool
+    degraded: bool
+    problems: tuple[ProblemRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HostRecord:
+    """A host of agents."""
+
+    host: str
+    instance: str
+    trees: str
+    agents: tuple[str, ...]
+    broken_files: tuple[str, ...]
+    problems: tuple[ProblemRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TunableRecord:
+    """A value that may be changed while everything runs; names as in ``TunableInfo``."""
+
+    name: str
+    host: str
+    agent: str
+    key: str
+    kind: str
+    type: str
+    unit: str
+    default: Json
+    value: Json
+    minimum: float | None
+    maximum: float | None
+    step: float
+    description: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuningRecord:
+    """One change of a value."""
+
+    at_s: float
+    revision: int
+    author: str
+    reason: str
+    name: str
+    before: str
+    after: str
+    undoable: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class PresetRecord:
+    """Values that are applied together under a name."""
+
+    name: str
+    values: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuningsRecord:
+    """What was tuned on a host."""
+
+    revision: int
+    tunings: tuple[TuningRecord, ...]
+    undo: str
+    redo: str
+    presets: tuple[PresetRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuestionRecord:
+    """A question that waits for an answer; without choices any answer counts."""
+
+    at_s: float
+    text: str
+    choices: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuestionsRecord:
+    """All questions that wait for an answer, in the order in which they were put."""
+
+    questions: tuple[QuestionRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoodRecord:
+    """The mood of the person at one moment of a run."""
+
+    at_s: float
+    mood: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileRecord:
+    """Text of a file that agents are made from."""
+
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartRecord:
+    """A part of the system, known by its heartbeat or its latched messages.
+
+    Attributes:
+        alive: False when it has been silent for longer than its heartbeat may be.
+        seen_s: When it was heard last.
+    """
+
+    alive: bool
+    seen_s: float
+
+
+COLLECTIONS: Mapping[str, type] = {
+    "agents": AgentRecord,
+    "feedback": ProfileStepRecord,
+    "files": FileRecord,
+    "hosts": HostRecord,
+    "live": SceneRecord,
+    "log": LogRecord,
+    "market": MarketRecord,
+    "moods": MoodRecord,
+    "nodes": NodeRecord,
+    "parts": PartRecord,
+    "profiles": ProfileRecord,
+    "questions": QuestionsRecord,
+    "rounds": RoundRecord,
+    "runs": RunRecord,
+    "scene": SceneRecord,
+    "trees": TreeRecord,
+    "tunables": TunableRecord,
+    "tunings": TuningsRecord,
+}
+"""Collection → the type of its values.
+
+Keys: agents, runs and trees by agent; feedback by agent, layer and revision; files by path;
+hosts, tunings and parts by name; log and moods by number; nodes by ``agent|path``; profiles by
+``agent|layer``; rounds by ``epoch/round``; tunables by name; the others have one entry, of key "".
+"""
+
+MOST_ENTRIES: Mapping[str, int] = {
+    "feedback": 500,
+    "files": 500,
+    "log": 1000,
+    "moods": 1200,
+    "rounds": 100,
+}
+"""Collection → entries that are held; the oldest are removed first."""

@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: Apache-2.0
+"""HTTP and WebSocket server of a studio."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import mimetypes
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from aiohttp import WSMsgType, web
+
+from bt_agents_core.errors import Refused
+from bt_agents_studio.access import (
+    COOKIE,
+    LARGEST_BODY,
+    Access,
+    SessionRole,
+    WebRequest,
+    security_headers,
+)
+from bt_agents_studio.feed import Feed
+from bt_agents_studio.operations import LIMIT_S, OPERATIONS, read_request
+from bt_agents_studio.protocol import (
+    LARGEST_MESSAGE,
+    VERSION,
+    Failure,
+    Hello,
+    ServerMessage,
+    decode,
+    encode,
+)
+from bt_agents_studio.studio import Studio
+
+PERIOD_S = 1 / 30
+"""Shortest time between two messages to one client [s]."""
+
+MOST_CLIENTS = 32
+"""WebSockets at a time."""
+
+_BEAT_S = 10.0
+_PAGE = Path(__file__).parent / "page"
+_STATUSES = {
+    "NO_SESSION": 401,
+    "BAD_TOKEN": 403,
+    "FORBIDDEN": 403,
+    "FOREIGN_HOST": 421,
+    "FOREIGN_ORIGIN": 403,
+    "NO_ORIGIN": 403,
+    "NOT_JSON": 415,
+    "NO_ANSWER": 504,
+    "TOO_MANY_CLIENTS": 503,
+    "NOT_FOUND": 404,
+}
+_BAD_REQUEST = 400
+
+
+class Caller(Protocol):
+    """Whoever asks services of the system."""
+
+    def call(
+        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
+    ) -> Future[Any]:
+        """See :meth:`StudioNode.call`."""
+
+
+class Server:
+    """Web application of a studio; it runs in the thread of one event loop.
+
+    Args:
+        studio: What is shown.
+        access: Who may see and change it.
+        caller: Asks the services.
+        namespace: Of the system.
+        secure: The server speaks TLS.
+    """
+
+    def __init__(
+        self,
+        studio: Studio,
+        access: Access,
+        caller: Caller,
+        *,
+        namespace: str = "/",
+        secure: bool = False,
+    ) -> None:
+        self._studio = studio
+        self._access = access
+        self._caller = caller
+        self._namespace = namespace
+        self._secure = secure
+        self._clients: set[web.WebSocketResponse] = set()
+        self._changed = asyncio.Event()
+        self._headers = security_headers(secure=secure)
+        self._files = _read_page(_PAGE)
+        self._readers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="journal")
+        self.application = web.Application(client_max_size=LARGEST_BODY, middlewares=[self._guard])
+        self.application.add_routes(
+            [
+                web.post("/api/session", self._log_in),
+                web.delete("/api/session", self._log_out),
+                web.get("/api/socket", self._socket),
+                web.get("/api/state", self._state),
+                web.get("/api/journals", self._journals),
+                web.post("/api/do/{operation}", self._do),
+                web.get("/{path:.*}", self._page),
+            ]
+        )
+        self.application.on_shutdown.append(self._close)
+
+    def changed(self) -> None:
+        """Have the clients sent what is new; in the thread of the event loop."""
+        event, self._changed = self._changed, asyncio.Event()
+        event.set()
+
+    @web.middleware
+    async def _guard(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        try:
+            self._access.check_address(_described(request))
+            answer = await handler(request)
+        except Refused as refused:
+            status = _STATUSES.get(refused.code, _BAD_REQUEST)
+            answer = _json({"code": refused.code, "message": refused.reason}, status)
+        except web.HTTPException as error:
+            if error.status < 400:
+                raise
+            answer = _json({"code": error.reason.upper(), "message": error.reason}, error.status)
+        if not answer.prepared:
+            answer.headers.update(self._headers)
+        return answer
+
+    async def _log_in(self, request: web.Request) -> web.Response:
+        described = _described(request)
+        if not described.origin:
+            raise Refused("NO_ORIGIN", "a change needs the header Origin")
+        body = await _body(request)
+        token = body.get("token") if isinstance(body, dict) else None
+        session = self._access.log_in(token if isinstance(token, str) else "")
+        answer = _json({"code": "", "message": ""})
+        answer.set_cookie(
+            COOKIE, session, httponly=True, samesite="Strict", secure=self._secure, path="/"
+        )
+        return answer
+
+    async def _log_out(self, request: web.Request) -> web.Response:
+        described = _described(request)
+        self._access.check(_as_json(described), SessionRole.VIEW)
+        self._access.log_out(described.session)
+        answer = _json({"code": "", "message": ""})
+        answer.del_cookie(COOKIE, path="/")
+        return answer
+
+    async def _state(self, request: web.Request) -> web.Response:
+        self._access.check(_described(request), SessionRole.VIEW)
+        return _json({"sequence": self._studio.store.sequence, **self._studio.store.snapshot()})
+
+    async def _journals(self, request: web.Request) -> web.Response:
+        self._access.check(_described(request), SessionRole.VIEW)
+        return _json([{"name": name, "bytes": size} for name, size in self._studio.journals()])
+
+    async def _do(self, request: web.Request) -> web.Response:
+        name = request.match_info["operation"]
+        operation = OPERATIONS.get(name)
+        if operation is None:
+            raise Refused("NOT_FOUND", f"no operation '{name[:40]}'; there are {_names()}")
+        self._access.check(_described(request), SessionRole.OPERATE)
+        service, fields = read_request(operation, await _body(request))
+        future = self._caller.call(operation.kind, service, fields, LIMIT_S)
+        answer = await asyncio.wrap_future(future)
+        return _json(
+            {
+                "accepted": bool(answer.accepted),
+                "code": str(getattr(answer, "code", "")),
+                "message": str(answer.message),
+            }
+        )
+
+    async def _page(self, request: web.Request) -> web.Response:
+        path = request.match_info["path"]
+        # Every page of the application has an address of its own, and is the same document.
+        found = self._files.get(path) or (
+            None if "." in path or path.startswith("api/") else self._files.get("index.html")
+        )
+        if found is None:
+            raise Refused("NOT_FOUND", f"there is no '/{path[:80]}' here")
+        kind, data = found
+        return web.Response(body=data, content_type=kind, charset="utf-8")
+
+    async def _socket(self, request: web.Request) -> web.StreamResponse:
+        role = self._access.check_socket(_described(request))
+        if len(self._clients) >= MOST_CLIENTS:
+            raise Refused(
+                "TOO_MANY_CLIENTS",
+                f"{MOST_CLIENTS} pages are open, no more may be; close one of them",
+            )
+        socket = web.WebSocketResponse(
+            heartbeat=_BEAT_S, max_msg_size=LARGEST_MESSAGE, compress=False
+        )
+        await socket.prepare(request)
+        self._clients.add(socket)
+        feed = Feed(
+            self._studio.store, self._studio.history, self._studio.name, self._studio.recorded
+        )
+        pump = asyncio.create_task(self._pump(socket, feed, role))
+        try:
+            async for received in socket:
+                if received.type is not WSMsgType.TEXT:
+                    break
+                try:
+                    feed.take(decode(received.data))
+                except Refused as refused:
+                    await self._send(socket, Failure(code=refused.code, message=refused.reason))
+                self.changed()
+        finally:
+            self._clients.discard(socket)
+            pump.cancel()
+        return socket
+
+    async def _pump(self, socket: web.WebSocketResponse, feed: Feed, role: SessionRole) -> None:
+        """Send one client what it needs, as quickly as it reads and not oftener than needed."""
+        await self._send(
+            socket,
+            Hello(
+                version=VERSION,
+                studio=self._studio.name,
+                now_s=time.time(),
+                role=role.name.lower(),
+                parameters=self._studio.parameters,
+                namespace=self._namespace,
+            ),
+        )
+        loop = asyncio.get_running_loop()
+        while not socket.closed:
+            changed = self._changed
+            reads = feed.reads_journal
+            due = await loop.run_in_executor(self._readers, feed.next) if reads else feed.next()
+            if due is None:
+                await changed.wait()
+                continue
+            await self._send(socket, due)
+            await asyncio.sleep(PERIOD_S)
+
+    async def _send(self, socket: web.WebSocketResponse, message: ServerMessage) -> None:
+        try:
+            await socket.send_str(encode(message))
+        except (ConnectionError, RuntimeError):
+            # It is closed meanwhile.
+            await socket.close()
+
+    async def _close(self, _application: web.Application) -> None:
+        for socket in list(self._clients):
+            await socket.close(code=1001, message=b"the studio ends")
+        self._readers.shutdown(wait=False, cancel_futures=True)
+
+
+def _described(request: web.Request) -> WebRequest:
+    headers = request.headers
+    return WebRequest(
+        method=request.method,
+        host=headers.get("Host", ""),
+        origin=headers.get("Origin", ""),
+        fetch_site=headers.get("Sec-Fetch-Site", ""),
+        content_type=headers.get("Content-Type", ""),
+        session=request.cookies.get(COOKIE, ""),
+    )
+
+
+def _as_json(request: WebRequest) -> WebRequest:
+    """Return a request without a body as one with JSON."""
+    return replace(request, content_type="application/json")
+
+
+async def _body(request: web.Request) -> object:
+    if request.content_type != "application/json":
+        raise Refused("NOT_JSON", "expected the content type application/json")
+    try:
+        return json.loads(await request.text())
+    except (ValueError, RecursionError, LookupError):
+        raise Refused("BAD_FIELD", "the body is not JSON") from None
+
+
+def _json(value: object, status: int = 200) -> web.Response:
+    text = json.dumps(value, default=vars, allow_nan=False, ensure_ascii=False)
+    return web.Response(text=text, status=status, content_type="application/json")
+
+
+def _names() -> str:
+    return ", ".join(OPERATIONS)
+
+
+def _read_page(folder: Path) -> Mapping[str, tuple[str, bytes]]:
+    """Return the files of the page by their addresses; no other file is ever opened."""
+    found = {}
+    for file in sorted(folder.rglob("*")):
+        if file.is_file():
+            kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+            found[file.relative_to(folder).as_posix()] = (kind, file.read_bytes())
+    return found

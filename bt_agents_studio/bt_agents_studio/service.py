@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run of a studio: its ROS thread, its event loop, and a clean end of both."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import secrets
+import signal
+import socket
+import ssl
+import sys
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aiohttp import web
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import SceneSpace
+from bt_agents_studio.access import Access, SessionRole, is_loopback
+from bt_agents_studio.node import NodeThread, StudioNode
+from bt_agents_studio.server import Server
+from bt_agents_studio.studio import Studio
+
+PORT = 8770
+"""Port that is taken when it is free."""
+
+_PORTS = 20
+_CHECK_S = 0.25
+_SWITCH_S = 0.0005
+_KEEPALIVE_S = 15.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Address:
+    """Where a studio is served.
+
+    Attributes:
+        host: Name or address to listen on.
+        port: Port; 0 takes :data:`PORT` or one of the next.
+        certificate: File with the certificate, and perhaps its key, for TLS; None without.
+        key: File with the key.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    certificate: Path | None = None
+    key: Path | None = None
+
+    def context(self) -> ssl.SSLContext | None:
+        """Return the settings of TLS, None without.
+
+        Raises:
+            BtAgentsError: The address is reachable from other machines and there is no
+                certificate, or it cannot be read.
+        """
+        if self.certificate is None:
+            if not is_loopback(self.host):
+                raise BtAgentsError(
+                    f"{self.host} can be reached from other machines, so the studio needs TLS "
+                    "there: give --certificate and --key, or leave --address out"
+                )
+            return None
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        try:
+            context.load_cert_chain(self.certificate, self.key)
+        except (OSError, ssl.SSLError) as error:
+            raise BtAgentsError(f"the certificate {self.certificate}: {error}") from None
+        return context
+
+
+class Bridge:
+    """Events from the ROS thread to a studio in the thread of an event loop, in bursts."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, done: Callable[[], None]) -> None:
+        self._loop = loop
+        self._done = done
+        self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
+
+    def to(self, handle: Callable[..., None]) -> Callable[..., None]:
+        """Return a function for the ROS thread that has ``handle`` called in the other one."""
+
+        def post(*values: Any) -> None:
+            is_first = not self._waiting
+            self._waiting.append((handle, values))
+            if is_first:
+                self._loop.call_soon_threadsafe(self._deliver)
+
+        return post
+
+    def _deliver(self) -> None:
+        while self._waiting:
+            # It stays in the queue until it is handled: what comes meanwhile is no new burst.
+            handle, values = self._waiting[0]
+            try:
+                handle(*values)
+            finally:
+                self._waiting.popleft()
+        self._done()
+
+
+def serve(
+    address: Address,
+    *,
+    space: SceneSpace,
+    journal: Path | None,
+    ready: Callable[[Mapping[SessionRole, str]], None],
+) -> None:
+    """Serve a studio until SIGINT or SIGTERM.
+
+    Args:
+        address: Where.
+        space: The scene parameters.
+        journal: Folder of journal files; None for none.
+        ready: Called with the address for a browser of each role, token included, when it can be
+            opened.
+
+    Raises:
+        BtAgentsError: The address cannot be taken, or ROS cannot be started.
+    """
+    # Long work of this thread must not hold up the messages: facts of the interpreter's lock.
+    sys.setswitchinterval(_SWITCH_S)
+    asyncio.run(_serve(address, space=space, journal=journal, ready=ready))
+
+
+async def _serve(
+    address: Address,
+    *,
+    space: SceneSpace,
+    journal: Path | None,
+    ready: Callable[[Mapping[SessionRole, str]], None],
+) -> None:
+    context = address.context()
+    loop = asyncio.get_running_loop()
+    stopped = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stopped.set)
+    studio = Studio(uuid.uuid4().hex[:12], space=space, journal=journal)
+    server: Server | None = None
+    bridge = Bridge(loop, lambda: server.changed() if server is not None else None)
+    thread = NodeThread(
+        lambda: StudioNode(
+            bridge.to(studio.receive),
+            bridge.to(studio.beat),
+            bridge.to(studio.value),
+            namespace=os.environ.get("ROS_NAMESPACE", ""),
+        )
+    )
+    node = await asyncio.to_thread(thread.start)
+    try:
+        port = _free_port(address)
+        scheme = "https" if context is not None else "http"
+        names = {address.host, *(("127.0.0.1", "localhost") if is_loopback(address.host) else ())}
+        access = Access(
+            frozenset(f"{name}:{port}" for name in names),
+            scheme=scheme,
+            random_bytes=secrets.token_bytes,
+            clock=time.monotonic,
+        )
+        server = Server(
+            studio, access, node, namespace=node.get_namespace(), secure=context is not None
+        )
+        runner = web.AppRunner(server.application, access_log=None, keepalive_timeout=_KEEPALIVE_S)
+        await runner.setup()
+        try:
+            await web.TCPSite(runner, address.host, port, ssl_context=context).start()
+            base = f"{scheme}://{address.host}:{port}/"
+            ready({role: f"{base}#{access.token(role)}" for role in SessionRole})
+            while not stopped.is_set():
+                studio.check_parts()
+                server.changed()
+                try:
+                    await asyncio.wait_for(stopped.wait(), _CHECK_S)
+                except TimeoutError:
+                    continue
+        finally:
+            await runner.cleanup()
+    except OSError as error:
+        raise BtAgentsError(f"{address.host}: {error.strerror}; give another --port") from None
+    finally:
+        await asyncio.to_thread(thread.stop)
+
+
+def _free_port(address: Address) -> int:
+    """Return a port that can be bound at this moment."""
+    if address.port:
+        return address.port
+    for port in range(PORT, PORT + _PORTS):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((address.host, port))
+            except OSError:
+                continue
+            return port
+    raise BtAgentsError(
+        f"the ports {PORT} to {PORT + _PORTS - 1} are taken; give another one with --port"
+    )

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// Connection of the page to its studio: it comes back by itself, and goes on where it was.
+
+import { useSyncExternalStore } from "react";
+import { VERSION, type ClientMessage, type Hello, type Operations, type ServerMessage } from "./protocol";
+import { apply, replaceAll } from "./store";
+
+export interface ConnectionState {
+  /** "refused" needs the printed address again; "outdated" needs the page to be loaded anew. */
+  phase: "connecting" | "open" | "lost" | "refused" | "outdated";
+  hello: Hello | null;
+  /** Difference of the studio's clock to this one [s]. */
+  offsetS: number;
+  /** Moment that is shown [s since 1970]; null for now. */
+  atS: number | null;
+  source: string;
+  firstS: number | null;
+  lastS: number | null;
+  failure: string;
+}
+
+const RETRIES_MS = [250, 500, 1000, 2000];
+
+let state: ConnectionState = {
+  phase: "connecting",
+  hello: null,
+  offsetS: 0,
+  atS: null,
+  source: "",
+  firstS: null,
+  lastS: null,
+  failure: "",
+};
+const listeners = new Set<() => void>();
+let socket: WebSocket | null = null;
+let sequence = 0;
+let known = "";
+let attempts = 0;
+let timer = 0;
+
+function update(change: Partial<ConnectionState>): void {
+  state = { ...state, ...change };
+  for (const listener of listeners) listener();
+}
+
+export function useConnection(): ConnectionState {
+  return useSyncExternalStore(
+    (listener) => {
+      listeners.add(listener);
+      return () => listeners.delete(listener);
+    },
+    () => state,
+  );
+}
+
+function send(message: ClientMessage): void {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function handle(message: ServerMessage): void {
+  switch (message.type) {
+    case "hello":
+      if (message.version !== VERSION) {
+        update({ phase: "outdated", hello: message });
+        return;
+      }
+      attempts = 0;
+      update({ phase: "open", hello: message, offsetS: message.now_s - Date.now() / 1000 });
+      send({ type: "resume", version: VERSION, studio: known, sequence: known === message.studio ? sequence : 0 });
+      known = message.studio;
+      if (state.atS !== null) send({ type: "seek", source: state.source, at_s: state.atS });
+      return;
+    case "snapshot":
+      if (message.at_s === null) sequence = message.sequence;
+      if (message.at_s === null && state.atS !== null) return;
+      replaceAll(message);
+      update({ firstS: message.first_s, lastS: message.last_s, failure: "" });
+      return;
+    case "delta":
+      sequence = message.sequence;
+      if (state.atS === null) apply(message);
+      return;
+    case "failure":
+      update({ failure: message.message, atS: null, source: "" });
+  }
+}
+
+/** Open the connection, and again whenever it is lost. */
+export function connect(): void {
+  window.clearTimeout(timer);
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  const opened = new WebSocket(`${scheme}://${location.host}/api/socket`);
+  socket = opened;
+  opened.onmessage = (event) => handle(JSON.parse(event.data as string) as ServerMessage);
+  opened.onclose = () => {
+    if (socket !== opened || state.phase === "outdated") return;
+    void retry();
+  };
+}
+
+async function retry(): Promise<void> {
+  update({ phase: "lost" });
+  // Whether nobody is there or we are not let in, only a plain request can tell.
+  try {
+    const answer = await fetch("/api/journals");
+    if (answer.status === 401) {
+      update({ phase: "refused" });
+      return;
+    }
+  } catch {
+    // It is not there; it is tried again below.
+  }
+  const wait = RETRIES_MS[Math.min(attempts, RETRIES_MS.length - 1)];
+  attempts += 1;
+  timer = window.setTimeout(connect, wait);
+}
+
+/** Exchange the token of the printed address for a session, if there is one. */
+export async function logIn(): Promise<void> {
+  const token = location.hash.slice(1);
+  if (!/^[0-9a-f]{64}$/.test(token)) return;
+  history.replaceState(null, "", location.pathname + location.search);
+  await post("/api/session", { token });
+}
+
+export function seek(source: string, atS: number): void {
+  update({ atS, source });
+  send({ type: "seek", source, at_s: atS });
+}
+
+export function follow(): void {
+  update({ atS: null, source: "" });
+  send({ type: "follow" });
+}
+
+export interface Answer {
+  accepted: boolean;
+  code: string;
+  message: string;
+}
+
+async function post(path: string, body: unknown): Promise<Answer> {
+  try {
+    const answer = await fetch(path, {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify(body),
+    });
+    const found = (await answer.json()) as Partial<Answer>;
+    return { accepted: false, code: "", message: "", ...found };
+  } catch {
+    return { accepted: false, code: "NO_STUDIO", message: "the studio does not answer" };
+  }
+}
+
+/** Change something; the answer is that of the service, refusals included. */
+export function operate<N extends keyof Operations>(name: N, fields: Operations[N]): Promise<Answer> {
+  return post(`/api/do/${name}`, fields);
+}

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// Numbers and times as people read them.
+
+export function formatNumber(value: number): string {
+  return String(Math.round(value * 1000) / 1000);
+}
+
+export function formatSeconds(seconds: number): string {
+  if (seconds < 90) return `${formatNumber(Math.round(seconds * 10) / 10)} s`;
+  return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+}
+
+export function formatTime(atS: number): string {
+  return new Date(atS * 1000).toLocaleTimeString([], { hour12: false });
+}

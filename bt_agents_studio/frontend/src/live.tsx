@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+// Page "Live": the running tree, and what it is about.
+
+import { useEffect, useMemo, useRef, useState } from "react";
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+import { operate, useConnection } from "./connection";
+import { formatNumber, formatSeconds, formatTime } from "./formatting";
+import type { SceneRecord } from "./protocol";
+import { lineOf, Tree } from "./tree";
+import { useCollection, useEntry } from "./store";
+import { texts } from "./texts";
+
+export function Live() {
+  const runs = useCollection("runs");
+  const { atS } = useConnection();
+  const market = useEntry("market");
+  const latest = useMemo(
+    () => runs.map(([, run]) => run).sort((a, b) => b.began_s - a.began_s)[0],
+    [runs],
+  );
+  const [asked, setAsked] = useState("");
+  const agent = asked || latest?.agent || "";
+  const run = useEntry("runs", agent);
+  const tree = useEntry("trees", agent);
+  const trees = useCollection("trees");
+  const [chosen, setChosen] = useState("");
+  const [answer, setAnswer] = useState("");
+  const isRunning = run !== undefined && run.ended_s === null && market?.state !== "IDLE";
+  const stop = async (): Promise<void> => {
+    const done = await operate("cancel", { reason: texts.live.stopped, by: "OPERATOR" });
+    setAnswer(done.message);
+  };
+  return (
+    <div className="live">
+      <div className="main">
+        <div className="bar">
+          <label>
+            {texts.live.agent}{" "}
+            <select value={agent} onChange={(event) => setAsked(event.target.value)}>
+              {agent === "" && <option value="">–</option>}
+              {trees.map(([name]) => (
+                <option key={name}>{name}</option>
+              ))}
+            </select>
+          </label>
+          {run && (
+            <span className="what">
+              {texts.live.round} {run.round} · {run.ended_s === null ? run.event.toLowerCase() : run.outcome.toLowerCase()}{" "}
+              · {texts.live.tick} {run.tick}
+              {run.message && ` · ${run.message}`}
+            </span>
+          )}
+          <button type="button" className="stop" disabled={!isRunning || atS !== null} onClick={() => void stop()}>
+            {texts.live.stop}
+          </button>
+          <output>{answer}</output>
+        </div>
+        {tree ? (
+          <Tree record={tree} tip={run?.ended_s === null ? run.tip : ""} chosen={chosen} choose={setChosen} />
+        ) : (
+          <p className="empty">{agent ? texts.live.noTree : texts.live.nobody}</p>
+        )}
+        <NodeDetails agent={agent} path={chosen} />
+      </div>
+      <div className="side">
+        <ScenePanel />
+        <MoodPanel agent={agent} />
+        <Questions />
+        <Log />
+      </div>
+    </div>
+  );
+}
+
+function NodeDetails({ agent, path }: { agent: string; path: string }) {
+  const record = useEntry("nodes", `${agent}|${path}`);
+  const node = lineOf(agent, path);
+  const file = useCollection("files").find(([name]) => node && node.file.endsWith(name))?.[1];
+  const lines = useMemo(() => {
+    if (file === undefined || node === undefined) return [];
+    return file.text
+      .split("\n")
+      .slice(Math.max(node.line - 2, 0), node.line + 7)
+      .map((text, index) => ({ number: Math.max(node.line - 2, 0) + index + 1, text }));
+  }, [file, node]);
+  return (
+    <section className="panel details" aria-label={texts.live.node}>
+      {node === undefined ? (
+        <p className="empty">{texts.live.chooseNode}</p>
+      ) : (
+        <>
+          <h2>
+            {node.kind} <span>{node.name}</span>
+          </h2>
+          <p className={`status ${(record?.status ?? "invalid").toLowerCase()}`}>
+            {(record?.status ?? "INVALID").toLowerCase()}
+            {record?.message && `: ${record.message}`}
+          </p>
+          {record && (
+            <dl>
+              <dt>{texts.live.starts}</dt>
+              <dd>{record.starts}</dd>
+              <dt>{texts.live.successes}</dt>
+              <dd>{record.successes}</dd>
+              <dt>{texts.live.failures}</dt>
+              <dd>
+                {record.failures} {record.reason && `(${texts.live.last}: ${record.reason})`}
+              </dd>
+              <dt>{texts.live.busy}</dt>
+              <dd>{formatSeconds(record.busy_s)}</dd>
+            </dl>
+          )}
+          <p className="place">
+            {node.file}:{node.line} · {node.path}
+          </p>
+          <pre tabIndex={0}>
+            {lines.map((line) => (
+              <span key={line.number} className={line.number === node.line ? "here" : ""}>
+                {String(line.number).padStart(4)} {line.text}
+                {"\n"}
+              </span>
+            ))}
+          </pre>
+        </>
+      )}
+    </section>
+  );
+}
+
+function ScenePanel() {
+  const scene = useEntry("scene");
+  const live = useEntry("live");
+  const names = (scene ?? live)?.values.map((one) => one.name) ?? [];
+  return (
+    <section className="panel" aria-label={texts.live.scene}>
+      <h2>
+        {texts.live.scene} <span>{scene?.label || scene?.scene_id.slice(0, 8)}</span>
+      </h2>
+      <table>
+        <thead>
+          <tr>
+            <th scope="col">
+              <span className="hidden">{texts.live.scene}</span>
+            </th>
+            <th scope="col">{texts.live.awarded}</th>
+            <th scope="col">{texts.live.liveScene}</th>
+          </tr>
+        </thead>
+        <tbody>
+          {names.map((name) => (
+            <tr key={name}>
+              <th scope="row">{name}</th>
+              <Value scene={scene} name={name} />
+              <Value scene={live} name={name} />
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </section>
+  );
+}
+
+function Value({ scene, name }: { scene: SceneRecord | undefined; name: string }) {
+  const value = scene?.values.find((one) => one.name === name);
+  if (value === undefined) return <td>–</td>;
+  if (value.value === null) return <td className="missing">{texts.live.missing}</td>;
+  const deviation = value.std ? ` ± ${formatNumber(value.std)}` : "";
+  return (
+    <td title={value.source}>
+      {formatNumber(value.value)}
+      {deviation} <small>{value.origin.toLowerCase()}{value.confidence < 1 ? `, ${Math.round(value.confidence * 100)} %` : ""}</small>
+    </td>
+  );
+}
+
+function MoodPanel({ agent }: { agent: string }) {
+  const moods = useCollection("moods");
+  const card = useEntry("agents", agent);
+  const box = useRef<HTMLDivElement>(null);
+  const plot = useRef<uPlot | null>(null);
+  useEffect(() => {
+    if (box.current === null) return;
+    const shade = (name: string) => () => getComputedStyle(document.body).getPropertyValue(name).trim();
+    const line = shade("--line");
+    const axis = { stroke: shade("--faint"), grid: { stroke: line }, ticks: { stroke: line } };
+    plot.current = new uPlot(
+      {
+        width: box.current.clientWidth || 300,
+        height: 120,
+        legend: { show: false },
+        cursor: { show: false },
+        axes: [axis, { ...axis, size: 34 }],
+        series: [{}, { stroke: shade("--accent"), width: 2 }],
+      },
+      [[], []],
+      box.current,
+    );
+    const scheme = matchMedia("(prefers-color-scheme: dark)");
+    const redraw = (): void => plot.current?.redraw();
+    scheme.addEventListener("change", redraw);
+    return () => {
+      scheme.removeEventListener("change", redraw);
+      plot.current?.destroy();
+    };
+  }, []);
+  useEffect(() => {
+    plot.current?.setData([moods.map(([, one]) => one.at_s), moods.map(([, one]) => one.mood)]);
+  }, [moods]);
+  return (
+    <section className="panel" aria-label={texts.live.mood}>
+      <h2>{texts.live.mood}</h2>
+      <div className="plot" ref={box} />
+      <ul className="rules">
+        {card?.rules.map((rule) => (
+          <li key={rule.when}>
+            <code>{rule.when}</code> {rule.hold_s > 0 && `for ${formatSeconds(rule.hold_s)}`} → {rule.give.toLowerCase()}
+            {rule.cancels && ", stop"}
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+}
+
+function Questions() {
+  const record = useEntry("questions");
+  if (record === undefined || record.questions.length === 0) return null;
+  return (
+    <section className="panel" aria-label={texts.live.questions}>
+      <h2>{texts.live.questions}</h2>
+      {record.questions.map((one) => (
+        <p key={one.at_s}>
+          {one.text} <small>{one.choices.join(" · ") || texts.live.anyAnswer}</small>
+        </p>
+      ))}
+    </section>
+  );
+}
+
+function Log() {
+  const lines = useCollection("log");
+  const box = useRef<HTMLOListElement>(null);
+  const shown = lines.slice(-200);
+  useEffect(() => {
+    const list = box.current;
+    if (list && list.scrollHeight - list.scrollTop - list.clientHeight < 160) list.scrollTop = list.scrollHeight;
+  }, [lines]);
+  return (
+    <section className="panel log" aria-label={texts.live.log}>
+      <h2>{texts.live.log}</h2>
+      <ol ref={box} tabIndex={0}>
+        {shown.map(([key, line]) => (
+          <li key={key} className={line.kind}>
+            <time>{formatTime(line.at_s)}</time> <b>{line.kind}</b> {line.agent && <i>{line.agent}</i>} {line.text}
+          </li>
+        ))}
+      </ol>
+    </section>
+  );
+}

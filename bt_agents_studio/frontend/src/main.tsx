@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// The application: its pages, each with an address, its connection and its time bar.
+
+import { StrictMode, useEffect, useState } from "react";
+import { createRoot } from "react-dom/client";
+import { connect, follow, logIn, seek, useConnection } from "./connection";
+import { formatTime } from "./formatting";
+import { Live } from "./live";
+import { Market } from "./market";
+import { System } from "./system";
+import { texts } from "./texts";
+import { Tune } from "./tune";
+import { World } from "./world";
+import "./style.css";
+
+const PAGES = { live: Live, market: Market, tune: Tune, world: World, system: System };
+type Page = keyof typeof PAGES;
+
+const isPage = (name: string): name is Page => name in PAGES;
+
+function pageOf(path: string): Page {
+  const name = path.split("/")[1] ?? "";
+  return isPage(name) ? name : "live";
+}
+
+function App() {
+  const [page, setPage] = useState(pageOf(location.pathname));
+  const { phase } = useConnection();
+  useEffect(() => {
+    const changed = (): void => setPage(pageOf(location.pathname));
+    window.addEventListener("popstate", changed);
+    return () => window.removeEventListener("popstate", changed);
+  }, []);
+  const Shown = PAGES[page];
+  return (
+    <>
+      <header>
+        <h1>bt-agents</h1>
+        <nav>
+          {Object.keys(PAGES).filter(isPage).map((name) => (
+            <a
+              key={name}
+              href={`/${name}`}
+              {...(name === page ? { "aria-current": "page" as const } : {})}
+              onClick={(event) => {
+                if (event.metaKey || event.ctrlKey) return;
+                event.preventDefault();
+                history.pushState(null, "", `/${name}`);
+                setPage(name);
+              }}
+            >
+              {texts.pages[name]}
+            </a>
+          ))}
+        </nav>
+        <TimeBar />
+        <p className={`phase ${phase}`} role="status">
+          {texts.connection[phase]}
+        </p>
+        {phase === "outdated" && (
+          <button type="button" onClick={() => location.reload()}>
+            {texts.connection.reload}
+          </button>
+        )}
+      </header>
+      <main>
+        <Shown />
+      </main>
+    </>
+  );
+}
+
+function TimeBar() {
+  const { atS, source, firstS, lastS, offsetS, failure } = useConnection();
+  const [nowS, setNowS] = useState(Date.now() / 1000);
+  useEffect(() => {
+    const timer = window.setInterval(() => setNowS(Date.now() / 1000), 1000);
+    return () => window.clearInterval(timer);
+  }, []);
+  const last = source ? (lastS ?? 0) : nowS + offsetS;
+  const first = firstS ?? last;
+  const shown = Math.min(atS ?? last, last);
+  return (
+    <div className="time">
+      <input
+        type="range"
+        aria-label={texts.time.bar}
+        aria-valuetext={formatTime(shown)}
+        min={first}
+        max={last}
+        step={0.1}
+        value={shown}
+        disabled={first >= last}
+        onChange={(event) => seek(source, Number(event.target.value))}
+      />
+      <time>{formatTime(shown)}</time>
+      {atS === null ? (
+        <span>{texts.time.now}</span>
+      ) : (
+        <button type="button" onClick={follow}>
+          {texts.time.back}
+        </button>
+      )}
+      {source && <span>{source}</span>}
+      {failure && <span className="failure">{failure}</span>}
+    </div>
+  );
+}
+
+const root = document.getElementById("root");
+if (root !== null) {
+  createRoot(root).render(
+    <StrictMode>
+      <App />
+    </StrictMode>,
+  );
+  void logIn().then(connect);
+}

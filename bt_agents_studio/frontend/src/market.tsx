@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// Page "Market": rounds with their bids, profiles, and what moved them.
+
+import { useState } from "react";
+import { operate, useConnection } from "./connection";
+import { formatNumber, formatTime } from "./formatting";
+import type { RoundRecord } from "./protocol";
+import { useCollection, useEntry } from "./store";
+import { texts } from "./texts";
+
+const words = texts.market;
+
+export function Market() {
+  const rounds = useCollection("rounds");
+  const market = useEntry("market");
+  const [asked, setAsked] = useState("");
+  const key = asked || rounds.at(-1)?.[0] || "";
+  const round = useEntry("rounds", key);
+  return (
+    <div className="columns">
+      <div className="main">
+        <section className="panel" aria-label={words.rounds}>
+          <h2>
+            {words.rounds} <span>{market?.message}</span>
+          </h2>
+          {rounds.length === 0 && <p className="empty">{words.none}</p>}
+          <div className="rounds">
+            {[...rounds].reverse().map(([name, one]) => (
+              <button key={name} type="button" aria-pressed={name === key} onClick={() => setAsked(name)}>
+                <b>{one.round}</b> {one.scene.label || formatTime(one.at_s)}
+                <br />
+                {one.winner || one.outcome.toLowerCase().replaceAll("_", " ")}
+              </button>
+            ))}
+          </div>
+        </section>
+        {round && <Round round={round} />}
+      </div>
+      <div className="side">
+        <Agents />
+        <FeedbackList />
+      </div>
+    </div>
+  );
+}
+
+function Round({ round }: { round: RoundRecord }) {
+  const names = round.scene.values.map((one) => one.name);
+  const longest = Math.max(...round.ranking.map((one) => sum(one.contributions)), 1e-9);
+  const change = Object.entries(round.change);
+  return (
+    <section className="panel" aria-label={words.bids}>
+      <h2>
+        {words.bids}{" "}
+        <span>
+          {round.strategy}
+          {round.margin !== null && ` · ${words.margin} ${formatNumber(round.margin)}`}
+        </span>
+      </h2>
+      <ul className="legend">
+        {names.map((name, index) => (
+          <li key={name} className={`series-${index % 6}`}>
+            {name}
+          </li>
+        ))}
+      </ul>
+      <table className="bids">
+        <tbody>
+          {round.ranking.map((bid) => (
+            <tr key={bid.agent} className={bid.agent === round.winner ? "winner" : ""}>
+              <th scope="row">{bid.agent}</th>
+              <td className="number">{bid.score === null ? "–" : formatNumber(bid.score)}</td>
+              <td className="stack">
+                <svg viewBox="0 0 100 6" preserveAspectRatio="none" role="img" aria-label={bid.calculation}>
+                  {bid.contributions.map((value, index) => (
+                    <rect
+                      key={names[index]}
+                      className={`series-${index % 6}`}
+                      x={(sum(bid.contributions.slice(0, index)) / longest) * 100}
+                      width={(value / longest) * 100}
+                      height={6}
+                    />
+                  ))}
+                </svg>
+              </td>
+              <td>
+                <small>{bid.calculation}</small>
+              </td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      <h3>{words.why}</h3>
+      {round.explanation.split("\n").map((line) => (
+        <p key={line}>{line}</p>
+      ))}
+      <p>
+        {change.length > 0
+          ? `${words.change} ${change.map(([name, value]) => `${name} ${formatNumber(value)}`).join(", ")}.`
+          : words.noChange}
+      </p>
+      {round.refused.length > 0 && (
+        <>
+          <h3>{words.refused}</h3>
+          <ul>
+            {round.refused.map((one) => (
+              <li key={one.agent + one.host}>
+                <b>{one.agent || one.host}</b> {one.reason}
+              </li>
+            ))}
+          </ul>
+        </>
+      )}
+    </section>
+  );
+}
+
+const sum = (values: readonly number[]): number => values.reduce((total, value) => total + value, 0);
+
+function Agents() {
+  const agents = useCollection("agents");
+  const market = useEntry("market");
+  const { atS } = useConnection();
+  const [answer, setAnswer] = useState("");
+  const order = async (action: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD", agent: string): Promise<void> => {
+    setAnswer((await operate("operate", { action, agent, author: texts.tune.author })).message);
+  };
+  return (
+    <section className="panel" aria-label={words.profiles}>
+      <h2>
+        {words.profiles} <span>{market && `${words.strategy} ${market.strategy}`}</span>
+      </h2>
+      <output>{answer}</output>
+      <ul className="agents">
+        {agents.map(([name, agent]) => {
+          const pinned = market?.pinned === name;
+          const vetoed = market?.vetoed.includes(name) ?? false;
+          return (
+            <li key={name}>
+              <b title={agent.description}>{agent.title || name}</b>
+              {pinned && <em> {words.pinned}</em>}
+              {vetoed && <em> {words.vetoed}</em>}
+              <div className="values">
+                {Object.entries(agent.current).map(([parameter, value]) => (
+                  <span key={parameter}>
+                    {parameter} {value === null ? "–" : formatNumber(value)}
+                  </span>
+                ))}
+              </div>
+              <div className="bar">
+                <button type="button" disabled={atS !== null} onClick={() => void order(pinned ? "UNPIN" : "PIN", name)}>
+                  {pinned ? words.unpin : words.pin}
+                </button>
+                <button type="button" disabled={atS !== null} onClick={() => void order(vetoed ? "ALLOW" : "VETO", name)}>
+                  {vetoed ? words.allow : words.veto}
+                </button>
+                <button type="button" disabled={atS !== null} onClick={() => void order("AWARD", name)}>
+                  {words.award}
+                </button>
+              </div>
+            </li>
+          );
+        })}
+      </ul>
+    </section>
+  );
+}
+
+function FeedbackList() {
+  const feedback = useCollection("feedback");
+  const { atS } = useConnection();
+  const [answer, setAnswer] = useState("");
+  const give = async (kind: "POSITIVE" | "NEGATIVE"): Promise<void> => {
+    const fields = { feedback_id: crypto.randomUUID(), kind, source: "button" };
+    setAnswer((await operate("feedback", fields)).message);
+  };
+  const undo = async (agent: string, layer: string): Promise<void> => {
+    setAnswer((await operate("profiles", { action: "UNDO", agent, layer, author: texts.tune.author })).message);
+  };
+  const newest = new Map(feedback.map(([, one]) => [`${one.agent}|${one.layer}`, one.revision]));
+  return (
+    <section className="panel" aria-label={words.feedback}>
+      <h2>{words.feedback}</h2>
+      <div className="bar">
+        <button type="button" disabled={atS !== null} onClick={() => void give("POSITIVE")}>
+          <span aria-hidden="true">☺</span> {words.good}
+        </button>
+        <button type="button" disabled={atS !== null} onClick={() => void give("NEGATIVE")}>
+          <span aria-hidden="true">☹</span> {words.bad}
+        </button>
+      </div>
+      <output>{answer}</output>
+      <ol className="feedback">
+        {[...feedback].reverse().map(([key, one]) => (
+          <li key={key}>
+            <time>{formatTime(one.at_s)}</time> <b>{one.agent}</b> {one.layer} {one.kind.toLowerCase()} · {one.source}
+            {one.reason && `: ${one.reason}`}
+            <div className="values">
+              {one.parameters.map((name, index) => (
+                <span key={name}>
+                  {name} {format(one.before[index])} → {format(one.after[index])}
+                </span>
+              ))}
+            </div>
+            {newest.get(`${one.agent}|${one.layer}`) === one.revision && (
+              <button type="button" disabled={atS !== null} onClick={() => void undo(one.agent, one.layer)}>
+                {words.undo}
+              </button>
+            )}
+          </li>
+        ))}
+      </ol>
+    </section>
+  );
+}
+
+const format = (value: number | null | undefined): string =>
+  value === null || value === undefined ? "–" : formatNumber(value);

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Page "System": what is there, what is wrong with it, and what was recorded.
+
+import { useEffect, useState } from "react";
+import { seek } from "./connection";
+import { formatTime } from "./formatting";
+import { useCollection } from "./store";
+import { texts } from "./texts";
+
+const words = texts.system;
+
+export function System() {
+  const parts = useCollection("parts");
+  const hosts = useCollection("hosts");
+  const agents = useCollection("agents");
+  const problems = hosts.flatMap(([, host]) => host.problems);
+  return (
+    <div className="columns">
+      <div className="main">
+        <section className="panel" aria-label={words.hosts}>
+          <h2>{words.hosts}</h2>
+          {hosts.map(([name, host]) => (
+            <div key={name}>
+              <h3>{name}</h3>
+              <p>{host.trees}</p>
+              <ul>
+                {agents
+                  .filter(([, one]) => one.host === name)
+                  .map(([key, one]) => (
+                    <li key={key}>
+                      <b>{one.title || key}</b> · {words.version} {one.version}
+                      {one.waiting && ` · ${words.waiting}`}
+                      {one.degraded && ` · ${words.degraded}`}
+                      <br />
+                      <small>{one.description}</small>
+                    </li>
+                  ))}
+              </ul>
+            </div>
+          ))}
+        </section>
+        <section className="panel" aria-label={words.problems}>
+          <h2>{words.problems}</h2>
+          {problems.length === 0 && <p className="empty">{words.noProblems}</p>}
+          {problems.map((one) => (
+            <pre key={one.message} tabIndex={0}>
+              {one.message}
+            </pre>
+          ))}
+        </section>
+      </div>
+      <div className="side">
+        <section className="panel" aria-label={words.parts}>
+          <h2>{words.parts}</h2>
+          <ul>
+            {parts.map(([name, one]) => (
+              <li key={name} className={one.alive ? "alive" : "gone"}>
+                <b>{name}</b> {one.alive ? words.alive : `${words.gone} ${formatTime(one.seen_s)}`}
+              </li>
+            ))}
+          </ul>
+        </section>
+        <Journals />
+      </div>
+    </div>
+  );
+}
+
+function Journals() {
+  const [found, setFound] = useState<{ name: string; bytes: number }[]>([]);
+  useEffect(() => {
+    void fetch("/api/journals")
+      .then((answer) => (answer.ok ? answer.json() : []))
+      .then(setFound, () => setFound([]));
+  }, []);
+  return (
+    <section className="panel" aria-label={words.journals}>
+      <h2>{words.journals}</h2>
+      {found.length === 0 && <p className="empty">{words.noJournals}</p>}
+      <ul>
+        {found.map((one) => (
+          <li key={one.name}>
+            {one.name} <small>{(one.bytes / 1e6).toFixed(1)} MB</small>{" "}
+            <button type="button" onClick={() => seek(one.name, 2 ** 40)}>
+              {words.look}
+            </button>
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+}

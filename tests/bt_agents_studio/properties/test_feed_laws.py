@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of store, history and feed, on random changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bt_agents_studio.feed import Feed
+from bt_agents_studio.history import History
+from bt_agents_studio.protocol import VERSION, Delta, Resume, Snapshot
+from bt_agents_studio.store import Change, Store
+
+_PUT = st.tuples(
+    st.sampled_from(["nodes", "log"]), st.sampled_from("abcdef"), st.integers(0, 3) | st.none()
+)
+_POLL = st.just("poll")
+_GAP = st.just("gap")
+
+
+class _Page:
+    """A client that only knows what it was sent."""
+
+    def __init__(self) -> None:
+        self.entries: dict[str, dict[str, object]] = {}
+        self.sequence = 0
+
+    def take(self, message: object) -> None:
+        if isinstance(message, Snapshot):
+            self.entries = {name: dict(values) for name, values in message.entries.items()}
+            self.sequence = message.sequence
+        elif isinstance(message, Delta):
+            for collection, key, value in message.changes:
+                values = self.entries.setdefault(collection, {})
+                if value is None:
+                    values.pop(key, None)
+                else:
+                    values[key] = value
+            self.sequence = message.sequence
+
+
+def _filled(entries: Mapping[str, Mapping[str, object]]) -> dict[str, dict[str, object]]:
+    return {name: dict(values) for name, values in entries.items() if values}
+
+
+def _change(store: Store, collection: str, key: str, value: object | None) -> None:
+    if value is None:
+        store.remove(collection, key)
+    else:
+        store.put(collection, key, value)
+
+
+@given(st.lists(_PUT | _POLL | _GAP, max_size=60))
+def test_a_page_that_reads_now_and_then_or_comes_back_shows_what_the_store_holds(
+    steps: list[tuple[str, str, int | None] | str],
+) -> None:
+    store, page = Store({"log": 3}), _Page()
+    feed = _connected(store, page)
+    for step in steps:
+        if step == "poll":
+            page.take(feed.next())
+        elif step == "gap":
+            feed = _connected(store, page)
+        else:
+            _change(store, *step)
+    page.take(feed.next())
+    assert _filled(page.entries) == _filled(store.snapshot())
+    assert feed.next() is None or not store.sequence
+
+
+def _connected(store: Store, page: _Page) -> Feed:
+    feed = Feed(store, History(), "studio", lambda _source: History())
+    feed.take(Resume(version=VERSION, studio="studio", sequence=page.sequence))
+    return feed
+
+
+@given(st.lists(_PUT, max_size=60), st.integers(1, 20))
+def test_a_page_misses_nothing_however_few_removals_are_remembered(
+    steps: list[tuple[str, str, int | None]], most: int
+) -> None:
+    store, page = Store(most_removals=most), _Page()
+    for step in steps[: len(steps) // 2]:
+        _change(store, *step)
+    page.take(_connected(store, page).next())
+    for step in steps[len(steps) // 2 :]:
+        _change(store, *step)
+    page.take(_connected(store, page).next())
+    assert _filled(page.entries) == _filled(store.snapshot())
+
+
+@given(st.lists(st.tuples(st.floats(0, 3), _PUT), max_size=80), st.integers(2, 60))
+def test_history_holds_of_each_moment_what_the_store_held(
+    steps: list[tuple[float, tuple[str, str, int | None]]], most: int
+) -> None:
+    history = History(span_s=20.0, most=most, keyframe=7)
+    now = 0.0
+    changes: list[Change] = []
+    store = Store(None, changes.append)
+    moments = []
+    for wait, step in steps:
+        now += wait
+        _change(store, *step)
+        for change in changes:
+            history.record(now, change)
+        changes.clear()
+        moments.append((now, _filled(store.snapshot())))
+    last = dict(moments)
+    for at_s, entries in last.items():
+        if history.first_s is not None and at_s >= history.first_s:
+            assert _filled(history.at(at_s)) == entries

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Operations: requests of a page become requests of services, or are refused."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import bt_agents_interfaces.srv as services
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.msg import Feedback, Run
+from bt_agents_studio.operations import LONGEST_TEXT, MOST_VALUES, OPERATIONS, read_request
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_each_operation_names_fields_and_constants_of_its_service(name: str) -> None:
+    operation = OPERATIONS[name]
+    request = getattr(services, operation.kind).Request
+    fields = request.get_fields_and_field_types()
+    for field, kind in operation.fields.items():
+        assert field in fields
+        if not isinstance(kind, str):
+            declared = next(
+                one for one in (request, Run, Feedback) if hasattr(one, next(iter(kind)))
+            )
+            assert {one: getattr(declared, one) for one in kind} == kind
+
+
+def test_a_host_is_part_of_the_service_and_no_field() -> None:
+    body = {"host": "/robot_1/agents", "action": "SET", "names": ["a.b"], "values": ["2 s"]}
+    assert read_request(OPERATIONS["tune"], body) == (
+        "/robot_1/agents/tune",
+        {"action": 0, "names": ["a.b"], "values": ["2 s"]},
+    )
+
+
+def test_null_says_that_there_is_no_opinion() -> None:
+    _, fields = read_request(OPERATIONS["feedback"], {"kind": "DIRECT", "values": [1, None]})
+    assert fields["values"][0] == 1.0
+    assert math.isnan(fields["values"][1])
+
+
+@pytest.mark.parametrize(
+    ("name", "body"),
+    [
+        ("cancel", None),
+        ("cancel", []),
+        ("cancel", {"scene": {}}),
+        ("cancel", {"reason": 3}),
+        ("cancel", {"reason": "a" * (LONGEST_TEXT + 1)}),
+        ("cancel", {"round": "1"}),
+        ("cancel", {"round": math.inf}),
+        ("cancel", {"round": True}),
+        ("cancel", {"by": "MOOD_RULE"}),
+        ("feedback", {"kind": "__class__"}),
+        ("feedback", {"kind": 1}),
+        ("feedback", {"values": 1}),
+        ("feedback", {"values": [1] * (MOST_VALUES + 1)}),
+        ("feedback", {"values": [math.nan]}),
+        ("operate", {"action": ["PIN"]}),
+        ("scene", {"urgent": 1}),
+        ("tune", {"action": "SET"}),
+        ("tune", {"host": "agents"}),
+        ("tune", {"host": "/agents/../marketplace"}),
+        ("tune", {"host": "/agents tune"}),
+        ("tune", {"host": {"a": 1}}),
+    ],
+)
+def test_a_malformed_request_is_refused(name: str, body: object) -> None:
+    with pytest.raises(Refused) as refused:
+        read_request(OPERATIONS[name], body)
+    assert refused.value.code == "BAD_FIELD"

@@ -1,0 +1,351 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The server of the studio: pages, sockets, changes, and hostile requests over a real port."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import pytest
+from aiohttp import ClientWebSocketResponse, WSMsgType
+
+from bt_agents_studio.access import LARGEST_BODY, SessionRole
+from bt_agents_studio.protocol import VERSION
+from bt_agents_studio.records import MoodRecord
+from bt_agents_studio.server import MOST_CLIENTS
+from studio_harness import ServedStudio, served
+
+RESUME = {"type": "resume", "version": VERSION, "studio": "", "sequence": 0}
+
+
+async def _next(socket: ClientWebSocketResponse) -> dict[str, Any]:
+    message = await socket.receive(timeout=10)
+    assert message.type is WSMsgType.TEXT, message
+    return dict(json.loads(message.data))
+
+
+def test_a_page_gets_a_snapshot_then_what_changes_and_resumes_after_a_gap() -> None:
+    async def test(one: ServedStudio) -> None:
+        one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
+        async with one.client(SessionRole.VIEW) as client:
+            async with client.ws_connect("/api/socket") as socket:
+                hello = await _next(socket)
+                assert (hello["type"], hello["role"]) == ("hello", "view")
+                await socket.send_json(RESUME)
+                snapshot = await _next(socket)
+                assert snapshot["entries"] == {"moods": {"1": {"at_s": 1.0, "mood": 3.0}}}
+                one.put("moods", "2", MoodRecord(at_s=2.0, mood=4.0))
+                delta = await _next(socket)
+                assert delta["changes"] == [["moods", "2", {"at_s": 2.0, "mood": 4.0}]]
+            one.put("moods", "1", MoodRecord(at_s=1.0, mood=5.0))
+            async with client.ws_connect("/api/socket") as socket:
+                hello = await _next(socket)
+                known = {"studio": hello["studio"], "sequence": delta["sequence"]}
+                await socket.send_json(RESUME | known)
+                delta = await _next(socket)
+                assert delta["changes"] == [["moods", "1", {"at_s": 1.0, "mood": 5.0}]]
+
+    served(test)
+
+
+def test_of_many_changes_a_slow_page_gets_the_newest_of_each_entry() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with (
+            one.client(SessionRole.VIEW) as client,
+            client.ws_connect("/api/socket") as socket,
+        ):
+            await _next(socket)
+            one.put("moods", "1", MoodRecord(at_s=0.0, mood=0.0))
+            await socket.send_json(RESUME)
+            await _next(socket)
+            for number in range(1000):
+                one.put("moods", "1", MoodRecord(at_s=float(number), mood=1.0))
+            received = await _next(socket)
+            while received["changes"][0][2]["at_s"] < 999:
+                received = await _next(socket)
+            assert received["sequence"] == one.studio.store.sequence
+
+    served(test)
+
+
+def test_an_earlier_moment_stays_until_the_page_follows_again() -> None:
+    async def test(one: ServedStudio) -> None:
+        clock = iter(range(1000, 2000))
+        one.studio._clock = lambda: float(next(clock))
+        one.put("moods", "1", MoodRecord(at_s=1.0, mood=1.0))
+        one.put("moods", "1", MoodRecord(at_s=1.0, mood=2.0))
+        async with (
+            one.client(SessionRole.VIEW) as client,
+            client.ws_connect("/api/socket") as socket,
+        ):
+            await _next(socket)
+            await socket.send_json(RESUME)
+            await _next(socket)
+            await socket.send_json({"type": "seek", "source": "", "at_s": 1000})
+            moment = await _next(socket)
+            assert moment["entries"]["moods"]["1"]["mood"] == 1.0
+            one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
+            await socket.send_json({"type": "follow"})
+            now = await _next(socket)
+            assert (now["at_s"], now["entries"]["moods"]["1"]["mood"]) == (None, 3.0)
+
+    served(test)
+
+
+def test_a_journal_that_is_not_there_is_told_and_the_page_goes_on() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with (
+            one.client(SessionRole.VIEW) as client,
+            client.ws_connect("/api/socket") as socket,
+        ):
+            await _next(socket)
+            one.put("moods", "1", MoodRecord(at_s=1.0, mood=1.0))
+            await socket.send_json(RESUME)
+            await _next(socket)
+            await socket.send_json({"type": "seek", "source": "../ledger.sqlite", "at_s": 1})
+            failure = await _next(socket)
+            assert failure["code"] == "NO_JOURNAL"
+            assert (await _next(socket))["at_s"] is None
+
+    served(test)
+
+
+def test_a_change_goes_to_its_service_and_the_answer_comes_back() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.OPERATE) as client:
+            answer = await client.post("/api/do/cancel", json={"reason": "enough"})
+            assert await answer.json() == {"accepted": True, "code": "", "message": "done"}
+        async with one.client(SessionRole.VIEW) as client:
+            forbidden = await client.post("/api/do/operate", json={"action": "UNPIN"})
+            assert (forbidden.status, (await forbidden.json())["code"]) == (403, "FORBIDDEN")
+        assert one.caller.calls == [("CancelRun", "marketplace/cancel", {"reason": "enough"})]
+
+    served(test)
+
+
+def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_do_not_get() -> None:
+    async def test(one: ServedStudio) -> None:
+        token = one.access.token(SessionRole.OPERATE)
+        async with one.client() as client:
+            answer = await client.post("/api/session", json={"token": token})
+            cookie = answer.headers["Set-Cookie"]
+            assert "HttpOnly" in cookie
+            assert "SameSite=Strict" in cookie
+            assert (await client.get("/api/state")).status == 200
+            assert (await client.delete("/api/session")).status == 200
+            assert (await client.get("/api/state")).status == 401
+
+    served(test)
+
+
+def test_every_answer_forbids_foreign_content_and_frames() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client() as client:
+            for path in ("/", "/live", "/studio.js", "/api/state", "/nothing.html"):
+                headers = (await client.get(path)).headers
+                policy = headers["Content-Security-Policy"]
+                assert "default-src 'none'" in policy
+                assert "frame-ancestors 'none'" in policy
+                assert "unsafe" not in policy
+                assert headers["X-Content-Type-Options"] == "nosniff"
+                assert headers["Cache-Control"] == "no-store"
+
+    served(test)
+
+
+def test_one_page_too_many_is_refused_and_the_others_go_on() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.VIEW) as client:
+            sockets = [await client.ws_connect("/api/socket") for _ in range(MOST_CLIENTS)]
+            refused = await client.get("/api/socket")
+            assert (await refused.json())["code"] == "TOO_MANY_CLIENTS"
+            await sockets.pop().close()
+            await _next(sockets[0])
+            again = await client.ws_connect("/api/socket")
+            assert (await _next(again))["type"] == "hello"
+            for socket in (*sockets, again):
+                await socket.close()
+
+    served(test)
+
+
+_STOP = '{"reason":"x"}'
+_HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
+    # Name, request line, headers over those of a page that is signed in, body.
+    ("rebound name", "POST /api/do/cancel", {"Host": "evil.example"}, _STOP),
+    ("rebound name and port", "POST /api/do/cancel", {"Host": "evil.example:{port}"}, _STOP),
+    (
+        "rebound origin",
+        "POST /api/do/cancel",
+        {"Host": "e:{port}", "Origin": "http://e:{port}"},
+        _STOP,
+    ),
+    ("suffix of a name", "POST /api/do/cancel", {"Host": "127.0.0.1:{port}.e.com"}, _STOP),
+    ("other port", "POST /api/do/cancel", {"Host": "127.0.0.1:1"}, _STOP),
+    ("no port", "POST /api/do/cancel", {"Host": "127.0.0.1"}, _STOP),
+    ("no host", "POST /api/do/cancel", {"Host": None}, _STOP),
+    ("empty host", "POST /api/do/cancel", {"Host": ""}, _STOP),
+    ("decimal address", "POST /api/do/cancel", {"Host": "2130706433:{port}"}, _STOP),
+    ("any address", "POST /api/do/cancel", {"Host": "0.0.0.0:{port}"}, _STOP),
+    ("foreign origin", "POST /api/do/cancel", {"Origin": "http://evil.example"}, _STOP),
+    ("null origin", "POST /api/do/cancel", {"Origin": "null"}, _STOP),
+    ("origin of another scheme", "POST /api/do/cancel", {"Origin": "https://{host}"}, _STOP),
+    ("origin of another port", "POST /api/do/cancel", {"Origin": "http://127.0.0.1:1"}, _STOP),
+    ("origin as prefix", "POST /api/do/cancel", {"Origin": "http://{host}.evil.example"}, _STOP),
+    ("no origin", "POST /api/do/cancel", {"Origin": None}, _STOP),
+    ("cross-site fetch", "POST /api/do/cancel", {"Sec-Fetch-Site": "cross-site"}, _STOP),
+    ("same-site fetch", "POST /api/do/cancel", {"Sec-Fetch-Site": "same-site"}, _STOP),
+    (
+        "form",
+        "POST /api/do/cancel",
+        {"Content-Type": "application/x-www-form-urlencoded"},
+        "reason=x",
+    ),
+    ("plain text", "POST /api/do/cancel", {"Content-Type": "text/plain"}, _STOP),
+    (
+        "multipart",
+        "POST /api/do/cancel",
+        {"Content-Type": "multipart/form-data; boundary=a"},
+        _STOP,
+    ),
+    ("no type", "POST /api/do/cancel", {"Content-Type": None}, _STOP),
+    (
+        "type as parameter",
+        "POST /api/do/cancel",
+        {"Content-Type": "text/plain; application/json"},
+        _STOP,
+    ),
+    ("no cookie", "POST /api/do/cancel", {"Cookie": None}, _STOP),
+    ("made-up cookie", "POST /api/do/cancel", {"Cookie": "bt_agents_studio=" + "0" * 64}, _STOP),
+    ("token as cookie", "POST /api/do/cancel", {"Cookie": "bt_agents_studio={token}"}, _STOP),
+    ("replayed cookie", "POST /api/do/cancel", {"Cookie": "bt_agents_studio={ended}"}, _STOP),
+    ("cookie of a viewer", "POST /api/do/cancel", {"Cookie": "bt_agents_studio={viewer}"}, _STOP),
+    ("huge cookie", "POST /api/do/cancel", {"Cookie": "bt_agents_studio=" + "a" * 20000}, _STOP),
+    ("token in the address", "POST /api/do/cancel?token={token}", {"Cookie": None}, _STOP),
+    (
+        "token as bearer",
+        "POST /api/do/cancel",
+        {"Cookie": None, "Authorization": "Bearer {token}"},
+        _STOP,
+    ),
+    ("change by GET", "GET /api/do/cancel?reason=x", {}, ""),
+    ("change by PUT", "PUT /api/do/cancel", {}, _STOP),
+    ("change by overriding", "GET /api/do/cancel", {"X-HTTP-Method-Override": "POST"}, _STOP),
+    ("preflight", "OPTIONS /api/do/cancel", {"Origin": "http://evil.example"}, ""),
+    ("trace", "TRACE /api/do/cancel", {}, ""),
+    ("connect", "CONNECT 127.0.0.1:22", {}, ""),
+    ("no such operation", "POST /api/do/__init__", {}, "{}"),
+    ("operation with a path", "POST /api/do/../do/cancel%00", {}, _STOP),
+    ("empty body", "POST /api/do/cancel", {}, ""),
+    ("no JSON", "POST /api/do/cancel", {}, "reason"),
+    ("deep JSON", "POST /api/do/cancel", {}, "[" * 100_000),
+    ("list", "POST /api/do/cancel", {}, "[]"),
+    ("unknown field", "POST /api/do/cancel", {}, '{"epoch":"x"}'),
+    ("field of a base", "POST /api/do/cancel", {}, '{"__class__":"x"}'),
+    ("number for text", "POST /api/do/cancel", {}, '{"reason":1}'),
+    ("not a number", "POST /api/do/cancel", {}, '{"round":NaN}'),
+    ("huge number", "POST /api/do/cancel", {}, '{"round":1e999}'),
+    ("huge body", "POST /api/do/cancel", {}, '{"reason":"' + "a" * LARGEST_BODY + '"}'),
+    ("huge length", "POST /api/do/cancel", {"Content-Length": "99999999999999999999999"}, _STOP),
+    ("negative length", "POST /api/do/cancel", {"Content-Length": "-1"}, _STOP),
+    ("two framings", "POST /api/do/cancel", {"Transfer-Encoding": "chunked"}, _STOP),
+    ("unknown framing", "POST /api/do/cancel", {"Transfer-Encoding": "xchunked"}, _STOP),
+    (
+        "bad encoding",
+        "POST /api/do/cancel",
+        {"Content-Type": "application/json; charset=no"},
+        _STOP,
+    ),
+    ("zipped", "POST /api/do/cancel", {"Content-Encoding": "gzip"}, _STOP),
+    ("service of another host", "POST /api/do/tune", {}, '{"host":"/a/../feedback"}'),
+    ("header injection", "POST /api/do/cancel", {"Origin": "http://x\r\nX: y"}, _STOP),
+    (
+        "socket of a foreign page",
+        "GET /api/socket",
+        {"Origin": "http://evil.example", "@": "ws"},
+        "",
+    ),
+    ("socket without origin", "GET /api/socket", {"Origin": None, "@": "ws"}, ""),
+    ("socket without cookie", "GET /api/socket", {"Cookie": None, "@": "ws"}, ""),
+    ("parent folder", "GET /../access.py", {}, ""),
+    ("encoded parent folder", "GET /%2e%2e/access.py", {}, ""),
+    ("twice encoded", "GET /%252e%252e/access.py", {}, ""),
+    ("backslashes", "GET /..\\access.py", {}, ""),
+    ("absolute file", "GET //etc/passwd.txt", {}, ""),
+    ("address of a file", "GET file:///etc/passwd.txt", {}, ""),
+    ("zero byte", "GET /studio.js%00.html", {}, ""),
+    ("state without cookie", "GET /api/state", {"Cookie": None}, ""),
+    ("journals without cookie", "GET /api/journals", {"Cookie": None}, ""),
+    ("wrong token", "POST /api/session", {"Cookie": None}, '{"token":"0000"}'),
+    (
+        "token of a foreign page",
+        "POST /api/session",
+        {"Origin": "http://e"},
+        '{"token":"{token}"}',
+    ),
+    ("no HTTP", "HELLO", {}, ""),
+]
+
+
+@pytest.mark.parametrize(
+    ("line", "headers", "body"), [one[1:] for one in _HOSTILE], ids=[one[0] for one in _HOSTILE]
+)
+def test_a_hostile_request_is_refused_and_changes_nothing(
+    line: str, headers: dict[str, str | None], body: str
+) -> None:
+    async def test(one: ServedStudio) -> None:
+        answer = await _sent(one, line, headers, body)
+        status = int(answer.split(b" ", 2)[1]) if answer else 400
+        assert 400 <= status < 600, answer[:300]
+        assert b"Set-Cookie" not in answer
+        assert one.caller.calls == []
+        assert one.studio.store.sequence == 0
+        # Whoever may, still can.
+        async with one.client(SessionRole.OPERATE) as client:
+            assert (await client.post("/api/do/cancel", json={})).status == 200
+
+    served(test)
+
+
+async def _sent(one: ServedStudio, line: str, headers: dict[str, str | None], body: str) -> bytes:
+    ended = one.session(SessionRole.OPERATE)
+    one.access.log_out(ended)
+    words = {
+        "port": str(one.port),
+        "host": one.host,
+        "token": one.access.token(SessionRole.OPERATE),
+        "ended": ended,
+        "viewer": one.session(SessionRole.VIEW),
+    }
+
+    def filled(text: str) -> str:
+        for name, word in words.items():
+            text = text.replace(f"{{{name}}}", word)
+        return text
+
+    data = filled(body).encode()
+    wanted: dict[str, str | None] = {
+        "Host": one.host,
+        "Origin": one.origin,
+        "Cookie": f"bt_agents_studio={one.session(SessionRole.OPERATE)}",
+        "Content-Type": "application/json",
+        "Content-Length": str(len(data)),
+        "Connection": "close",
+    } | headers
+    if wanted.pop("@", None):
+        wanted |= {
+            "Connection": "Upgrade",
+            "Upgrade": "websocket",
+            "Sec-WebSocket-Version": "13",
+            "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+        }
+    lines = [f"{name}: {filled(value)}" for name, value in wanted.items() if value is not None]
+    reader, writer = await asyncio.open_connection("127.0.0.1", one.port)
+    try:
+        writer.write("\r\n".join([f"{filled(line)} HTTP/1.1", *lines, "", ""]).encode() + data)
+        return await asyncio.wait_for(reader.read(4000), 10)
+    except ConnectionError:
+        return b""
+    finally:
+        writer.close()

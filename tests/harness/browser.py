@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Chromium for tests: that of the machine, or the one that a package of npm ships."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from playwright.sync_api import Browser, sync_playwright
+
+from npm_packages import installed_package, node_environment, program
+
+_PACKAGE, _VERSION = "@sparticuz/chromium", "149.0.0"
+_UNPACK = """
+import('@sparticuz/chromium').then(one => one.default.executablePath()).then(console.log)
+"""
+_UNPACK_S = 120
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Run a headless browser.
+
+    Raises:
+        NotFetched: There is none here, and the package cannot be fetched.
+    """
+    path, libraries = _installed()
+    environment = {**os.environ}
+    if libraries is not None:
+        environment["LD_LIBRARY_PATH"] = str(libraries)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=path, args=["--no-sandbox"], env=environment
+        )
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def _installed() -> tuple[str, Path | None]:
+    found = shutil.which("chromium")
+    if found is not None:
+        return found, None
+    folder = installed_package(_PACKAGE, _VERSION)
+    unpacked = folder / "unpacked"
+    if not (unpacked / "chromium").exists():
+        unpacked.mkdir(exist_ok=True)
+        # It unpacks into the folder of temporary files; the libraries only where it believes to
+        # be on a bare machine.
+        bare = {"TMPDIR": str(unpacked), "AWS_EXECUTION_ENV": "AWS_Lambda_nodejs22.x"}
+        subprocess.run(
+            [program("node"), "-e", _UNPACK],
+            cwd=folder,
+            env={**node_environment(), **bare},
+            capture_output=True,
+            timeout=_UNPACK_S,
+            check=True,
+        )
+    return str(unpacked / "chromium"), unpacked / "al2023" / "lib"
