@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +10,8 @@ import pytest
 
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from checkout import ROOT
-from language_server import LanguageServer, NoServer, installed_server
+from language_server import LanguageServer, installed_server
+from npm_packages import NotFetched
 from tree_harness import SPACE, SYMBOLS
 
 pytestmark = pytest.mark.e2e
@@ -25,10 +25,9 @@ WORDS = {*NODE_TYPES, *DECORATORS, *SYMBOLS.skills}
 @pytest.fixture(scope="module")
 def server() -> Iterator[LanguageServer]:
     """The server that VS Code and others start for YAML files."""
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     try:
-        command = installed_server(Path(home) / "bt-agents-tests")
-    except NoServer as reason:
+        command = installed_server()
+    except NotFetched as reason:
         pytest.skip(str(reason))
     running = LanguageServer(command)
     yield running

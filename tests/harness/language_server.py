@@ -3,64 +3,28 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import shutil
 import subprocess
-import tempfile
 import threading
 from pathlib import Path
 from queue import Queue
 from typing import Any
 
+from npm_packages import installed_package, program
+
 PACKAGE = "yaml-language-server"
 VERSION = "2.0.0"
-INSTALL_S = 240
 ANSWER_S = 60
 
 
-class NoServer(Exception):
-    """There is no server here, for the reason given."""
-
-
-def installed_server(cache: Path) -> list[str]:
+def installed_server() -> list[str]:
     """Return the command that starts the server, which is installed first when it is not there.
 
     Raises:
-        NoServer: There is no node or npm, or the package cannot be fetched.
+        NotFetched: There is no node or npm, or the package cannot be fetched.
     """
-    node, npm = shutil.which("node"), shutil.which("npm")
-    if node is None or npm is None:
-        raise NoServer("there is no node or no npm here")
-    program = Path("node_modules") / PACKAGE / "bin" / PACKAGE
-    folder = cache / f"{PACKAGE}-{VERSION}"
-    if not (folder / program).exists():
-        cache.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=cache) as half:
-            _fetch(npm, Path(half))
-            # Only what is complete gets the name, also when two tests fetch at once.
-            with contextlib.suppress(OSError):
-                (Path(half) / "package").rename(folder)
-    return [node, str(folder / program), "--stdio"]
-
-
-def _fetch(npm: str, half: Path) -> None:
-    folder = half / "package"
-    folder.mkdir()
-    # npm installs where the nearest of these is. With --prefix instead, it would also look there
-    # for the settings of the machine, which may name the certificates to trust.
-    (folder / "package.json").write_text("{}", encoding="utf-8")
-    options = ["--no-audit", "--no-fund", "--ignore-scripts", "--no-package-lock"]
-    command = [npm, "install", *options, f"{PACKAGE}@{VERSION}"]
-    try:
-        done = subprocess.run(
-            command, cwd=folder, capture_output=True, timeout=INSTALL_S, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise NoServer(f"npm did not fetch {PACKAGE} within {INSTALL_S} s") from None
-    if done.returncode:
-        # What npm says may name the registry of this machine, and is not shown therefore.
-        raise NoServer(f"npm could not fetch {PACKAGE} {VERSION} (exit {done.returncode})")
+    program_file = installed_package(PACKAGE, VERSION) / "node_modules" / PACKAGE / "bin" / PACKAGE
+    return [program("node"), str(program_file), "--stdio"]
 
 
 class LanguageServer:
