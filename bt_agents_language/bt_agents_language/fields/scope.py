@@ -301,7 +301,8 @@ def scene_names(
     """Return the names of scene values: ``scene.age``, ``scene.person``, …."""
     types: dict[str, FieldType] = {}
     for group in groups:
-        types.update({f"{group}.{name}": FieldType.NUMBER for name in space.names})
+        names = space.profiles.names if group == "profile" else space.names
+        types.update({f"{group}.{name}": FieldType.NUMBER for name in names})
         if group != "profile":
             types[f"{group}.person"] = FieldType.BOOLEAN
         if group == "live":

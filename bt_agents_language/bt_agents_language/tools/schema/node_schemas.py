@@ -137,7 +137,7 @@ def _type(node_type: NodeType, space: SceneSpace) -> Schema:
         return {"type": "object", "allOf": [NODE]}
     if node_type.role is Role.DECORATOR and not node_type.fields:
         return value_schemas.BOOLEAN
-    scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.names}
+    scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.profiles.names}
     properties = {}
     for field in node_type.fields:
         # Only the goals, requests and messages of ROS have fields that no table knows.
