@@ -63,6 +63,9 @@ class Assigned:
 class _NoTextInside:
     """The texts that a text may name: none, so that no text can contain itself."""
 
+    def languages(self) -> list[str]:
+        return []
+
     def speaking(self, _: str) -> _NoTextInside:
         return self
 
@@ -221,7 +224,7 @@ class NameScope:
             try:
                 self._plain_text(name)
             except NoText as missing:
-                return "unknown-name", missing.message, missing.hint
+                return missing.code, missing.message, missing.hint
             return None
         head, _, path = name.partition(".")
         if path and head in self._messages:

@@ -159,6 +159,7 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
         unoffered=_unoffered(tree, on_cancel),
         unused_inputs=tuple(trees.unused_inputs),
         warnings=reading.problems.warnings,
+        language=language or "",
     )
 
 

@@ -15,8 +15,10 @@ from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.inputs import read_constant
 from bt_agents_language.fields.interfaces import read_ros_name
+from bt_agents_language.fields.references import inserted_texts
 from bt_agents_language.fields.scene_values import read_values
 from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.texts import NoText
 from bt_agents_language.fields.values import is_plain, plain, read_value
 from bt_agents_language.files.testing.path_patterns import (
     branches_of,
@@ -177,15 +179,20 @@ SCENARIO = KeyTable(
 
 
 class ScenarioReader:
-    """Reads scenarios for one agent.
+    """Reads scenarios for one agent, in the language that its texts are read in.
 
     Attributes:
+        agent: The agent.
         skills: The skills that the agent's trees use, by name.
         known_skills: These, and the others that there are.
     """
 
     def __init__(self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable) -> None:
+        if agent.language:
+            symbols = symbols.speaking(agent.language)
+        self.agent = agent
         self._reading = reading
+        self._texts = NameScope({}, texts=symbols.texts)
         self._space = symbols.space
         self._interfaces = symbols.interfaces
         self._nodes = tuple(nodes_of(agent))
@@ -320,8 +327,13 @@ class ScenarioReader:
         self._reading.error("unknown-name", node, message, did_you_mean(name, known) or hint)
 
     def plain(self, node: Node, field_type: FieldType, what: str) -> Plain:
-        """Return a value without names; None when it is wrong, which is then reported."""
-        value = read_value(self._reading, node, field_type, NameScope({}), what)
+        """Return a value without names; None when it is wrong, which is then reported.
+
+        It may insert texts of the language, as far as these have no names in them either.
+        """
+        if isinstance(node, Scalar) and not self._inserts_plain(node, what):
+            return None
+        value = read_value(self._reading, node, field_type, self._texts, what)
         if value is None:
             return None
         if is_plain(value):
@@ -333,6 +345,24 @@ class ScenarioReader:
             "write the value itself",
         )
         return None
+
+    def _inserts_plain(self, node: Scalar, what: str) -> bool:
+        """Return whether the texts that a value inserts, as far as there are any, are plain."""
+        for name in inserted_texts(node.text):
+            try:
+                scalars = self._texts.text(name).scalars
+            except NoText:
+                continue  # it is reported where it is read
+            if len(scalars) > 1:
+                problem = "is one of several texts, and a test needs a certain one"
+            elif "${" in scalars[0].text:
+                problem = "has ${…} in it, which only the agent can fill in"
+            else:
+                continue
+            hint = f"write what is said, such as {quote(scalars[0].text)}"
+            self._reading.error("bad-reference", node, f"{what}: '{name}' {problem}", hint)
+            return False
+        return True
 
     def _tuned(self, entries: Iterable[MappingEntry]) -> dict[str, Plain]:
         values: dict[str, Plain] = {}

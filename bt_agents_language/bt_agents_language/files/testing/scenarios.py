@@ -237,9 +237,10 @@ Expectation = (
 
 @dataclass(frozen=True, kw_only=True)
 class AgentTestCase:
-    """One case of a test file."""
+    """One case of a test file; its agent is as in the language of the case."""
 
     name: str
+    agent: AgentSpec
     scenario: Scenario
     expectations: tuple[Expectation, ...]
     position: Position
