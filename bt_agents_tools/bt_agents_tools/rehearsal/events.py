@@ -26,6 +26,7 @@ class EventKind(Enum):
     LOGS = auto()
     WAITS = auto()
     GIVES_UP = auto()
+    NOT_TAKEN = auto()
     SCENE = auto()
     TUNES = auto()
     ARRIVES = auto()

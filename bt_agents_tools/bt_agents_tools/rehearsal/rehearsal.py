@@ -348,7 +348,9 @@ class _Rehearsal:
         new = changes[self._published :]
         held = [(number - self._published, event) for number, event in self._held or ()]
         self._published, self._held = len(changes), None
-        for event in self._events_of_tick.in_order(self._clock.now, new, held):
+        result = self._run.result
+        failed = result.tip if result and result.outcome is TreeOutcome.FAILED else ""
+        for event in self._events_of_tick.in_order(self._clock.now, new, held, failed):
             self._publish(event)
         for change in new:
             if change.status is not Status.INVALID:
