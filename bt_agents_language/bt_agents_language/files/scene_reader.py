@@ -190,8 +190,25 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
         personal=frozenset(personal),
     )
     _check_types(reading, spec)
+    _check_whose(reading, fields, spec)
     reading.problems.raise_if_any()
-    return spec
+    return replace(spec, warnings=reading.problems.warnings)
+
+
+def _check_whose(reading: TypedReader, fields: MappingReader, spec: SceneSpec) -> None:
+    """Warn of values that belong to persons where no source ever sees one."""
+    if not spec.personal or spec.every_source or spec.persons is not None:
+        return
+    for entry in fields.entries("parameters"):
+        whose = entry.value.get("of") if isinstance(entry.value, Mapping) else None
+        if whose is not None and entry.key.text in spec.personal:
+            reading.warning(
+                "nobody-known",
+                whose,
+                f"no source sees a person, so 'of: person' of '{entry.key.text}' means nothing: "
+                "a value belongs to its interaction",
+                "add the source 'person', or 'persons'",
+            )
 
 
 def _check_types(reading: TypedReader, spec: SceneSpec) -> None:
