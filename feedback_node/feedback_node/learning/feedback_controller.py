@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from bt_agents_core.errors import STORAGE_FULL, Refused
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.mood import Addressee
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
@@ -188,6 +189,8 @@ class FeedbackController:
         run = self._runs.current
         if run is None or live.scene_id != run.scene.scene_id:
             return ()
+        self._runs.told(Addressee(run.scene).mask(live))
+        run = self._runs.current or run
         if self._trace is not None:
             self._trace.receive(live)
         if self._watch is None:

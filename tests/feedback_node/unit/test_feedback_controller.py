@@ -728,3 +728,40 @@ def test_rules_read_what_no_profile_has_and_the_mood_may_be_one_of_it(now):
     assert fired.stop is not None
     assert fired.change is not None
     assert fired.change.after < (3.0,)
+
+
+# --- what the person tells in a run -------------------------------------------------------
+
+
+def telling(age: float, person_id: str = "") -> Scene:
+    live = scene(3.0, 4.0)
+    told = SceneValue(name="age", value=age, origin=Origin.TOLD)
+    return replace(live, values=(told, live.values[1]), person_id=person_id)
+
+
+def negative(room: Room) -> tuple[float, ...]:
+    request = FeedbackRequest(
+        feedback_id="", agent="guide", kind=FeedbackKind.NEGATIVE, values=(), source="person"
+    )
+    return room.teaching.give(request).target
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_what_is_told_in_a_run_counts_in_the_feedback_about_it(ended):
+    room = Room()
+    room.teaching.on_run_started(run(awarded=scene(3.0, 4.0)))
+    assert negative(room) == (3.0, 4.0)
+    room.teaching.receive(telling(4.0))
+    room.teaching.receive(scene(2.0, 1.0))  # what is only measured later does not count
+    if ended:
+        room.teaching.on_run_ended(run(awarded=scene(3.0, 4.0)))
+    assert negative(room) == (4.0, 4.0)
+
+
+def test_what_somebody_else_tells_does_not_count():
+    room = Room()
+    room.teaching.on_run_started(run(awarded=replace(scene(3.0, 4.0), person_id="anna")))
+    room.teaching.receive(telling(5.0, "bert"))
+    assert negative(room) == (3.0, 4.0)
+    room.teaching.receive(telling(4.0, "anna"))
+    assert negative(room) == (4.0, 4.0)

@@ -270,8 +270,21 @@ class ScenarioReader:
         fields = self._reading.keys(node, _PERSON)
         if fields is None:
             return True, None
+        visits = fields.integer("visits")
+        return True, RehearsedPerson(
+            name=fields.text("name") or "",
+            visits=visits or 1,
+            remembers=self.facts(fields.entries("remembers")),
+        )
+
+    def told(self, node: Node, what: str) -> dict[str, float]:
+        """Return values of scene parameters; what is wrong is reported and left out."""
+        return read_values(self._reading, node, what, self._space)
+
+    def facts(self, entries: Iterable[MappingEntry]) -> dict[str, Fact]:
+        """Return what is remembered of a person; what is wrong is reported and left out."""
         remembers: dict[str, Fact] = {}
-        for entry in fields.entries("remembers"):
+        for entry in entries:
             key = entry.key.text
             wanted = self._space.remembers.get(key)
             if wanted is None:
@@ -287,10 +300,7 @@ class ScenarioReader:
                 remembers[key] = fact(key, value, wanted)
             except Refused as refused:
                 self._reading.error("wrong-value", entry.value, refused.reason)
-        visits = fields.integer("visits")
-        return True, RehearsedPerson(
-            name=fields.text("name") or "", visits=visits or 1, remembers=remembers
-        )
+        return remembers
 
     def _clock(self, node: Node | None) -> LocalTime:
         fields = None if node is None else self._reading.keys(node, _CLOCK)

@@ -26,10 +26,12 @@ from bt_agents_language.files.testing.scenarios import (
     Ends,
     Expectation,
     ExpectedBids,
+    Remembers,
     Says,
     Scenario,
     SkillUse,
     Teaches,
+    Tells,
     Visits,
     Within,
 )
@@ -49,6 +51,7 @@ from bt_agents_language.yaml.field_tables import (
     Items,
     Key,
     KeyTable,
+    SceneValues,
     Several,
     Value,
     WordChoice,
@@ -92,6 +95,14 @@ _EXPECT = KeyTable(
         FieldDecl("within", DURATION, "The longest time that it may take."),
         FieldDecl(
             "feedback", Several(WordChoice(tuple(_KINDS))), "The feedback that is given, in order."
+        ),
+        FieldDecl(
+            "told", SceneValues(), "What the tree puts into the scene with 'set', the last value."
+        ),
+        FieldDecl(
+            "remembered",
+            Entries(ANY, "names and values"),
+            "What the tree remembers of the person, the last value.",
         ),
         FieldDecl(
             "cancelled_by", TEXT, "The condition of the mood rule, or the reason, that cancels it."
@@ -330,6 +341,12 @@ class _Expectations:
                 words = (self._reading.choice(one, "feedback", _KINDS) for one in _several(node))
                 kinds = tuple(_KINDS[word] for word in words if word is not None)
                 yield Teaches(kinds=kinds, position=position)
+            case "told":
+                told = self._scenarios.told(node, "'told'")
+                yield Tells(values=told, position=position)
+            case "remembered":
+                facts = self._scenarios.facts(fields.entries(key))
+                yield Remembers(values=facts, position=position)
             case "cancelled_by":
                 if (cause := self._cause(node)) is not None:
                     yield CancelledBy(cause=cause, position=position)
