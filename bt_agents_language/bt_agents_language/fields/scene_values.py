@@ -63,6 +63,6 @@ def read_parameter(reading: TypedReader, node: Node, space: SceneSpace) -> Scene
             "unknown-name",
             node,
             f"there is no scene parameter {quote(name)}",
-            did_you_mean(name, space.names),
+            did_you_mean(name.removeprefix("scene."), space.names),
         )
         return None

@@ -363,13 +363,15 @@ class ScenarioReader:
                 scalars = self._texts.text(name).scalars
             except NoText:
                 continue  # it is reported where it is read
+            first = quote(scalars[0].text)
+            hint = f"write what is said, such as {first}"
             if len(scalars) > 1:
                 problem = "is one of several texts, and a test needs a certain one"
+                hint += ", and under 'variants' which one comes"
             elif "${" in scalars[0].text:
                 problem = "has ${…} in it, which only the agent can fill in"
             else:
                 continue
-            hint = f"write what is said, such as {quote(scalars[0].text)}"
             self._reading.error("bad-reference", node, f"{what}: '{name}' {problem}", hint)
             return False
         return True
