@@ -59,7 +59,7 @@ def nearest_label(labels: Labels, value: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneParameter:
-    """One named, ranged dimension of every scene and every profile.
+    """One named, ranged dimension of every scene, and of every profile unless none has it.
 
     Attributes:
         minimum: Smallest value, in the parameter's own unit.
@@ -68,6 +68,7 @@ class SceneParameter:
         weight: How much it counts where distances are weighted, 0 or more.
         assumed: Value in a scene with somebody of whom it is not known; None for missing.
         unattended: Value in a scene without anybody where it is not measured; None for missing.
+        profiled: False where no profile has it, so that it counts in no distance.
     """
 
     name: str
@@ -79,6 +80,7 @@ class SceneParameter:
     weight: float = 1.0
     assumed: float | None = None
     unattended: float | None = None
+    profiled: bool = True
 
     @property
     def ignorance(self) -> float:
@@ -232,14 +234,35 @@ class SceneSpace:
     """The scene parameters that all parts of one system share, in order.
 
     Attributes:
-        parameters: At least one, names unique.
+        parameters: At least one, names unique; those that no profile has come last.
         mood: Name of the parameter that is the person's mood; None when there is none.
         remembers: What agents may remember of a person, with its type.
+        left_out: Of a space of profiles: names of the scene parameters that no profile has.
     """
 
     parameters: tuple[SceneParameter, ...]
     mood: str | None = None
     remembers: Mapping[str, FieldType] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Put the parameters that no profile has behind the others, each kind in its order."""
+        ordered = sorted(self.parameters, key=lambda one: not one.profiled)
+        object.__setattr__(self, "parameters", tuple(ordered))
+
+    @cached_property
+    def profiles(self) -> SceneSpace:
+        """The space of profiles: the parameters that profiles have, which are the first ones."""
+        shared = tuple(one for one in self.parameters if one.profiled)
+        if len(shared) == len(self.parameters):
+            return self
+        names = [one.name for one in shared]
+        return replace(
+            self,
+            parameters=shared,
+            mood=self.mood if self.mood in names else None,
+            left_out=tuple(name for name in self.names if name not in names),
+        )
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -304,6 +327,12 @@ class SceneSpace:
         )
         return replace(scene, values=tuple(values))
 
+    def compared(self, scene: Scene) -> Scene:
+        """Return a scene of the whole space with the values of this space of profiles alone."""
+        if len(scene.values) == len(self.parameters):
+            return scene
+        return replace(scene, values=scene.values[: len(self.parameters)])
+
     def named(self, vector: Iterable[float]) -> dict[str, float]:
         """Return the values of a vector by name, in order, without what is missing."""
         pairs = zip(self.names, vector, strict=True)
@@ -314,6 +343,12 @@ class SceneSpace:
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
+        if name in self.left_out:
+            raise Refused(
+                "UNKNOWN_PARAMETER",
+                f"{_subject(what)}no profile has '{name}', as scene.yaml says of it "
+                f"'profile: false'; profiles have {', '.join(self.names)}",
+            )
         raise Refused(
             "UNKNOWN_PARAMETER",
             f"{_subject(what)}no scene parameter '{name}'; there are {', '.join(self.names)}",

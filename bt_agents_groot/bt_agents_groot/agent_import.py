@@ -93,7 +93,7 @@ class _Import:
             "agent": self._agent,
             "title": self._agent.replace("_", " ").capitalize(),
             "description": f"Made from {self._file_name}.",
-            "profile": {one.name: one.default for one in self._space.parameters},
+            "profile": {one.name: one.default for one in self._space.profiles.parameters},
             "tree": _with_initial_values(tree, initial, _INITIAL_COMMENT),
         }
         if clean_up is not None:

@@ -21,11 +21,11 @@ from bt_agents_groot.simple_nodes import unknown_parent
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, decorated
+from bt_agents_language.fields.values import ONE_OF
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, WORDS
 from bt_agents_language.nodes.node_type import Children, Content, NodeType
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
-from bt_agents_language.nodes.skill import ONE_OF
 from bt_agents_language.nodes.symbols import SymbolTable
 
 

@@ -15,8 +15,8 @@ from bt_agents_groot.formulas import GROUPS, Untranslatable, script_name
 from bt_agents_groot.yaml_nodes import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
 from bt_agents_language.expression.quantities import QuantityError, quantity
+from bt_agents_language.fields.values import ONE_OF
 from bt_agents_language.nodes.node_type import FOREVER
-from bt_agents_language.nodes.skill import ONE_OF
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence

@@ -25,13 +25,14 @@ from bt_agents_groot.ports import (
 )
 from bt_agents_groot.translation import Remarks
 from bt_agents_groot.xml_files import Xml
+from bt_agents_language.fields.values import ONE_OF
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, RawNode
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
-from bt_agents_language.nodes.skill import ONE_OF, takes_variants
+from bt_agents_language.nodes.skill import takes_variants
 from bt_agents_language.nodes.when import WHEN
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode

@@ -149,7 +149,7 @@ def _rows_of_round(
             "bonus": bid.bonus,
             "score": bid.score,
             "runs": bid.runs,
-            **_vector("value", names, bid.vector),
+            **_vector("value", names[: len(bid.vector)], bid.vector),
         }
     for one in refused:
         yield {

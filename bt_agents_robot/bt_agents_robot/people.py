@@ -7,9 +7,10 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from bt_agents_core.errors import Refused
 from bt_agents_core.source_mapping import inverted
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
-from bt_agents_language.model.specs import Visit
+from bt_agents_language.model.specs import Script, Visit
 
 PAUSE_S = 2.0
 """Time between two visits [s]."""
@@ -18,6 +19,28 @@ REACTION_S = 1.0
 """Time that people think before they answer or press a button [s]."""
 
 _MARGIN_S = 0.1
+
+
+def check_visitors(spec: SceneSpec, script: Script) -> None:
+    """Check that the visitors of a script can come through the sensors of a scene.
+
+    Raises:
+        Refused: ``PERSONS_TOLD_APART``, or ``NAMED_VISITOR`` for one who would stay unknown.
+    """
+    if spec.persons is not None:
+        raise Refused(
+            "PERSONS_TOLD_APART",
+            f"{spec.persons.tracked.position}: visitors come one at a time and without ids; "
+            "expected a scene.yaml without 'persons'",
+        )
+    named = next((visit for visit in script.visits if visit.name), None)
+    if named is not None:
+        raise Refused(
+            "NAMED_VISITOR",
+            f"the visitor '{named.label}' has the name '{named.name}', which no sensor tells: "
+            "scene.yaml has no 'persons'; remove 'name', or have the scene layer play the script "
+            "itself (its parameter script)",
+        )
 
 
 def readings(

@@ -23,7 +23,15 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
 from bt_agents_language.model.specs import SceneChange, Script, Visit
-from bt_agents_robot.people import REACTION_S, field_value, is_read, nested, pause_after, readings
+from bt_agents_robot.people import (
+    REACTION_S,
+    check_visitors,
+    field_value,
+    is_read,
+    nested,
+    pause_after,
+    readings,
+)
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
@@ -93,16 +101,12 @@ class VisitorsNode(BaseNode):
     """Player of a script of people who come, are sensed, react and leave.
 
     Raises:
-        Refused: A source has a type or field that cannot be written, or persons are told apart.
+        Refused: A source has a type or field that cannot be written, or as
+            :func:`check_visitors`.
     """
 
     def __init__(self, spec: SceneSpec, script: Script, **node_kwargs: Any) -> None:
-        if spec.persons is not None:
-            raise Refused(
-                "PERSONS_TOLD_APART",
-                f"{spec.persons.tracked.position}: visitors come one at a time and without ids; "
-                "expected a scene.yaml without 'persons'",
-            )
+        check_visitors(spec, script)
         super().__init__("visitors", **node_kwargs)
         self._spec = spec
         self._script = script

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from bt_agents_core.scene import Scene
+from bt_agents_core.scene import Origin, Scene
 
 _REMEMBERED_ENDS = 256
 _REMEMBERED_AGENTS = 10_000
@@ -14,7 +14,7 @@ _REMEMBERED_AGENTS = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class AnnouncedRun:
-    """One run of one agent, with its scene as awarded."""
+    """One run of one agent, with its scene as awarded and what the person has told since."""
 
     epoch: str
     round: int
@@ -59,6 +59,17 @@ class AnnouncedRuns:
         if is_new and self.current is None:
             self._remember(run)
         return False
+
+    def told(self, live: Scene) -> None:
+        """Take what the person has told in the current run, from its live scene."""
+        run = self.current
+        told = {value.name: value for value in live.values if value.origin is Origin.TOLD}
+        if run is None or not told:
+            return
+        values = tuple(told.get(value.name, value) for value in run.scene.values)
+        if values != run.scene.values:
+            self.current = replace(run, scene=replace(run.scene, values=values))
+            self._remember(self.current)
 
     def last(self, agent: str = "") -> AnnouncedRun | None:
         """Return the current or last run, of ``agent`` or of anybody; None when there was none."""

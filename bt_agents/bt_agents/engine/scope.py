@@ -118,9 +118,10 @@ class RunScope:
         return mood_of(live, self.space) - mood_of(self.scene, self.space)
 
     def _own_value(self, parameter: str) -> float:
-        if parameter not in self.space.names:
+        names = self.space.profiles.names
+        if parameter not in names:
             raise KeyError(parameter)
-        return self.profile[self.space.names.index(parameter)]
+        return self.profile[names.index(parameter)]
 
 
 @dataclass(frozen=True, kw_only=True)

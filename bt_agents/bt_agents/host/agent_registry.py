@@ -225,7 +225,7 @@ class AgentRegistry:
         """
         member = self.member(name)
         whose = f" for {checked_layer(layer)}" if layer else ""
-        profile = self.space.vector(values, what=f"profile of {name}{whose}")
+        profile = self.space.profiles.vector(values, what=f"profile of {name}{whose}")
         held = member.layers.get(layer) if layer else (member.profile, member.revision)
         if held is None and len(member.layers) >= MOST_LAYERS:
             raise Refused(
@@ -285,8 +285,9 @@ class AgentRegistry:
             vectors.extend(member._profile_in(named) if named else member.profile)
         own_weights = [member.spec.weights for member in bidders]
         if any(own_weights):
+            parameters = self.space.profiles.parameters
             for own in own_weights:
-                weights.extend(own.get(p.name, p.weight) for p in self.space.parameters)
+                weights.extend(own.get(one.name, one.weight) for one in parameters)
         return BidderColumns(
             members=bidders,
             names=[member.spec.name for member in bidders],

@@ -81,7 +81,7 @@ class HostCardPublisher:
                 host=self._host,
                 host_instance=self._instance,
                 trees=self._folder,
-                parameters=list(self._registry.space.names),
+                parameters=list(self._registry.space.profiles.names),
                 agents=[self._agent_card(member) for member in members if member.agent_id],
                 broken_files=[str(broken.file) for broken in trees.broken],
                 problems=_problems_to_msg(dict.fromkeys(problems)),
@@ -131,7 +131,7 @@ class HostCardPublisher:
             current=list(member.profile),
             revision=member.revision,
             learning_rate=member.learning_rate,
-            learning=learning_to_msg(spec.learning, self._registry.space),
+            learning=learning_to_msg(spec.learning, self._registry.space.profiles),
             rules=[rule_to_msg(rule) for rule in spec.rules],
             version=history.current.number,
             waiting=history.waiting is not None,
@@ -142,7 +142,7 @@ class HostCardPublisher:
 
 
 def learning_to_msg(rule: LearningRule, space: SceneSpace) -> Learning:
-    """Return the message of a learning rule, its values in the order of the space."""
+    """Return the message of a learning rule, its values in the order of the space of profiles."""
     weights = {**WEIGHTS, **rule.weights}
     return Learning(
         rates=space.ordered(rule.rates),

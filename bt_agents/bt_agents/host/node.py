@@ -191,7 +191,7 @@ class HostNode(BaseNode):
         self._host_card.card()
 
     def _bid(self, call: CallForBids) -> None:
-        same_space = list(call.parameters) == list(self.registry.space.names)
+        same_space = list(call.parameters) == list(self.registry.space.profiles.names)
         registration = self._registration
         if call.epoch != registration.epoch and registration.defer(lambda: self._bid(call)):
             return

@@ -330,7 +330,7 @@ class _AgentResult:
 def _agent_results(
     name: str, folder: Trees, spec: ExperimentSpec, records: Sequence[FeedbackRecord]
 ) -> list[_AgentResult]:
-    names = folder.scene.space.names
+    names = folder.scene.space.profiles.names
 
     def known(vector: Sequence[float]) -> dict[str, float]:
         return dict(zip(names, vector, strict=False))

@@ -150,7 +150,7 @@ def _prepared(spec: ExperimentSpec, space: SceneSpace) -> str:
     """Return the experiment as a file that has the seed that was asked for."""
 
     def named(vector: Vector) -> dict[str, float]:
-        pairs = zip(space.names, vector, strict=True)
+        pairs = zip(space.names, vector, strict=False)
         return {name: value for name, value in pairs if not math.isnan(value)}
 
     feedback: dict[str, Any] = {

@@ -112,14 +112,14 @@ class Core:
             LearningCard(
                 host=HOST,
                 instance=_INSTANCE,
-                parameters=self.space.names,
+                parameters=self.space.profiles.names,
                 agents=tuple(
                     AgentEntry(
                         name=agent.name,
                         profile=agent.profile,
                         revision=0,
                         learning_rate=agent.learning_rate,
-                        learning=learning_of(agent.learning, self.space),
+                        learning=learning_of(agent.learning, self.space.profiles),
                     )
                     for agent in agents
                 ),
@@ -168,7 +168,7 @@ class Core:
         change = self._controller.collect(run)
         if change is not None:
             wrong = self._feedback.is_wrong(len(self._records))
-            self._on_result(row_of_change(change, self.space.names, wrong))
+            self._on_result(row_of_change(change, self.space.profiles.names, wrong))
             self._agents.set_profile(goal.agent, change.after, change.revision.revision)
             self._records.append(
                 FeedbackRecord(

@@ -52,12 +52,13 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
             f"{spec.title}: 'each' has no feedback for {', '.join(without)}; many runs at once "
             "need one for each agent"
         )
+    space = folder.scene.space.profiles
     return SimulatedWorld(
-        space=folder.scene.space,
+        space=space,
         agents=tuple(agent.name for agent in agents),
         starts=np.array([agent.profile for agent in agents], np.float64),
         best=np.array([spec.feedback.each[agent.name] for agent in agents], np.float64),
-        scenes=np.array(list(dict.fromkeys(spec.scenes)), np.float64),
+        scenes=np.array(list(dict.fromkeys(one[: len(space)] for one in spec.scenes)), np.float64),
         rates=np.array([agent.learning_rate for agent in agents]),
     )
 
@@ -69,7 +70,7 @@ def streams_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]
     streams.error_draw[:] = 1.0
     for row, seed in enumerate(seeds):
         seeded = with_seed(spec, seed)
-        streams.scene[row] = [places[scene] for scene in seeded.order()]
+        streams.scene[row] = [places[scene[: len(world.space)]] for scene in seeded.order()]
         if seeded.feedback.errors is None:
             continue
         for index in range(spec.rounds):

@@ -72,7 +72,11 @@ _UPDATE = KeyTable(
         FieldDecl("width", number(0), "Of huber: its width for every parameter."),
         FieldDecl("window", integer(1, 1000), "Of median: so many of the last feedbacks count."),
         FieldDecl("anneal", number(0), "After n feedbacks the rate is rate / (1 + anneal × n)."),
-        FieldDecl("retreat", SceneValues(), "Where negative feedback leads on the scene itself."),
+        FieldDecl(
+            "retreat",
+            SceneValues(of_profiles=True),
+            "Where negative feedback leads on the scene itself.",
+        ),
     ),
 )
 _WRONG = KeyTable(
@@ -81,7 +85,7 @@ _WRONG = KeyTable(
         FieldDecl("shares", Items(SHARE), "Shares of feedback that is wrong.", required=True),
         FieldDecl(
             "says",
-            Either((WordChoice(("any", "another")), SceneValues(every=True))),
+            Either((WordChoice(("any", "another")), SceneValues(every=True, of_profiles=True))),
             "What wrong feedback says.",
         ),
     ),
@@ -108,7 +112,7 @@ _CHANGE = KeyTable(
         FieldDecl("round", integer(2), "The first round in which it counts.", required=True),
         FieldDecl(
             "each",
-            Entries(SceneValues(every=True), "agents and scenes", keys=Key.ANY),
+            Entries(SceneValues(every=True, of_profiles=True), "agents and scenes", keys=Key.ANY),
             "Agent → the scene that it is made for from then on; others stay as they are.",
             required=True,
         ),
@@ -183,8 +187,8 @@ def read_sweep(path: Path) -> SweepSpec:
             reading.error(
                 "unknown-name",
                 node,
-                f"the scene of '{folder}' has no mood that a person could have",
-                "name it in its scene.yaml: mood: …",
+                f"the scene of '{folder}' has no mood that is part of profiles",
+                "name it in its scene.yaml: mood: …, without 'profile: false'",
             )
         person = _person(reading, node)
     change = None

@@ -218,7 +218,7 @@ class _Counterfactual:
         self._outlook.bidders |= {bid.agent for bid in bids}
         terms = self._terms(one, scene)
         external = external_of(auction) if terms.strategy == EXTERNAL else None
-        ranked = decide(space, terms, bids, external=external).bids
+        ranked = decide(space.profiles, terms, bids, external=external).bids
         if not ranked:
             return "", math.nan
         margin = ranked[1].score - ranked[0].score if len(ranked) > 1 else math.nan
@@ -307,7 +307,9 @@ class _Counterfactual:
             self._begin(key, tuple(feedback.before))
         before = self._histories[key].before(feedback, recorded.card.profile)
         taught_by = rule_of(recorded.card, recorded.parameters)
-        after = self._histories[key].add(feedback, before, recorded.parsed.space, taught_by)
+        after = self._histories[key].add(
+            feedback, before, recorded.parsed.space.profiles, taught_by
+        )
         spec = self._specs.get(feedback.agent)
         own = spec.profile if spec is not None else tuple(feedback.before)
         now = self._now.setdefault(key, _Taught(profile=own))
@@ -322,7 +324,7 @@ class _Counterfactual:
             if after.revision != feedback.revision and after.revision in revisions:
                 now = revisions[after.revision]
             else:
-                now = self._taught(recorded, recorded.parsed.space, now)
+                now = self._taught(recorded, recorded.parsed.space.profiles, now)
         self._now[key] = revisions[feedback.revision] = now
 
     def _taught(self, recorded: RecordedFeedback, space: SceneSpace, now: _Taught) -> _Taught:

@@ -78,7 +78,7 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
         return not_recorded(KIND, where, missing)
     terms = terms_of(one, scene, one.runs or 0)
     ranked = decide(
-        space,
+        space.profiles,
         terms,
         bids_of(auction.ranking),
         external=external_of(auction) if auction.strategy == EXTERNAL else None,

@@ -107,9 +107,9 @@ def replay_feedback(feedbacks: Iterable[RecordedFeedback]) -> Iterator[ReplayFin
         history = histories[feedback.agent, feedback.layer]
         before = history.before(feedback, recorded.card.profile)
         try:
-            yield _again(recorded, recorded.parsed.space, before, where)
+            yield _again(recorded, recorded.parsed.space.profiles, before, where)
             rule = rule_of(recorded.card, recorded.parameters)
-            history.add(feedback, before, recorded.parsed.space, rule)
+            history.add(feedback, before, recorded.parsed.space.profiles, rule)
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:

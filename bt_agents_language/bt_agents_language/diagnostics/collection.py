@@ -14,6 +14,9 @@ from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
 from bt_agents_language.diagnostics.renderers import MAX_COLLECTED, as_lines, as_text
 
+NO_TEXTS = "no-texts"
+"""Code of a problem that every text of a file has, so that the file is told it once."""
+
 _LONGEST_WORD = 64
 _MANY_WORDS = 200
 _LIST_COLUMNS = 140
@@ -67,13 +70,16 @@ class Diagnostics:
         )
 
     def append(self, diagnostic: Diagnostic) -> None:
-        """Add a problem; the same one at the same place counts once.
+        """Add a problem; the same one at the same place, or of all texts of a file, counts once.
 
         Raises:
             ReadError: There are so many errors that reading on makes no sense.
         """
         found = self._found[diagnostic.severity]
-        key = (diagnostic.position, diagnostic.code, diagnostic.message)
+        position = diagnostic.position
+        if diagnostic.code == NO_TEXTS:
+            position = position._replace(line=0, column=0)
+        key = (position, diagnostic.code, diagnostic.message)
         if key in found or len(found) >= MAX_COLLECTED:
             return
         found[key] = replace(diagnostic, excerpt=self._line(diagnostic.position.line))

@@ -26,6 +26,8 @@ _WHERE_TEXTS_STAND = re.compile(rf"(?:({NAME})\s*)?(?:==|!=|\[|,)\s*$")
 _LOOKED_AT = 100
 _DOTTED = re.compile(NAME)
 
+_INSERTED = re.compile(rf"\$\{{\s*({re.escape(TEXT_PREFIX)}\w+)\s*\}}")
+
 ONE_NAME = re.compile(rf"\$\{{\s*({NAME})\s*\}}")
 """A text that is a name and nothing else."""
 
@@ -107,7 +109,7 @@ def _read_text(
     try:
         written = names.text(name)
     except NoText as problem:
-        _report_name(reading, node, name, offset, ("unknown-name", problem.message, problem.hint))
+        _report_name(reading, node, name, offset, (problem.code, problem.message, problem.hint))
         return None
     if len(written.scalars) > 1 and not variants:
         problem_here = (
@@ -125,6 +127,11 @@ def _read_text(
     if len(found) < len(read):
         return None
     return found[0] if len(found) == 1 else (Variants(texts=tuple(map(text_of, found))),)
+
+
+def inserted_texts(text: str) -> list[str]:
+    """Return the names of the texts that a text inserts: ``t.hello`` of ``${t.hello}``."""
+    return _INSERTED.findall(text)
 
 
 def text_of(parts: tuple[Part, ...]) -> Literal | Reference | Text:

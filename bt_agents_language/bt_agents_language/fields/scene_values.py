@@ -51,10 +51,18 @@ def read_parameter(reading: TypedReader, node: Node, space: SceneSpace) -> Scene
     try:
         return space.parameter(name)
     except Refused:
+        if name in space.left_out:
+            reading.error(
+                "wrong-value",
+                node,
+                f"no profile has {quote(name)}: scene.yaml says 'profile: false' of it",
+                f"leave {quote(name)} out here, or write 'profile: true' in scene.yaml",
+            )
+            return None
         reading.error(
             "unknown-name",
             node,
             f"there is no scene parameter {quote(name)}",
-            did_you_mean(name, space.names),
+            did_you_mean(name.removeprefix("scene."), space.names),
         )
         return None

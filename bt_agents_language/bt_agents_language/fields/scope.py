@@ -63,6 +63,9 @@ class Assigned:
 class _NoTextInside:
     """The texts that a text may name: none, so that no text can contain itself."""
 
+    def languages(self) -> list[str]:
+        return []
+
     def speaking(self, _: str) -> _NoTextInside:
         return self
 
@@ -221,7 +224,7 @@ class NameScope:
             try:
                 self._plain_text(name)
             except NoText as missing:
-                return "unknown-name", missing.message, missing.hint
+                return missing.code, missing.message, missing.hint
             return None
         head, _, path = name.partition(".")
         if path and head in self._messages:
@@ -301,7 +304,8 @@ def scene_names(
     """Return the names of scene values: ``scene.age``, ``scene.person``, …."""
     types: dict[str, FieldType] = {}
     for group in groups:
-        types.update({f"{group}.{name}": FieldType.NUMBER for name in space.names})
+        names = space.profiles.names if group == "profile" else space.names
+        types.update({f"{group}.{name}": FieldType.NUMBER for name in names})
         if group != "profile":
             types[f"{group}.person"] = FieldType.BOOLEAN
         if group == "live":

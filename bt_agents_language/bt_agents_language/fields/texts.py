@@ -15,12 +15,13 @@ TEXT_PREFIX = "t."
 
 
 class NoText(BtAgentsError):
-    """There is no text of a name, with the problem where it is named."""
+    """There is no text of a name, with the problem where it is named, and its code."""
 
-    def __init__(self, message: str, hint: str = "") -> None:
+    def __init__(self, message: str, hint: str = "", code: str = "unknown-name") -> None:
         super().__init__(message)
         self.message = message
         self.hint = hint
+        self.code = code
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +34,9 @@ class WrittenText:
 
 class Texts(Protocol):
     """Finds texts by their names, in one language."""
+
+    def languages(self) -> list[str]:
+        """Return the languages of which there are texts."""
 
     def speaking(self, language: str) -> Texts:
         """Return the texts of another language."""

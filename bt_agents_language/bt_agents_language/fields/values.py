@@ -33,6 +33,9 @@ _FITTING = {
 }
 """Type of a place → types of names that may stand there; texts and any take every name."""
 
+ONE_OF = "one_of"
+"""Key in the place of a skill's main text, with several of which it takes one."""
+
 EXPECTED = {
     FieldType.TEXT: "a text",
     FieldType.NUMBER: "a number",
@@ -64,6 +67,16 @@ def read_value(
 
     Where ``variants`` are possible a text may insert one of several.
     """
+    several = isinstance(node, Mapping) and [one.key.text for one in node.entries] == [ONE_OF]
+    if several and field_type in (FieldType.TEXT, FieldType.ANY):
+        reading.error(
+            "wrong-type",
+            node,
+            f"{what}: only the main text of a skill can be one of several",
+            f"write '{ONE_OF}' behind the skill that says it, or 'random' with a node for each, "
+            "such as '- set: {…}'",
+        )
+        return None
     if field_type is FieldType.ANY:
         return _read_any(reading, node, names, what)
     if not isinstance(node, Scalar):

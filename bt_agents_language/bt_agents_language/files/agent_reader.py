@@ -74,7 +74,7 @@ AGENT = FileKind(
         ),
         FieldDecl(
             "profile",
-            SceneValues(every=True),
+            SceneValues(every=True, of_profiles=True),
             "The scene that it suits best: its bid. Feedback moves it.",
             required=True,
         ),
@@ -121,9 +121,9 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
     name = fields.name("agent")
     profile = requires = None
     if (node := fields.get("profile")) is not None:
-        profile = read_vector(reading, node, "'profile'", space)
-    rate, learning = read_learning(reading, fields, space)
-    weights = numbers_by_parameter(reading, fields, "weights", space)
+        profile = read_vector(reading, node, "'profile'", space.profiles)
+    rate, learning = read_learning(reading, fields, space.profiles)
+    weights = numbers_by_parameter(reading, fields, "weights", space.profiles)
     tunables = _tunables(reading, fields)
     rules = read_mood_rules(reading, fields, space)
     if (node := fields.get("requires")) is not None:
@@ -159,6 +159,7 @@ def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:
         unoffered=_unoffered(tree, on_cancel),
         unused_inputs=tuple(trees.unused_inputs),
         warnings=reading.problems.warnings,
+        language=language or "",
     )
 
 

@@ -27,13 +27,17 @@ from bt_agents_language.yaml.yaml_reader import Node
 
 MAX_ROUNDS = 1_000_000
 
-_OPINION = SceneValues(filled=True)
+_OPINION = SceneValues(of_profiles=True, filled=True)
 _ERRORS = KeyTable(
     what="'errors'",
     fields=(
         FieldDecl("every", integer(1), "Each so-manyth feedback is wrong."),
         FieldDecl("share", SHARE, "How likely a feedback is wrong."),
-        FieldDecl("value", SceneValues(every=True), "What is said then; any value when left out."),
+        FieldDecl(
+            "value",
+            SceneValues(every=True, of_profiles=True),
+            "What is said then; any value when left out.",
+        ),
     ),
     needs=one_of(("every", "share"), "write either 'every' or 'share'", exclusive=True),
 )
@@ -83,7 +87,7 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
     scenes = [read_vector(reading, node, "a scene", space) for node in fields.items("scenes")]
     feedback = None
     if (node := fields.get("feedback")) is not None:
-        feedback = _feedback(reading, node, space, seed or 0)
+        feedback = _feedback(reading, node, space.profiles, seed or 0)
     reading.problems.raise_if_any()
     assert rounds is not None
     assert seed is not None

@@ -46,7 +46,9 @@ LEARNING = KeyTable(
     fields=(
         FieldDecl("rate", SHARE, "How far one feedback moves the profile; as 'learning_rate'."),
         FieldDecl(
-            "rates", SceneValues(limits=lambda _: (0, 1)), "The same for single parameters."
+            "rates",
+            SceneValues(of_profiles=True, limits=lambda _: (0, 1)),
+            "The same for single parameters.",
         ),
         FieldDecl("freeze", SceneNameList(_ALL), f"Parameters that do not learn, or '{_ALL}'."),
         FieldDecl(
@@ -57,7 +59,7 @@ LEARNING = KeyTable(
         ),
         FieldDecl(
             "width",
-            SceneValues(limits=_up_to_range),
+            SceneValues(of_profiles=True, limits=_up_to_range),
             "Of huber: no feedback counts as if it were farther than this.",
         ),
         FieldDecl(
@@ -70,12 +72,12 @@ LEARNING = KeyTable(
         ),
         FieldDecl(
             "drift",
-            SceneValues(limits=_up_to_range),
+            SceneValues(of_profiles=True, limits=_up_to_range),
             "Farthest that the profile gets from this file.",
         ),
         FieldDecl(
             "retreat",
-            SceneValues(),
+            SceneValues(of_profiles=True),
             "Where negative feedback moves a parameter in which the profile lies on the scene.",
         ),
         FieldDecl(
@@ -101,7 +103,7 @@ LEARNING_FIELDS = (
     FieldDecl("learning", LEARNING, "How feedback moves the profile."),
     FieldDecl(
         "weights",
-        SceneValues(limits=lambda _: (0, MAX_WEIGHT)),
+        SceneValues(of_profiles=True, limits=lambda _: (0, MAX_WEIGHT)),
         "How much parameters count for it where distances are weighted; 1 is usual.",
     ),
 )

@@ -29,6 +29,7 @@ from bt_agents_language.model.scene_specs import (
     TrackedSpec,
 )
 from bt_agents_language.yaml.field_tables import (
+    BOOLEAN,
     NAME,
     NUMBER,
     TEXT,
@@ -68,6 +69,13 @@ _PARAMETER = KeyTable(
             number(0, MAX_WEIGHT),
             "How much it counts where distances are weighted.",
             default=1,
+        ),
+        FieldDecl(
+            "profile",
+            BOOLEAN,
+            "Whether every profile has a value for it; with 'false' no profile has one, and it "
+            "counts in no distance.",
+            default=True,
         ),
         FieldDecl(
             "missing",
@@ -148,6 +156,13 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
     read = {entry.key.text: _parameter(reading, entry, missing, personal) for entry in entries}
     parameters = {name: parameter for name, parameter in read.items() if parameter is not None}
     names = [*read]
+    if parameters and not any(one.profiled for one in parameters.values()):
+        reading.error(
+            "missing-value",
+            fields.keys["parameters"],
+            "no parameter is part of profiles, so that no agent could be nearer than another",
+            "leave out 'profile: false' of one at least",
+        )
     space = SceneSpace(
         parameters=tuple(parameters.values()),
         mood=_mood(reading, fields, names),
@@ -175,8 +190,25 @@ def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> Sce
         personal=frozenset(personal),
     )
     _check_types(reading, spec)
+    _check_whose(reading, fields, spec)
     reading.problems.raise_if_any()
-    return spec
+    return replace(spec, warnings=reading.problems.warnings)
+
+
+def _check_whose(reading: TypedReader, fields: MappingReader, spec: SceneSpec) -> None:
+    """Warn of values that belong to persons where no source ever sees one."""
+    if not spec.personal or spec.every_source or spec.persons is not None:
+        return
+    for entry in fields.entries("parameters"):
+        whose = entry.value.get("of") if isinstance(entry.value, Mapping) else None
+        if whose is not None and entry.key.text in spec.personal:
+            reading.warning(
+                "nobody-known",
+                whose,
+                f"no source sees a person, so 'of: person' of '{entry.key.text}' means nothing: "
+                "a value belongs to its interaction",
+                "add the source 'person', or 'persons'",
+            )
 
 
 def _check_types(reading: TypedReader, spec: SceneSpec) -> None:
@@ -312,6 +344,14 @@ def _parameter(
     labels = _labels(reading, fields, minimum, maximum)
     description = fields.text("description")
     weight = fields.number("weight")
+    profiled = fields.boolean("profile") is not False
+    if not profiled and fields.get("weight") is not None:
+        reading.error(
+            "contradiction",
+            fields.keys["weight"],
+            f"{what} has a 'weight', but 'profile: false' says that it counts in no distance",
+            "keep one of both",
+        )
     rule = fields.choice("missing")
     if fields.choice("of") is not None and name is not None:
         personal.add(name)
@@ -328,6 +368,7 @@ def _parameter(
         labels=labels,
         weight=1.0 if weight is None else weight,
         assumed=default if rule == MissingRule.DEFAULT.value else None,
+        profiled=profiled,
     )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
 from bt_agents_core.text import join_words, quote
-from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.diagnostics.collection import NO_TEXTS, did_you_mean
 from bt_agents_language.fields.texts import TEXT_PREFIX, NoText, WrittenText
 from bt_agents_language.yaml.field_tables import (
     TEXT,
@@ -163,23 +163,26 @@ class FolderTexts:
         return f"{FOLDER}/{self.language}{SUFFIX}"
 
     def _no_file(self) -> NoText:
+        """Return why none of the texts can be found, which is told once a file."""
+        return NoText(*self._why_no_file(), code=NO_TEXTS)
+
+    def _why_no_file(self) -> tuple[str, str]:
         if self.broken is not None:
             first = self.broken.diagnostics[0]
-            return NoText(
+            return (
                 f"'{self._shown}' has errors itself: {first.code} in line {first.position.line}",
                 "mend it first",
             )
         languages = self.languages()
         if not languages:
-            return NoText(
-                f"there are no texts: no file in {FOLDER}/", f"write one: {FOLDER}/en{SUFFIX}"
-            )
+            return f"there are no texts: no file in {FOLDER}/", f"write one: {FOLDER}/en{SUFFIX}"
         known = join_words(languages, "or")
         if not self.language:
-            return NoText(
-                "no language is chosen for this text", f"write 'language: {known}' in scene.yaml"
+            return (
+                "no language is chosen for the texts that this file inserts",
+                f"write 'language: {known}' in scene.yaml",
             )
-        return NoText(
+        return (
             f"there are no texts in the language {quote(self.language)}",
             f"there are some in {known}; or write {FOLDER}/<language>{SUFFIX}",
         )
@@ -235,6 +238,10 @@ class AskedTexts:
     def find(self, name: str) -> WrittenText:
         self.asked = True
         return self._texts.find(name)
+
+    def languages(self) -> list[str]:
+        """Return the languages of which there are texts."""
+        return self._texts.languages()
 
     def speaking(self, language: str) -> AskedTexts:
         """Return these, from now on of another language."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
-from bt_agents_core.diagnostic import Position
+from bt_agents_core.diagnostic import Diagnostic, Position
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expressions import Expression
 
@@ -211,6 +211,7 @@ class SceneSpec:
             out.
         language: Language of the agents' texts where nothing else says one; may be empty.
         personal: Parameters whose given and told values belong to the person, not the interaction.
+        warnings: What its reader found legal, but rarely meant.
     """
 
     space: SceneSpace
@@ -221,6 +222,7 @@ class SceneSpec:
     missing: Mapping[str, MissingRule] = field(default_factory=dict)
     language: str = ""
     personal: frozenset[str] = frozenset()
+    warnings: tuple[Diagnostic, ...] = ()
 
     @cached_property
     def every_source(self) -> tuple[SourceSpec, ...]:
@@ -228,6 +230,11 @@ class SceneSpec:
         single = (self.person, self.place if isinstance(self.place, SourceSpec) else None)
         persons = self.persons.sources if self.persons is not None else ()
         return (*self.sources, *(one for one in single if one is not None), *persons)
+
+    @property
+    def names_persons(self) -> bool:
+        """True where sources say who is known by name."""
+        return self.persons is not None and self.persons.known is not None
 
     def missing_rule(self, parameter: str) -> MissingRule:
         """Return what a scene holds for a parameter that nobody measures."""

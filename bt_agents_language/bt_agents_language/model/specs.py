@@ -326,6 +326,7 @@ class AgentSpec:
             one of them it does not bid.
         unused_inputs: Inputs of its own subtrees.
         warnings: What its reader found legal, but rarely meant.
+        language: What it speaks whatever others do; empty for the language of the robot.
     """
 
     name: str
@@ -347,6 +348,7 @@ class AgentSpec:
     unoffered: tuple[str, ...] = ()
     unused_inputs: tuple[UnusedInput, ...] = ()
     warnings: tuple[Diagnostic, ...] = ()
+    language: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

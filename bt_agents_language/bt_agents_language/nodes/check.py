@@ -26,6 +26,7 @@ CHECK = NodeType(
     outcomes=_outcomes,
     idle=True,
     read_only=True,
+    decides=True,
     to_cover=((Mark.SUCCEEDED, "never true"), (Mark.FAILED, "never false")),
     example="""\
 tree:

@@ -79,6 +79,7 @@ CHOOSE = NodeType(
     outcomes=_outcomes,
     unreached=_unreached,
     exclusive=True,
+    decides=True,
     example="""\
 tree:
   choose:

@@ -17,6 +17,7 @@ COOLDOWN = NodeType(
     derived=("otherwise",),
     outcomes=skippable,
     skips=True,
+    decides=True,
     to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:

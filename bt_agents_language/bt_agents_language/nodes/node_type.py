@@ -336,6 +336,7 @@ class NodeType:
         idle: Whether nothing but an event or a time changes a running leaf.
         read_only: Whether the leaf has no effect on anything.
         gives_up: Whether a rehearsal shows its failures.
+        decides: Whether its failure says that a branch is not taken.
         to_cover: What tests should have seen it do, each with the text where they have not.
         resources: What a node uses outside of its tree.
         drawn_key: Word for a node in a picture.
@@ -382,6 +383,7 @@ class NodeType:
     idle: bool = False
     read_only: bool = False
     gives_up: bool = False
+    decides: bool = False
     to_cover: tuple[tuple[Mark, str], ...] = ()
     resources: Callable[[NodeSpec], Resources] = bound
     drawn_key: Callable[[NodeSpec], str] = lambda spec: spec.kind

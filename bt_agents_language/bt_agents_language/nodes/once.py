@@ -16,6 +16,7 @@ ONCE = NodeType(
     skips=True,
     unaffected=True,
     single_round=True,
+    decides=True,
     to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:

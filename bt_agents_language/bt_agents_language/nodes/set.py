@@ -10,6 +10,7 @@ from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.inputs import read_new_name
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.fields.values import read_value
+from bt_agents_language.model.scene_specs import PERSON
 from bt_agents_language.model.specs import Binding, Literal, MapValue, NodeSpec, Value
 from bt_agents_language.nodes.endings import EITHER, Outcomes, always_success
 from bt_agents_language.nodes.node_type import (
@@ -67,7 +68,7 @@ def _scene_value(reading: TypedReader, entry: MappingEntry, names: NameScope) ->
     """Return a value that a person has told, for a parameter of the scene."""
     name = entry.key.text
     group, _, member = name.partition(".")
-    known = {SCENE + one for one in names.members("profile.")}
+    known = {SCENE + one for one in names.members(SCENE) if one != PERSON}
     if name not in known:
         if group in ("scene", "live"):
             hint = did_you_mean(SCENE + member, known)

@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
+from bt_agents_language.fields.values import ONE_OF
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.node_type import NodeType
 from bt_agents_language.nodes.subtree import OUTPUTS
 
 SKILL = NodeType(key="skill", siblings=(OUTPUTS.key,), idle=True)
 """Type of every skill; its fields are the inputs that the skill declares."""
-
-ONE_OF = "one_of"
-"""Key in the place of a skill's main text, with several of which it takes one."""
 
 
 def takes_variants(skill: SkillSpec) -> bool:

@@ -23,6 +23,7 @@ WHEN = NodeType(
     outcomes=skippable,
     unreached=never_true,
     skips=True,
+    decides=True,
     to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:

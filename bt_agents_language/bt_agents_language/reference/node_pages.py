@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_language.fields.values import ONE_OF
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import (
@@ -19,7 +20,7 @@ from bt_agents_language.nodes.node_type import (
     Role,
     declared_field,
 )
-from bt_agents_language.nodes.skill import ONE_OF, takes_variants
+from bt_agents_language.nodes.skill import takes_variants
 from bt_agents_language.nodes.symbols import SymbolTable
 
 

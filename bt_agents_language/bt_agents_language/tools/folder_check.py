@@ -143,12 +143,14 @@ class _FolderCheck:
 
     def _dependent_problems(self, trees: Trees, paths: list[Path]) -> list[AgentSpec]:
         """Add the problems of what needs the scene and the skills; return the good agents."""
+        if self._is_wanted(self._folder / "scene.yaml"):
+            self._add(trees.scene.warnings)
         agents = [agent for agent in trees.agents if self._is_wanted(Path(agent.file))]
         for broken in trees.broken:
             if self._is_wanted(broken.file):
                 self._add(broken.error.diagnostics)
         for agent in agents:
-            self._add(lint(agent))
+            self._add(lint(agent, names_persons=trees.scene.names_persons))
         for path in filter(self._is_wanted, paths):
             try:
                 if path.parent.name == "libraries":

@@ -32,10 +32,13 @@ from bt_agents_language.model.specs import (
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import EITHER, Outcomes
 from bt_agents_language.nodes.node_type import FOREVER, Role, Waits
+from bt_agents_language.nodes.remember import REMEMBER
 from bt_agents_language.tools.cut_speech import cut_speech
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
+
+_PERSON = "person."
 
 _PATIENCE = 20
 """Oftener than that nobody wants to hear the same."""
@@ -53,8 +56,11 @@ _Tree = Sequence[NodeSpec]
 
 
 @gc_paused()
-def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
-    """Return the warnings about an agent, in the order of its file."""
+def lint(agent: AgentSpec, *, names_persons: bool = True) -> tuple[Diagnostic, ...]:
+    """Return the warnings about an agent, in the order of its file.
+
+    ``names_persons`` says whether anybody is ever known by name.
+    """
     found: dict[tuple[Position, str], Diagnostic] = {}
     roots = (root for root in (agent.tree, agent.on_cancel) if root is not None)
     trees = [list(iter_nodes(root)) for root in roots]
@@ -70,6 +76,7 @@ def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
         agent.warnings,
         cut_speech(agent),
         _unmarked_names(agent, nodes),
+        () if names_persons else _nobody_known(agent, nodes),
     )
     for one in chain(*named):
         found[(one.position, one.code)] = one
@@ -293,6 +300,29 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
                 f"nothing uses the tunable {quote(tunable.name)}: turning it changes nothing",
                 f"write ${{{tunable.name}}} where it belongs, or remove it",
             )
+
+
+def _nobody_known(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
+    """Yield one warning where an agent is about persons who are known by name."""
+    required = agent.requires.names if agent.requires is not None else ()
+    start = Position(file=agent.file, line=1, column=1)
+    uses = [(start, name) for name in sorted(required) if name.startswith(_PERSON)]
+    for node in nodes:
+        if node.kind == REMEMBER.key:
+            uses.append((node.position, node.kind))
+        uses += [(node.position, name) for name in _names_read(node) if name.startswith(_PERSON)]
+    if not uses:
+        return
+    position, first = uses[0]
+    does = f"'{first}' keeps nothing" if first == REMEMBER.key else f"'{first}' is always missing"
+    yield _warning(
+        "nobody-known",
+        position,
+        1,
+        f"scene.yaml has no 'persons' with 'known', so nobody is known by name and {does}",
+        "declare 'persons' in scene.yaml; else only visitors with a 'name' in a script that the "
+        "scene layer plays itself are known",
+    )
 
 
 _RULES: tuple[Callable[[_Tree], Found], ...] = (

@@ -9,11 +9,11 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.fields.values import read_value, read_variants
+from bt_agents_language.fields.values import ONE_OF, read_value, read_variants
 from bt_agents_language.model.specs import NOTHING, FieldSpec, NodeSpec, SkillSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import SIBLING_KEYS
 from bt_agents_language.nodes.node_type import FieldValues, RawNode, short
-from bt_agents_language.nodes.skill import ONE_OF, takes_variants
+from bt_agents_language.nodes.skill import takes_variants
 from bt_agents_language.nodes.subtree import SUBTREE
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.typed_reader import TypedReader, found

@@ -6,11 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_core.text import quote
-from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.bindings import read_output
 from bt_agents_language.fields.interfaces import MessageFields, read_ros_name, read_ros_type
+from bt_agents_language.fields.scene_values import read_parameter
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.fields.values import read_condition, read_value
 from bt_agents_language.model.specs import Literal, MapValue, Value
@@ -27,7 +26,7 @@ class FieldReader:
 
     def __init__(self, reading: TypedReader, symbols: SymbolTable) -> None:
         self._reading = reading
-        self._space = symbols.space
+        self._profiles = symbols.space.profiles
         self._interfaces = symbols.interfaces
 
     def read_all(
@@ -110,21 +109,15 @@ class FieldReader:
     def _scene_values(self, node: Node, names: NameScope, what: str) -> MapValue:
         values: dict[str, Value] = {}
         for entry in self._reading.entries(node, what, "scene parameters and values"):
-            name = entry.key.text
-            if name not in self._space.names:
-                self._reading.error(
-                    "unknown-name",
-                    entry.key,
-                    f"there is no scene parameter {quote(name)}",
-                    did_you_mean(name, self._space.names),
-                )
+            one = read_parameter(self._reading, entry.key, self._profiles)
+            if one is None:
                 continue
+            name = one.name
             value = read_value(self._reading, entry.value, FieldType.NUMBER, names, f"'{name}'")
             if value is None:
                 continue
             values[name] = value
             if isinstance(value, Literal) and isinstance(value.value, int | float):
-                one = self._space.parameter(name)
                 self._reading.in_range(entry.value, name, value.value, one.minimum, one.maximum)
         return MapValue(items=values)
 

@@ -125,6 +125,7 @@ class SceneValues:
 
     Attributes:
         every: Whether each parameter must be there.
+        of_profiles: Whether they may only be of parameters that profiles have.
         filled: Whether one at least must be there.
         person: Whether ``person`` may stand beside them, with this description.
         limits: Smallest and largest value for a parameter; None for its own range.
@@ -132,6 +133,7 @@ class SceneValues:
 
     _: KW_ONLY
     every: bool = False
+    of_profiles: bool = False
     filled: bool = False
     person: str = ""
     limits: Callable[[SceneParameter], tuple[float, float]] | None = None
@@ -139,7 +141,7 @@ class SceneValues:
 
 @dataclass(frozen=True)
 class SceneNameList:
-    """A list of names of scene parameters, or a word that stands for all."""
+    """A list of names of scene parameters that profiles have, or a word that stands for all."""
 
     every: str
 

@@ -219,7 +219,8 @@ class EventPrinter:
         """Print counts of all events, and every profile before and after."""
         self._console.print()
         self._console.rule("[bold]summary", align="left", style="cyan")
-        self._row("agent", "runs", "feedback", f"profile ({', '.join(self._space.names)})")
+        names = ", ".join(self._space.profiles.names)
+        self._row("agent", "runs", "feedback", f"profile ({names})")
         for agent in sorted(self._start):
             runs = [outcome for name, outcome in self.runs if name == agent]
             outcomes = ", ".join(runs) or "–"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,6 +64,22 @@ def scene_of(
     if last is not None:
         for field in _OF_LAST_SCENE:
             setattr(scene, field, getattr(last, field))
+    return scene
+
+
+def next_scene(last: Any, present: Any) -> Any:
+    """Return the scene that another round would be for, None before the first one.
+
+    While a run goes on it is the live one, which bears the id of its scene. Else it is the last
+    one, with what the person has told since, as far as that still holds in the ``present`` one.
+    """
+    if last is None or present is None:
+        return last
+    if present.scene_id:
+        return present if present.scene_id == last.scene_id else last
+    told = {one.name: one for one in present.values if one.origin == SceneValue.TOLD}
+    scene = deepcopy(last)
+    scene.values = [told.get(one.name, one) for one in last.values]
     return scene
 
 

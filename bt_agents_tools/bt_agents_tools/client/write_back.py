@@ -57,7 +57,7 @@ def write_defaults(
 
     def parameters(text: str) -> dict[str, TunableParameter]:
         spec = read(text)
-        profile = profile_values(spec.name, space.names, spec.profile)
+        profile = profile_values(spec.name, space.profiles.names, spec.profile)
         return {parameter.name: parameter for parameter in (*parameters_of(spec), *profile)}
 
     here = parameters(source.text)

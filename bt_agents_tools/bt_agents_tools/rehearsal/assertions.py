@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 from bt_agents.engine.run import TreeOutcome
 from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import Plain
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import (
     AgentTestCase,
@@ -19,9 +20,11 @@ from bt_agents_language.files.testing.scenarios import (
     Ends,
     Expectation,
     ExpectedBids,
+    Remembers,
     Says,
     SkillUse,
     Teaches,
+    Tells,
     Visits,
     Within,
 )
@@ -73,6 +76,29 @@ def failed_assertions(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[Assert
     return tuple(found)
 
 
+def _values(
+    wanted: Expectation, what: str, expected: Mapping[str, Plain], found: Mapping[str, Plain]
+) -> AssertionFailure | None:
+    """Compare the values that are expected; where none is, there may be none."""
+    shown = {
+        name: f"{name} {value_text(found[name])}" if name in found else _NOTHING
+        for name in expected or found
+    }
+    rows = [
+        (
+            f"{name} {value_text(expected[name])}" if name in expected else _NOTHING,
+            text,
+            name in expected and name in found and expected[name] == found[name],
+        )
+        for name, text in shown.items()
+    ]
+    if all(same for _, _, same in rows):
+        return None
+    return AssertionFailure(
+        position=wanted.position, message=f"{what}: other values than expected", rows=tuple(rows)
+    )
+
+
 def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None:
     match wanted:
         case ExpectedBids():
@@ -107,6 +133,10 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None
             if rehearsed.outcome is not TreeOutcome.SUCCEEDED:
                 message += f" ({rehearsed.message})"
             return _failure(wanted, message)
+        case Tells():
+            return _values(wanted, "told", wanted.values, rehearsed.told)
+        case Remembers():
+            return _values(wanted, "remembered", wanted.values, rehearsed.remembered)
         case Because():
             if wanted.words.casefold() in rehearsed.message.casefold():
                 return None

@@ -24,14 +24,20 @@ class EventOrder:
         self._nodes = nodes
         self._places = {path: place for place, path in enumerate(nodes)}
         self._running: set[str] = set()
+        self._declined: set[str] = set()
 
     def in_order(
-        self, at_s: float, changes: Sequence[StatusChange], held: Iterable[tuple[int, Event]]
+        self,
+        at_s: float,
+        changes: Sequence[StatusChange],
+        held: Iterable[tuple[int, Event]],
+        failed: str = "",
     ) -> list[Event]:
         """Return the events of a tick at a time [s]: its changes and the held events.
 
         Each held event has the number of changes before it. A change of a node comes after the
-        events of the node itself, and after the changes of all nodes above it.
+        events of the node itself, and after the changes of all nodes above it. A node that has
+        ``failed`` the whole run is no event of its own.
         """
         happened = [*held]
         waits: list[Event] = []
@@ -46,11 +52,23 @@ class EventOrder:
             if change.status is Status.FAILURE and _gives_up(node, change):
                 event = Event(at_s=at_s, kind=EventKind.GIVES_UP, node=node, text=text)
                 happened.append((number, event))
+            elif self._declines(node, change) and change.path != failed:
+                event = Event(at_s=at_s, kind=EventKind.NOT_TAKEN, node=node, text=text)
+                happened.append((number, event))
             elif change.status is Status.RUNNING and type_of(node).waits is not None:
                 waits.append(Event(at_s=at_s, kind=EventKind.WAITS, node=node, text=text))
         # A change comes after the events before it: the sort is stable.
         happened.sort(key=lambda pair: pair[0])
         return self._merged([*(event for _, event in happened), *waits], ticks)
+
+    def _declines(self, node: NodeSpec, change: StatusChange) -> bool:
+        """Return whether a node decides now, and has not done before, against its branch."""
+        if change.status is not Status.FAILURE or not type_of(node).decides:
+            self._declined.discard(change.path)
+            return False
+        known = change.path in self._declined
+        self._declined.add(change.path)
+        return not known and bool(change.message)
 
     def _is_shown(self, change: StatusChange) -> bool:
         """Return whether a change is shown; one that only resets an ended node is not."""

@@ -10,6 +10,7 @@ from enum import Enum, auto
 from bt_agents.engine.run import StatusChange, TreeOutcome
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import Plain
+from bt_agents_core.person_facts import Fact
 from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.coverage import Marks
@@ -26,6 +27,7 @@ class EventKind(Enum):
     LOGS = auto()
     WAITS = auto()
     GIVES_UP = auto()
+    NOT_TAKEN = auto()
     SCENE = auto()
     TUNES = auto()
     ARRIVES = auto()
@@ -95,6 +97,8 @@ class Rehearsed:
         ticks: Ticks of the tree and of its clean-up.
         cancelled_by: Mood rule or reason that cancelled it; empty when nothing did.
         declined: Why the agent does not bid for the scene; empty when it does.
+        told: Values that the tree has put into the scene, the last of each.
+        remembered: What it has remembered of the person, the last of each.
         undecided: Conditions that could not be decided, each with its reason.
         marks: Marks of each node for coverage, by path.
     """
@@ -108,5 +112,7 @@ class Rehearsed:
     feedback: tuple[FeedbackKind, ...]
     cancelled_by: str
     declined: str
+    told: Mapping[str, float]
+    remembered: Mapping[str, Fact]
     undecided: tuple[str, ...]
     marks: Marks

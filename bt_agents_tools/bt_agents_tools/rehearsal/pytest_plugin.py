@@ -70,7 +70,7 @@ class AgentTestFile(pytest.File):
             raise self.CollectError(str(error)) from None
         for case in test.cases:
             yield AgentCase.from_parent(
-                self, name=case.name, agent=test.agent, space=space, case=case
+                self, name=case.name, agent=case.agent, space=space, case=case
             )
 
 

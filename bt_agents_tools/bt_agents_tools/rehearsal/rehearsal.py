@@ -24,7 +24,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.local_time import next_hour_s
-from bt_agents_core.person_facts import from_message_fields
+from bt_agents_core.person_facts import Fact, from_message_fields
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import Cancellation, StopCause, StoppedBy, stopper
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
@@ -115,6 +115,8 @@ class _Rehearsal:
         self._not_prompted: set[str] = set()
         self._limits = limits
         self._events: list[Event] = []
+        self._told: dict[str, float] = {}
+        self._remembered: dict[str, Fact] = {}
         # Events of a tick are held until the whole tick is published, each with the number of
         # changes before it.
         self._held: list[tuple[int, Event]] | None = None
@@ -336,10 +338,12 @@ class _Rehearsal:
         if goal.name == REMEMBER.name:
             facts = dict(map(from_message_fields, fields["facts"]))
             self._live.remember(facts)
+            self._remembered |= facts
             self._event(EventKind.SCENE, f"remembered: {_named(facts)}")
         else:
             values = dict(zip(fields["names"], fields["values"], strict=True))
             self._live.tell(values)
+            self._told |= values
             self._event(EventKind.SCENE, f"told: {_named(values)}")
         return True
 
@@ -348,7 +352,9 @@ class _Rehearsal:
         new = changes[self._published :]
         held = [(number - self._published, event) for number, event in self._held or ()]
         self._published, self._held = len(changes), None
-        for event in self._events_of_tick.in_order(self._clock.now, new, held):
+        result = self._run.result
+        failed = result.tip if result and result.outcome is TreeOutcome.FAILED else ""
+        for event in self._events_of_tick.in_order(self._clock.now, new, held, failed):
             self._publish(event)
         for change in new:
             if change.status is not Status.INVALID:
@@ -390,6 +396,8 @@ class _Rehearsal:
             feedback=tuple(self._feedback_given),
             cancelled_by=self._cancelled_by,
             declined=self._declined,
+            told=self._told,
+            remembered=self._remembered,
             undecided=(*self._run.undecided, *self._undecided_rules),
             marks={
                 path: frozenset(found)

@@ -130,14 +130,15 @@ def run_file(path: Path, folders: TreesFolders, word: str = "") -> FileResult:
     return FileResult(
         file=path,
         agent=test.agent,
-        cases=tuple(run_case(test.agent, space, case) for case in chosen),
+        cases=tuple(run_case(case.agent, space, case) for case in chosen),
     )
 
 
 def broken_by(paths: Iterable[Path], agents: Mapping[str, AgentSpec]) -> list[FileResult]:
     """Return the test files of agents, with the cases that pass now and fail with other specs.
 
-    Each file of one of these agents, by name, is there, also without such a case.
+    Each file of one of these agents, by name, is there, also without such a case. A case that
+    names a language of its own is left out, as the other specs are in that of the robot.
 
     Raises:
         BtAgentsError: A file lies in no trees folder.
@@ -152,7 +153,8 @@ def broken_by(paths: Iterable[Path], agents: Mapping[str, AgentSpec]) -> list[Fi
         agent = agents.get(test.agent.name)
         if agent is None:
             continue
-        failing = (one for one in (run_case(agent, space, c) for c in test.cases) if one.failures)
+        usual = [case for case in test.cases if case.agent is test.agent]
+        failing = (one for one in (run_case(agent, space, c) for c in usual) if one.failures)
         cases = tuple(one for one in failing if run_case(test.agent, space, one.case).passed)
         results.append(FileResult(file=path, agent=agent, cases=cases))
     return results

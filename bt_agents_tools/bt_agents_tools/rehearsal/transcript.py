@@ -33,6 +33,7 @@ _LOOKS = {
     EventKind.LOGS: ("≡", "dim"),
     EventKind.WAITS: ("…", "dim"),
     EventKind.GIVES_UP: ("✘", "red"),
+    EventKind.NOT_TAKEN: ("↷", "dim"),
     EventKind.SCENE: ("◆", "cyan"),
     EventKind.TUNES: ("◆", "cyan"),
     EventKind.ARRIVES: ("◆", "cyan"),
@@ -189,7 +190,7 @@ def _text(event: Event, ticks: bool) -> str | None:
             return f"{_phrase(event)} – stopped"
         case EventKind.WAITS:
             return f"waits: {_wait_text(event)}" if event.node is not None else "waits"
-        case EventKind.GIVES_UP:
+        case EventKind.GIVES_UP | EventKind.NOT_TAKEN:
             return f"{_label(event.node)}: {event.text}" if event.node else event.text
         case EventKind.ARRIVES:
             return _message(event)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from bt_agents_core.errors import STORAGE_FULL, Refused
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.mood import Addressee
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
@@ -153,7 +154,7 @@ class FeedbackController:
             self._watch = None
             self.undecided = ()
             self._settle_s = SETTLE_S if replayed else 0.0
-            self._trace = MoodTrace(run.scene, self.profiles.space, self._clock, self._lease_s)
+            self._trace = MoodTrace(run.scene, self.profiles.scenes, self._clock, self._lease_s)
             self._update_leaf()
             self._card_awaited = True
             self._begin()
@@ -188,6 +189,8 @@ class FeedbackController:
         run = self._runs.current
         if run is None or live.scene_id != run.scene.scene_id:
             return ()
+        self._runs.told(Addressee(run.scene).mask(live))
+        run = self._runs.current or run
         if self._trace is not None:
             self._trace.receive(live)
         if self._watch is None:
@@ -248,7 +251,7 @@ class FeedbackController:
             kind,
             given.values
             if kind in (FeedbackKind.DIRECT, FeedbackKind.SET)
-            else _scene(given, agent, run),
+            else self._scene(given, agent, run),
             feedback_id=given.feedback_id or self._new_id(),
             source=given.source,
             reason=given.reason,
@@ -310,7 +313,7 @@ class FeedbackController:
             self._watch = Watch(
                 self.profiles.agent(run.agent).entry.rules,
                 run.scene,
-                self.profiles.space,
+                self.profiles.scenes,
                 self._clock,
                 self._settle_s,
                 self._lease_s,
@@ -352,7 +355,7 @@ class FeedbackController:
         return self.profiles.apply(
             one.run.agent,
             rule.give,
-            one.run.scene.observed,
+            self.profiles.space.compared(one.run.scene).observed,
             feedback_id=_rule_id(one.run, one.fired),
             source=MOOD_RULE,
             reason=one.fired.reason,
@@ -360,6 +363,21 @@ class FeedbackController:
             cancels=rule.action is MoodAction.CANCEL,
             leaf=one.leaf,
         )
+
+    def _scene(self, given: FeedbackRequest, agent: str, run: AnnouncedRun | None) -> Vector:
+        if given.values:
+            raise Refused(
+                "WRONG_LENGTH",
+                f"feedback: {len(given.values)} values, expected none: positive and negative "
+                f"feedback take those of the scene; use DIRECT or SET to name a profile",
+            )
+        if run is None:
+            raise Refused(
+                "NO_SCENE",
+                f"feedback: '{agent}' has not run yet, so there is no scene to move towards or "
+                f"away from; give DIRECT feedback",
+            )
+        return self.profiles.space.compared(run.scene).observed
 
     def _leaf(self, run: AnnouncedRun | None) -> str:
         """Return which node of a run is at work now; empty when it does not go on."""
@@ -374,22 +392,6 @@ class FeedbackController:
                 "NO_AGENT", "feedback: no agent is named and none has run yet; name the agent"
             )
         return run.agent
-
-
-def _scene(given: FeedbackRequest, agent: str, run: AnnouncedRun | None) -> Vector:
-    if given.values:
-        raise Refused(
-            "WRONG_LENGTH",
-            f"feedback: {len(given.values)} values, expected none: positive and negative feedback "
-            f"take those of the scene; use DIRECT or SET to name a profile",
-        )
-    if run is None:
-        raise Refused(
-            "NO_SCENE",
-            f"feedback: '{agent}' has not run yet, so there is no scene to move towards or away "
-            f"from; give DIRECT feedback",
-        )
-    return run.scene.observed
 
 
 def _rule_id(run: AnnouncedRun, fired: Fired) -> str:

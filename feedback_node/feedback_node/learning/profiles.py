@@ -32,7 +32,8 @@ class Profiles:
     """Agents of all cards, with their profiles in the ledger, whose errors come through."""
 
     def __init__(self, space: SceneSpace, ledger: Ledger) -> None:
-        self.space = space
+        self.scenes = space
+        self.space = space.profiles
         self._ledger = ledger
         self._agents: dict[str, Agent] = {}
         self._starts: dict[str, str] = {}

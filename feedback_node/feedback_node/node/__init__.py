@@ -295,7 +295,7 @@ class FeedbackNode(BaseNode):
 
     def _publish_change(self, change: ProfileChange) -> Feedback:
         """Publish a change unless it was published when it was new; return its message."""
-        messages = [feedback_to_msg(one, self._space) for one in change.all]
+        messages = [feedback_to_msg(one, self._profiles.space) for one in change.all]
         if change.fresh:
             self._untidy = True
             for message in messages:
@@ -350,7 +350,7 @@ class FeedbackNode(BaseNode):
         published = (self._profiles.table(), self._controller.undecided)
         if published != self._published:
             self._published = published
-            self._current.publish(table_to_msg(*published, self._space))
+            self._current.publish(table_to_msg(*published, self._profiles.space))
 
     def _publish_undecided(self) -> None:
         if self._controller.undecided != self._published[1]:

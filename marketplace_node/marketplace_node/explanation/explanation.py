@@ -88,7 +88,8 @@ def _scene(decision: Decision, space: SceneSpace) -> Iterator[str]:
         yield _sentence("; ".join(filter(None, (who, where))))
     pairs = zip(space.parameters, scene.values, strict=True)
     known = [(p, value) for p, value in pairs if value.origin is not Origin.MISSING]
-    missing = [value.name for value in scene.values if value.origin is Origin.MISSING]
+    compared = space.profiles.compared(scene).values
+    missing = [value.name for value in compared if value.origin is Origin.MISSING]
     shown = [_value(parameter, value) for parameter, value in known[:_PARAMETERS_SHOWN]]
     if len(known) > _PARAMETERS_SHOWN:
         shown.append(f"and {len(known) - _PARAMETERS_SHOWN} more")
@@ -146,7 +147,8 @@ def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[s
 
 
 def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
-    scene, by = decision.terms.scene, decision.ranked.by
+    space = space.profiles
+    scene, by = space.compared(decision.terms.scene), decision.ranked.by
     known = [i for i in range(len(space)) if not math.isnan(scene.vector[i])]
     if not known:
         return f"As nothing is known about the scene, {bid.agent} is as near as anybody."
@@ -210,8 +212,10 @@ def _exploration(decision: Decision, winner: RankedBid, space: SceneSpace) -> It
 
 def _bound(decision: Decision, space: SceneSpace, share: float) -> str:
     """Return how much further than the nearest bid exploration lets a winner be."""
-    widths = np.array([parameter.maximum - parameter.minimum for parameter in space.parameters])
-    margin = float(ranges_share(np.array(decision.terms.scene.vector), widths, share))
+    profiles = space.profiles
+    widths = np.array([one.maximum - one.minimum for one in profiles.parameters])
+    scene = profiles.compared(decision.terms.scene)
+    margin = float(ranges_share(np.array(scene.vector), widths, share))
     return f"Nobody wins who is further than the nearest by more than {distance(margin, FEW)}."
 
 

@@ -114,7 +114,7 @@ def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
     """
     known: list[int] = []
     missing: list[int] = []
-    for index, value in enumerate(scene.values):
+    for index, value in enumerate(scene.values[: len(bid.vector)]):
         (missing if math.isnan(value.value) else known).append(index)
     if not known:
         return f"{distance(bid.distance)}, as every value of the scene is missing"

@@ -191,7 +191,7 @@ def _value(space: SceneSpace, name: str, value: float, std: float) -> dict[str, 
 def _character(space: SceneSpace, bidder: Bidder) -> dict[str, Any]:
     fields: dict[str, Any] = {
         "name": bidder.name,
-        "profile": dict(zip(space.names, bidder.vector, strict=True)),
+        "profile": dict(zip(space.profiles.names, bidder.vector, strict=True)),
         "distance": bidder.distance,
     }
     if bidder.description:

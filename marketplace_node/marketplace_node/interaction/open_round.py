@@ -52,7 +52,7 @@ class OpenRound:
         self.scene = scene
         self._market_state = market_state
         self._terms = terms
-        self._auction = Auction(market_state.space, terms, asked)
+        self._auction = Auction(market_state.space.profiles, terms, asked)
         self._limit_s = market_state.settings.bid_deadline_s
         self._opened: float | None = None
         self._bids_closed_by: ClosedBy | None = None

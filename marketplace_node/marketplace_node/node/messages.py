@@ -167,7 +167,7 @@ def call_to_msg(effect: OpenCall, epoch: str, space: SceneSpace, stamp: Any) -> 
         epoch=epoch,
         round=effect.round,
         scene=scene_to_msg(effect.scene),
-        parameters=list(space.names),
+        parameters=list(space.profiles.names),
         deadline_s=effect.deadline_s,
         excluded=list(effect.excluded),
     )

@@ -145,7 +145,8 @@ class SelectorNode(BaseNode):
             raise Refused("FAILED", f"asking failed: {type(error).__name__}") from None
 
     def _bidders(self, request: SelectAgent.Request) -> list[Bidder]:
-        width, count = len(self._space), len(request.agents)
+        space, count = self._space.profiles, len(request.agents)
+        width = len(space)
         if len(request.vectors) != count * width or len(request.distances) != count:
             raise Refused(
                 "WRONG_LENGTH",
@@ -160,7 +161,7 @@ class SelectorNode(BaseNode):
         return [
             Bidder(
                 name=name,
-                vector=self._space.vector(
+                vector=space.vector(
                     request.vectors[index * width : (index + 1) * width], what=f"bid of {name}"
                 ),
                 distance=request.distances[index],

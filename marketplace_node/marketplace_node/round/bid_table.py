@@ -63,9 +63,10 @@ class BidTable:
 
     def field(self, space: SceneSpace, terms: Terms) -> RoundArrays:
         """Return what a strategy is given; nothing in it can be written to."""
+        scene = space.compared(terms.scene)
         field = RoundArrays(
-            scene=np.array(terms.scene.vector),
-            std=np.nan_to_num(np.array(terms.scene.std), nan=0.0),
+            scene=np.array(scene.vector),
+            std=np.nan_to_num(np.array(scene.std), nan=0.0),
             bids=self.vectors.view(),
             weights=np.array(weights_of(space)) if self.weights is None else self.weights.view(),
             widths=np.array([p.maximum - p.minimum for p in space.parameters]),

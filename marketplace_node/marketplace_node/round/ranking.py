@@ -47,6 +47,7 @@ def decide(
 ) -> Ranked:
     """Rank bids, one an agent; equal arguments give the equal ranking, in every order.
 
+    ``space`` is that of profiles, as everywhere here; the scene may have further values.
     ``external`` is what a program outside answered, None when it was not asked.
 
     Raises:
@@ -138,7 +139,9 @@ def winning_row(
 ) -> int:
     """Return the row of the bid that wins: the nearest one, of equals as the terms say."""
     weights = weights_of(space) if table.weights is None else table.weights
-    rows = nearest_rows(table.vectors, np.array(terms.scene.vector), distance, weights)
+    rows = nearest_rows(
+        table.vectors, np.array(space.compared(terms.scene).vector), distance, weights
+    )
     if len(rows) == 1 or terms.tie_break != "least_recently_run":
         return rows[0]
     return min(rows, key=lambda row: terms.last_run.get(table.agents[row], 0))
@@ -147,7 +150,8 @@ def winning_row(
 def _bid(space: SceneSpace, terms: Terms, table: BidTable, distance: Sum, row: int) -> RankedBid:
     vector = tuple(table.vectors[row].tolist())
     stated = weights_of(space) if table.weights is None else tuple(table.weights[row].tolist())
-    total, parts = weighted_distance(vector, terms.scene.vector, distance, stated)
+    scene = space.compared(terms.scene).vector
+    total, parts = weighted_distance(vector, scene, distance, stated)
     agent = table.agents[row]
     return RankedBid(
         agent=agent,

@@ -10,11 +10,13 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import (
     Origin,
+    Scene,
     SceneParameter,
     SceneSpace,
     SceneValue,
     first_id,
     follow_up_id,
+    mood_of,
     origin_id,
 )
 
@@ -131,3 +133,41 @@ def test_the_id_of_a_scene_tells_which_one_it_goes_back_to(
 ) -> None:
     assert (origin_id(scene_id), first_id(scene_id)) == (origin, first)
     assert origin_id(follow_up_id(origin, 3)) == origin
+
+
+def with_pain() -> SceneSpace:
+    pain = SceneParameter(name="pain", minimum=0, maximum=10, default=0, profiled=False)
+    return SceneSpace(parameters=(pain, *SPACE.parameters), mood="mood")
+
+
+def test_parameters_that_no_profile_has_come_last() -> None:
+    space = with_pain()
+    assert space.names == ("age", "mood", "pain")
+    assert (space.profiles.names, space.profiles.left_out) == (("age", "mood"), ("pain",))
+    assert SPACE.profiles is SPACE
+
+
+def test_a_profile_is_not_asked_for_what_no_profile_has() -> None:
+    profiles = with_pain().profiles
+    assert profiles.from_mapping({"age": 2, "mood": 3}) == (2.0, 3.0)
+    with pytest.raises(Refused, match="no profile has 'pain'") as refused:
+        profiles.from_mapping({"age": 2, "mood": 3, "pain": 1})
+    assert refused.value.code == "UNKNOWN_PARAMETER"
+
+
+def test_profiles_are_compared_with_the_values_that_they_have() -> None:
+    space = with_pain()
+    values = space.scene([measured("pain", 8), measured("age", 2), measured("mood", 3)])
+    scene = Scene(scene_id="s", label="", person=True, values=values)
+    compared = space.profiles.compared(scene)
+    assert (compared.vector, compared.observed) == ((2.0, 3.0), (2.0, 3.0))
+    assert scene.get("pain") == 8.0
+    assert space.compared(scene) is scene
+
+
+def test_a_mood_may_be_what_no_profile_has() -> None:
+    mood = SceneParameter(name="mood", minimum=1, maximum=5, default=3, profiled=False)
+    space = SceneSpace(parameters=(mood, SPACE.parameters[0]), mood="mood")
+    values = space.scene([measured("mood", 4), measured("age", 2)])
+    assert mood_of(Scene(scene_id="s", label="", person=True, values=values), space) == 4.0
+    assert space.profiles.mood is None

@@ -397,3 +397,13 @@ def test_the_file_is_a_whole_agent_with_the_profile_of_an_ordinary_scene():
     assert agent.name == "a"
     assert agent.profile == tuple(one.default for one in SYMBOLS.space.parameters)
     assert made.text.startswith("# Made from t.xml by 'bt-agents import groot'.")
+
+
+def test_the_profile_of_an_imported_agent_has_only_what_profiles_have():
+    mood = replace(SYMBOLS.space.parameter("mood"), profiled=False)
+    others = (SYMBOLS.space.parameter("age"), SYMBOLS.space.parameter("familiarity"))
+    symbols = replace(SYMBOLS, space=replace(SYMBOLS.space, parameters=(mood, *others)))
+    text = f"<root BTCPP_format='4'><BehaviorTree ID='T'>{S}</BehaviorTree></root>"
+    made = import_agent(Source("t.xml", text), "a", symbols)
+    assert list(document(made)["profile"]) == ["age", "familiarity"]
+    assert read_agent_text(made.text, "a.yaml", symbols).profile

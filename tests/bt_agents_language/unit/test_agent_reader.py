@@ -521,3 +521,20 @@ def test_without_interfaces_ros_types_are_not_looked_up():
 def test_every_kind_of_node_and_modifier_says_what_it_is_for():
     assert all(kind.description.endswith(".") for kind in NODE_TYPES.values())
     assert all(kind.description.endswith(".") for kind in DECORATORS.values())
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "tree:\n  set: {greeting: {one_of: [Hello., Hi.]}}\n",
+        "subtrees: {greet: {inputs: {text: text}, tree: {say: '${text}'}}}\n"
+        "tree:\n  subtree: greet\n  with: {text: {one_of: [Hello., Hi.]}}\n",
+    ],
+)
+def test_one_of_several_texts_stands_only_behind_a_skill(tree):
+    head = "format: 1\nagent: guide\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+    with pytest.raises(ReadError) as found:
+        read_agent_text(head + tree, "guide.yaml", SYMBOLS)
+    (problem,) = [one for one in found.value.diagnostics if one.code == "wrong-type"]
+    assert "only the main text of a skill can be one of several" in problem.message
+    assert "'random' with a node for each" in problem.hint

@@ -38,7 +38,7 @@ FLOOD = 20
 
 ELSEWHERE = {
     # What stands around a file, not in it.
-    "duplicate-agent", "no-agents",
+    "duplicate-agent", "no-agents", "no-texts",
     # Known only where ROS is.
     "unknown-ros-type", "unknown-ros-field",
 }  # fmt: skip

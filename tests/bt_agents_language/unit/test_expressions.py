@@ -224,6 +224,12 @@ def test_values_that_do_not_fit_are_an_error_in_words(text, words):
         ("0.125", 0.125),
         ("1000", 1000),
         ("٤", 4),
+        ("four", 4),
+        ("Vier, glaube ich", 4),
+        ("about Twelve", 12),
+        ("null", 0),
+        ("FÜNF", 5),
+        ("one moment, 7", 7),
     ],
 )
 def test_a_number_is_found_in_a_text(text, expected):
@@ -235,8 +241,15 @@ def test_a_number_is_found_in_a_text(text, expected):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("no idea", "needs one number, found none in digits in the text 'no idea'"),
-        ("", "found none in digits in the text ''"),
+        ("no idea", "needs one number, found none in digits or as a word from zero to"),
+        ("", "to twelve in the text ''"),
+        ("four or five", "found several in the text 'four or five'"),
+        ("twenty-four", "found none"),
+        ("twenty four", "found none"),
+        ("vierundzwanzig", "found none"),
+        ("six point five", "found none"),
+        ("minus two", "found none"),
+        ("someone", "found none"),
         ("4 or 5", "found several in the text '4 or 5'"),
         ("3-4", "found several"),
         ("1e5", "found several"),

@@ -9,6 +9,7 @@ import pytest
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.files.texts_reader import FolderTexts, read_texts
 from bt_agents_language.model.specs import Literal, Reference, Text, Variants
 from bt_agents_language.tools.folder_check import check_folder
@@ -201,7 +202,7 @@ def test_an_agent_whose_own_language_has_no_texts_is_told_so(folder):
 def test_without_a_language_texts_are_refused_with_what_to_write(folder):
     folder.write("scene.yaml", SCENE.replace("language: de\n", ""))
     (broken,) = folder.read().broken
-    assert "no language is chosen for this text" in broken.error.report
+    assert "no language is chosen for the texts that this file inserts" in broken.error.report
     assert "write 'language: de or en' in scene.yaml" in broken.error.report
     assert not folder.read("en").broken
 
@@ -251,3 +252,83 @@ def test_a_text_cannot_insert_another_one_so_that_none_contains_itself(folder):
     assert first.message.startswith("a text cannot insert another one, 't.hello'")
     assert Path(first.position.file).name == "de.yaml"
     assert "${t.hello}" in first.excerpt
+
+
+def test_what_all_texts_of_a_file_lack_is_told_once(folder):
+    folder.write("scene.yaml", SCENE.replace("language: de\n", ""))
+    folder.tree(TREE + "    - when: \"'a' == t.hello\"\n      say: ${t.hello}\n")
+    (broken,) = folder.read().broken
+    assert [one.code for one in broken.error.diagnostics] == ["no-texts"]
+    folder.write("texts/de.yaml", "texts: 3\n")
+    folder.write("scene.yaml", SCENE)
+    (agent, _) = folder.read().broken
+    assert [one.code for one in agent.error.diagnostics] == ["no-texts"]
+
+
+TEST = """format: 1
+test: guide
+cases:
+  - name: it greets
+    expect: {says: {contains: ["${t.hello}"]}}
+  - name: it greets in English
+    language: en
+    answers: {ask: "${t.hello}"}
+    expect: {says: [Hello., "Ready, Ann?"]}
+"""
+
+
+def read_cases(folder, text=TEST):
+    path = folder.path / "agents" / "guide.test.yaml"
+    path.write_text(text, encoding="utf-8")
+    trees = folder.read()
+    return read_test(path, trees.agents, trees.symbols)
+
+
+def refusal(folder, text):
+    with pytest.raises(ReadError) as found:
+        read_cases(folder, text)
+    (one,) = found.value.diagnostics
+    return one
+
+
+def test_a_case_speaks_the_language_that_it_names(folder):
+    test = read_cases(folder)
+    german, english = test.cases
+    (says,) = german.expectations
+    assert says.texts == ("Hallo.",)
+    assert german.agent is test.agent
+    assert english.agent.tree.children[1].fields["text"] == Literal(value="Hello.")
+    assert english.scenario.answers[0].answers[0].outputs == {"answer": "Hello."}
+
+
+def test_a_case_in_a_language_without_texts_is_refused(folder):
+    problem = refusal(folder, TEST.replace("language: en", "language: eng"))
+    assert problem.message == "there are no texts in the language 'eng'"
+    assert problem.hint == "did you mean 'en'?"
+
+
+def test_a_case_of_an_agent_with_a_language_of_its_own_names_none(folder):
+    folder.tree("language: de\n" + TREE)
+    problem = refusal(folder, TEST)
+    assert problem.code == "contradiction"
+    assert "says 'language: de'" in problem.message
+
+
+def test_a_case_in_a_language_in_which_the_agent_is_broken_is_refused(folder):
+    folder.write("texts/en.yaml", "format: 1\ntexts: {ask: Ready?}\n")
+    problem = refusal(folder, TEST)
+    assert "'guide' has errors in the language 'en': there is no text 'hello'" in problem.message
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("Ready, ${guest}?", "'t.ask' has ${…} in it, which only the agent can fill in"),
+        ("{one_of: [Ready?, Done?]}", "'t.ask' is one of several texts, and a test needs a"),
+    ],
+)
+def test_a_test_inserts_only_texts_that_are_whole(folder, text, why):
+    folder.write("texts/de.yaml", f"format: 1\ntexts:\n  hello: Hallo.\n  ask: {text}\n")
+    problem = refusal(folder, TEST.replace('t.hello}"]}}', 't.ask}"]}}'))
+    assert why in problem.message
+    assert "write what is said, such as 'Ready" in problem.hint

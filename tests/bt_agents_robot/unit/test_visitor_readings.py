@@ -9,11 +9,19 @@ from dataclasses import replace
 import pytest
 
 from bt_agents_core.diagnostic import Position
+from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
-from bt_agents_language.model.specs import Visit
-from bt_agents_robot.people import PAUSE_S, field_value, nested, pause_after, readings
+from bt_agents_language.model.specs import Script, Visit
+from bt_agents_robot.people import (
+    PAUSE_S,
+    check_visitors,
+    field_value,
+    nested,
+    pause_after,
+    readings,
+)
 
 SPACE = SceneSpace(
     parameters=tuple(
@@ -111,3 +119,12 @@ def test_the_next_visitor_comes_after_a_short_pause():
 def test_readings_of_the_last_visitor_are_stale_before_one_comes_who_is_less_known():
     assert pause_after(SPEC, {"age", "mood"}, visit(mood=1.0), pace=10.0) > AGE.stale_after_s
     assert pause_after(SPEC, {"age"}, None, pace=10.0) > AGE.stale_after_s
+
+
+def test_a_visitor_with_a_name_that_no_sensor_tells_is_refused():
+    spec = SceneSpec(space=SPACE, sources=(AGE, MOOD), person=PERSON)
+    visits = (Visit(label="anna comes", person=True, values={}, name="anna"),)
+    with pytest.raises(Refused, match="'anna comes' has the name 'anna'") as found:
+        check_visitors(spec, Script(title="", visits=visits))
+    assert found.value.code == "NAMED_VISITOR"
+    check_visitors(spec, Script(title="", visits=(replace(visits[0], name=""),)))

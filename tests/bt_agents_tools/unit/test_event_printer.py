@@ -11,6 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
+from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_tools.cli.event_printer import EventPrinter
 from tree_harness import SPACE
 
@@ -328,3 +329,13 @@ def test_a_stop_is_told_with_who_wants_it() -> None:
     assert told(("run", stopped)) == [
         "      run  stopping a (mood rule): mood.change <= -1 held 2 s"
     ]
+
+
+def test_the_summary_names_only_what_profiles_have() -> None:
+    pain = SceneParameter(name="pain", minimum=0.0, maximum=10.0, default=0.0, profiled=False)
+    output = io.StringIO()
+    space = SceneSpace(parameters=(pain, *SPACE.parameters), mood="mood")
+    printer = EventPrinter(Console(file=output, width=100, color_system=None), space)
+    printer.profiles({"a": (3.0, 3.0, 3.0)})
+    printer.summary()
+    assert "profile (age, familiarity, mood)" in output.getvalue()

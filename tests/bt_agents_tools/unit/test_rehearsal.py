@@ -18,6 +18,7 @@ from bt_agents_language.model.specs import NodeSpec
 from bt_agents_robot.acts import Ask
 from bt_agents_tools.rehearsal.events import EventKind
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
+from bt_agents_tools.rehearsal.transcript import transcript
 from file_texts import read_agent_text, read_scene_text, read_skills_text
 from rehearsal_harness import events_of, rehearsed, scenario, spoken_texts
 from tree_harness import SPACE, SYMBOLS, agent
@@ -629,3 +630,49 @@ def test_a_text_that_there_is_not_cannot_be_picked(variants: str, problem: str) 
     with pytest.raises(ReadError) as error:
         rehearsed("say: {one_of: [Hello., Hi.]}", f"variants: {variants}")
     assert problem in error.value.lines[0]
+
+
+# --- branches that are not taken ------------------------------------------------------------
+
+NOT_TAKEN = """
+selector:
+  - sequence:
+      - check: scene.age > 4
+      - say: You are old.
+  - when: scene.mood > 4
+    say: You are glad.
+  - choose:
+      - name: sad
+        when: scene.mood < 2
+        say: You are sad.
+  - say: You are here.
+"""
+
+
+def test_why_a_branch_is_not_taken_is_told_once() -> None:
+    told = transcript(rehearsed(NOT_TAKEN).events)
+    assert told.count("↷") == 3
+    assert "↷ check: not so: scene.age > 4 (scene.age is 3" in told
+    assert "↷ say: left out: not so: scene.mood > 4" in told
+    assert "choose: no case fits" in told
+    assert told.index("↷ check") < told.index("You are here.")
+
+
+def test_what_ends_the_run_is_told_by_its_end_alone() -> None:
+    told = transcript(rehearsed("check: scene.age > 4").events)
+    assert "↷" not in told
+    assert told.count("not so: scene.age > 4") == 1
+
+
+def test_a_branch_that_stays_closed_is_told_once() -> None:
+    tree = """
+    selector:
+      memory: false
+      children:
+        - sequence:
+            - check: live.mood > 4
+            - say: You are glad.
+        - wait: 5 s
+    """
+    told = rehearsed(tree, "during:\n  - {after: 1 s, mood: 2}\n  - {after: 2 s, mood: 3.5}\n")
+    assert transcript(told.events).count("↷") == 1

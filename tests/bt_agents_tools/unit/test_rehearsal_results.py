@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bt_agents_core.errors import ReadError
 from bt_agents_language.nodes.node_type import Mark
 from bt_agents_tools.rehearsal.assertions import AssertionFailure, aligned
 from bt_agents_tools.rehearsal.coverage import coverage
@@ -331,3 +332,35 @@ def test_a_node_that_is_stopped_is_marked() -> None:
         rehearsed("drive: a\ntimeout: 3 s", "answers: {drive: {ends: never}}").events, ticks=True
     )
     assert "    3.0 s    ■ drive" in shown
+
+
+# --- what the tree tells and remembers ------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("expect", "rows"),
+    [
+        ("{told: {mood: 2}}", None),
+        ("{told: {mood: 2, age: 5}}", None),
+        ("{told: {mood: 4}}", [("mood 4", "mood 2", False)]),
+        ("{told: {familiarity: 4}}", [("familiarity 4", "–", False)]),
+        ("{told: {}}", [("–", "mood 2", False), ("–", "age 5", False)]),
+        ("{remembered: {}}", None),
+    ],
+)
+def test_what_is_put_into_the_scene_can_be_expected(expect, rows):
+    tree = "sequence:\n  - set: {scene.mood: 4, scene.age: 5}\n  - set: {scene.mood: 2}"
+    spec = agent(tree)
+    (case,) = cases_for(spec, f"- name: it tells\n  expect: {expect}\n").cases
+    failures = run_case(spec, SPACE, case).failures
+    if rows is None:
+        assert not failures
+        return
+    (failure,) = failures
+    assert failure.message == "told: other values than expected"
+    assert list(failure.rows) == rows
+
+
+def test_a_told_value_that_is_expected_lies_in_its_range():
+    with pytest.raises(ReadError, match="out-of-range"):
+        cases_for(agent("log: a"), "- name: it tells\n  expect: {told: {mood: 9}}\n")

@@ -649,3 +649,119 @@ def test_late_repetitions_of_forgotten_feedback_of_any_kind_are_known():
     assert (again.fresh, "forgotten since" in again.text) == (False, True)
     with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):
         room.teaching.give(replace(given, agent="express"))
+
+
+# --- what no profile has ------------------------------------------------------------------
+
+PAIN = SceneParameter(name="pain", minimum=0.0, maximum=10.0, default=0.0, profiled=False)
+BESIDE = SceneSpace(
+    parameters=(SPACE.parameters[0], replace(SPACE.parameters[1], profiled=False), PAIN),
+    mood="mood",
+)
+
+
+def hurting(age: float, mood: float, pain: float) -> Scene:
+    of = scene(age, mood)
+    pained = SceneValue(name="pain", value=pain, origin=Origin.TOLD)
+    return replace(of, values=BESIDE.scene((*of.values, pained)))
+
+
+class Ward(Room):
+    """A teaching core whose profiles have the age alone."""
+
+    def __init__(self) -> None:
+        super().__init__(card=None)
+        self.profiles = Profiles(BESIDE, Ledger(":memory:"))
+        self.teaching = FeedbackController(
+            self.profiles, clock=lambda: self.now, new_id=lambda: "new"
+        )
+        nurse = AgentEntry(
+            name="nurse",
+            profile=(3.0,),
+            revision=0,
+            learning_rate=0.5,
+            rules=(
+                restore_mood_rule(
+                    BESIDE, when="live.pain > 7", hold_s=0.0, give=2, action=MoodAction.CANCEL
+                ),
+                restore_mood_rule(
+                    BESIDE, when="mood.change <= -1", hold_s=0.0, give=2, action=MoodAction.CANCEL
+                ),
+            ),
+        )
+        self.teaching.register_card(
+            LearningCard(
+                host="/agents", instance="i1", parameters=BESIDE.profiles.names, agents=(nurse,)
+            )
+        )
+
+
+def test_feedback_moves_only_what_profiles_have():
+    ward = Ward()
+    ward.teaching.on_run_started(run(1, "nurse", hurting(5.0, 4.0, 2.0)))
+    change = ward.teaching.give(
+        FeedbackRequest(
+            feedback_id="", agent="nurse", kind=FeedbackKind.POSITIVE, values=(), source="person"
+        )
+    )
+    assert (change.before, change.target, change.after) == ((3.0,), (5.0,), (4.0,))
+    assert change.revision.profile == {"age": 4.0}
+
+
+def test_a_scene_of_which_only_that_is_known_leads_nowhere():
+    ward = Ward()
+    ward.teaching.on_run_started(run(1, "nurse", hurting(NAN, 4.0, 2.0)))
+    with pytest.raises(Refused) as refused:
+        ward.teaching.give(
+            FeedbackRequest(
+                feedback_id="", agent="nurse", kind=FeedbackKind.POSITIVE, values=(), source="p"
+            )
+        )
+    assert refused.value.code == "NO_SCENE"
+
+
+@pytest.mark.parametrize("now", [(5.0, 4.0, 8.0), (5.0, 2.0, 2.0)])
+def test_rules_read_what_no_profile_has_and_the_mood_may_be_one_of_it(now):
+    ward = Ward()
+    ward.teaching.on_run_started(run(1, "nurse", hurting(5.0, 4.0, 2.0)))
+    (fired,) = ward.teaching.receive(hurting(*now))
+    assert fired.stop is not None
+    assert fired.change is not None
+    assert fired.change.after < (3.0,)
+
+
+# --- what the person tells in a run -------------------------------------------------------
+
+
+def telling(age: float, person_id: str = "") -> Scene:
+    live = scene(3.0, 4.0)
+    told = SceneValue(name="age", value=age, origin=Origin.TOLD)
+    return replace(live, values=(told, live.values[1]), person_id=person_id)
+
+
+def negative(room: Room) -> tuple[float, ...]:
+    request = FeedbackRequest(
+        feedback_id="", agent="guide", kind=FeedbackKind.NEGATIVE, values=(), source="person"
+    )
+    return room.teaching.give(request).target
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_what_is_told_in_a_run_counts_in_the_feedback_about_it(ended):
+    room = Room()
+    room.teaching.on_run_started(run(awarded=scene(3.0, 4.0)))
+    assert negative(room) == (3.0, 4.0)
+    room.teaching.receive(telling(4.0))
+    room.teaching.receive(scene(2.0, 1.0))  # what is only measured later does not count
+    if ended:
+        room.teaching.on_run_ended(run(awarded=scene(3.0, 4.0)))
+    assert negative(room) == (4.0, 4.0)
+
+
+def test_what_somebody_else_tells_does_not_count():
+    room = Room()
+    room.teaching.on_run_started(run(awarded=replace(scene(3.0, 4.0), person_id="anna")))
+    room.teaching.receive(telling(5.0, "bert"))
+    assert negative(room) == (3.0, 4.0)
+    room.teaching.receive(telling(4.0, "anna"))
+    assert negative(room) == (4.0, 4.0)

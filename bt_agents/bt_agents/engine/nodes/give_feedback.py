@@ -57,7 +57,7 @@ class GiveFeedback(Leaf):
                 f"{_DIRECT} has no values, expected at least one scene parameter with the "
                 "value that the profile moves to; write values: {age: 4}",
             )
-        space = self.context.scope.space
+        space = self.context.scope.space.profiles
         return {name: scene_value(space, name, value, _DIRECT) for name, value in given.items()}
 
 

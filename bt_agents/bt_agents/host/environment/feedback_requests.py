@@ -56,7 +56,7 @@ class FeedbackRequests:
             feedback_id=f"tree/{uuid.uuid4()}",
             agent=self._agent(),
             kind=int(kind),
-            values=self._space.ordered(values) if direct else (),
+            values=self._space.profiles.ordered(values) if direct else (),
             source="tree",
             reason=reason,
             scene=self._scene(),

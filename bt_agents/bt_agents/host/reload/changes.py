@@ -35,7 +35,7 @@ def change_text(before: AgentFile, after: AgentFile, space: SceneSpace) -> str:
         parts.append(f"learning_rate: {old.learning_rate:g} → {new.learning_rate:g}")
     parts += [
         f"profile {name}: {was:g} → {now:g}"
-        for name, was, now in zip(space.names, old.profile, new.profile, strict=True)
+        for name, was, now in zip(space.profiles.names, old.profile, new.profile, strict=True)
         if was != now
     ]
     parts += [f"{key} changed" for key, was, now in _others(old, new) if was != now]

@@ -15,8 +15,10 @@ from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.inputs import read_constant
 from bt_agents_language.fields.interfaces import read_ros_name
+from bt_agents_language.fields.references import inserted_texts
 from bt_agents_language.fields.scene_values import read_values
 from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.texts import NoText
 from bt_agents_language.fields.values import is_plain, plain, read_value
 from bt_agents_language.files.testing.path_patterns import (
     branches_of,
@@ -177,15 +179,20 @@ SCENARIO = KeyTable(
 
 
 class ScenarioReader:
-    """Reads scenarios for one agent.
+    """Reads scenarios for one agent, in the language that its texts are read in.
 
     Attributes:
+        agent: The agent.
         skills: The skills that the agent's trees use, by name.
         known_skills: These, and the others that there are.
     """
 
     def __init__(self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable) -> None:
+        if agent.language:
+            symbols = symbols.speaking(agent.language)
+        self.agent = agent
         self._reading = reading
+        self._texts = NameScope({}, texts=symbols.texts)
         self._space = symbols.space
         self._interfaces = symbols.interfaces
         self._nodes = tuple(nodes_of(agent))
@@ -263,8 +270,21 @@ class ScenarioReader:
         fields = self._reading.keys(node, _PERSON)
         if fields is None:
             return True, None
+        visits = fields.integer("visits")
+        return True, RehearsedPerson(
+            name=fields.text("name") or "",
+            visits=visits or 1,
+            remembers=self.facts(fields.entries("remembers")),
+        )
+
+    def told(self, node: Node, what: str) -> dict[str, float]:
+        """Return values of scene parameters; what is wrong is reported and left out."""
+        return read_values(self._reading, node, what, self._space)
+
+    def facts(self, entries: Iterable[MappingEntry]) -> dict[str, Fact]:
+        """Return what is remembered of a person; what is wrong is reported and left out."""
         remembers: dict[str, Fact] = {}
-        for entry in fields.entries("remembers"):
+        for entry in entries:
             key = entry.key.text
             wanted = self._space.remembers.get(key)
             if wanted is None:
@@ -280,10 +300,7 @@ class ScenarioReader:
                 remembers[key] = fact(key, value, wanted)
             except Refused as refused:
                 self._reading.error("wrong-value", entry.value, refused.reason)
-        visits = fields.integer("visits")
-        return True, RehearsedPerson(
-            name=fields.text("name") or "", visits=visits or 1, remembers=remembers
-        )
+        return remembers
 
     def _clock(self, node: Node | None) -> LocalTime:
         fields = None if node is None else self._reading.keys(node, _CLOCK)
@@ -320,8 +337,13 @@ class ScenarioReader:
         self._reading.error("unknown-name", node, message, did_you_mean(name, known) or hint)
 
     def plain(self, node: Node, field_type: FieldType, what: str) -> Plain:
-        """Return a value without names; None when it is wrong, which is then reported."""
-        value = read_value(self._reading, node, field_type, NameScope({}), what)
+        """Return a value without names; None when it is wrong, which is then reported.
+
+        It may insert texts of the language, as far as these have no names in them either.
+        """
+        if isinstance(node, Scalar) and not self._inserts_plain(node, what):
+            return None
+        value = read_value(self._reading, node, field_type, self._texts, what)
         if value is None:
             return None
         if is_plain(value):
@@ -333,6 +355,26 @@ class ScenarioReader:
             "write the value itself",
         )
         return None
+
+    def _inserts_plain(self, node: Scalar, what: str) -> bool:
+        """Return whether the texts that a value inserts, as far as there are any, are plain."""
+        for name in inserted_texts(node.text):
+            try:
+                scalars = self._texts.text(name).scalars
+            except NoText:
+                continue  # it is reported where it is read
+            first = quote(scalars[0].text)
+            hint = f"write what is said, such as {first}"
+            if len(scalars) > 1:
+                problem = "is one of several texts, and a test needs a certain one"
+                hint += ", and under 'variants' which one comes"
+            elif "${" in scalars[0].text:
+                problem = "has ${…} in it, which only the agent can fill in"
+            else:
+                continue
+            self._reading.error("bad-reference", node, f"{what}: '{name}' {problem}", hint)
+            return False
+        return True
 
     def _tuned(self, entries: Iterable[MappingEntry]) -> dict[str, Plain]:
         values: dict[str, Plain] = {}

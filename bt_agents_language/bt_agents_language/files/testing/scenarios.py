@@ -215,6 +215,22 @@ class Teaches:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Tells:
+    """Values that the tree puts into the scene, the last of each; none for nothing at all."""
+
+    values: Mapping[str, float]
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remembers:
+    """What the tree remembers of the person, the last of each; none for nothing at all."""
+
+    values: Mapping[str, Fact]
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
 class CancelledBy:
     """The mood rule, or the reason in the test, that cancels the run."""
 
@@ -231,15 +247,27 @@ class ExpectedBids:
 
 
 Expectation = (
-    Says | Does | DoesNot | Visits | Ends | Because | Within | Teaches | CancelledBy | ExpectedBids
+    Says
+    | Does
+    | DoesNot
+    | Visits
+    | Ends
+    | Because
+    | Within
+    | Teaches
+    | Tells
+    | Remembers
+    | CancelledBy
+    | ExpectedBids
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class AgentTestCase:
-    """One case of a test file."""
+    """One case of a test file; its agent is as in the language of the case."""
 
     name: str
+    agent: AgentSpec
     scenario: Scenario
     expectations: tuple[Expectation, ...]
     position: Position

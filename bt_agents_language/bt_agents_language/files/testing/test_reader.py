@@ -8,10 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from bt_agents_core.diagnostic import Position
+from bt_agents_core.errors import ReadError
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.testing.scenario_reader import SCENARIO, ScenarioReader
 from bt_agents_language.files.testing.scenarios import (
     SPOKEN,
@@ -24,10 +26,12 @@ from bt_agents_language.files.testing.scenarios import (
     Ends,
     Expectation,
     ExpectedBids,
+    Remembers,
     Says,
     Scenario,
     SkillUse,
     Teaches,
+    Tells,
     Visits,
     Within,
 )
@@ -38,6 +42,7 @@ from bt_agents_language.yaml.field_tables import (
     ANY,
     BOOLEAN,
     DURATION,
+    NAME,
     TEXT,
     Either,
     Entries,
@@ -46,6 +51,7 @@ from bt_agents_language.yaml.field_tables import (
     Items,
     Key,
     KeyTable,
+    SceneValues,
     Several,
     Value,
     WordChoice,
@@ -91,6 +97,14 @@ _EXPECT = KeyTable(
             "feedback", Several(WordChoice(tuple(_KINDS))), "The feedback that is given, in order."
         ),
         FieldDecl(
+            "told", SceneValues(), "What the tree puts into the scene with 'set', the last value."
+        ),
+        FieldDecl(
+            "remembered",
+            Entries(ANY, "names and values"),
+            "What the tree remembers of the person, the last value.",
+        ),
+        FieldDecl(
             "cancelled_by", TEXT, "The condition of the mood rule, or the reason, that cancels it."
         ),
     ),
@@ -99,6 +113,12 @@ _CASE = KeyTable(
     what="a case",
     fields=(
         FieldDecl("name", TEXT, "What is special about this case.", required=True),
+        FieldDecl(
+            "language",
+            NAME,
+            "What the agent speaks in this case: texts/<language>.yaml; without it what is spoken "
+            "where nothing else is said.",
+        ),
         *SCENARIO.fields,
         FieldDecl("expect", _EXPECT, "What must come out.", required=True),
     ),
@@ -130,9 +150,9 @@ def read_test(file: Path | Source, agents: Iterable[AgentSpec], symbols: SymbolT
     nodes = fields.items("cases")
     cases: dict[str, AgentTestCase] = {}
     if agent is not None:
-        scenarios = ScenarioReader(reading, agent, symbols)
+        languages = _Languages(reading, agent, symbols)
         for node in nodes:
-            _case(reading, node, agent, scenarios, cases)
+            _case(reading, node, languages, cases)
     reading.problems.raise_if_any()
     assert agent is not None
     return AgentTest(file=reading.source.file, agent=agent, cases=tuple(cases.values()))
@@ -178,11 +198,7 @@ def _broken(folder: Path, text: str) -> Path | None:
 
 
 def _case(
-    reading: TypedReader,
-    node: Node,
-    agent: AgentSpec,
-    scenarios: ScenarioReader,
-    cases: dict[str, AgentTestCase],
+    reading: TypedReader, node: Node, languages: _Languages, cases: dict[str, AgentTestCase]
 ) -> None:
     fields = reading.keys(node, _CASE)
     if fields is None:
@@ -195,21 +211,81 @@ def _case(
             f"there is a case {quote(name)} already (line {cases[name].position.line})",
             "say what is different in this one",
         )
+    scenarios = languages.scenarios(fields)
     scenario = scenarios.read(fields)
     expectations: tuple[Expectation, ...] = ()
     if (expect := fields.get("expect")) is not None:
-        expectations = _Expectations(reading, agent, scenarios, scenario).read(expect)
+        expectations = _Expectations(reading, scenarios, scenario).read(expect)
     cases[name] = AgentTestCase(
-        name=name, scenario=scenario, expectations=expectations, position=node.position
+        name=name,
+        agent=scenarios.agent,
+        scenario=scenario,
+        expectations=expectations,
+        position=node.position,
     )
+
+
+class _Languages:
+    """The agent of a test in each language that a case names."""
+
+    def __init__(self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable) -> None:
+        self._reading = reading
+        self._agent = agent
+        self._symbols = symbols
+        self._usual = ScenarioReader(reading, agent, symbols)
+        self._readers: dict[str, ScenarioReader] = {}
+
+    def scenarios(self, fields: MappingReader) -> ScenarioReader:
+        """Return the reader of a case, in its language; what is wrong about that is reported."""
+        node, language = fields.get("language"), fields.name("language")
+        if node is None or not language:
+            return self._usual
+        if language not in self._readers:
+            self._readers[language] = self._in(language, node) or self._usual
+        return self._readers[language]
+
+    def _in(self, language: str, node: Node) -> ScenarioReader | None:
+        own, texts = self._agent.language, self._symbols.texts
+        if own:
+            self._reading.error(
+                "contradiction",
+                node,
+                f"the file of {quote(self._agent.name)} says 'language: {own}', which it speaks "
+                "whatever the others do",
+                "remove 'language' here, or there",
+            )
+            return None
+        known = texts.languages() if texts is not None else []
+        if language not in known:
+            self._reading.error(
+                "unknown-name",
+                node,
+                f"there are no texts in the language {quote(language)}",
+                did_you_mean(language, known) or f"write texts/{language}.yaml",
+            )
+            return None
+        symbols = self._symbols.speaking(language)
+        try:
+            agent = read_agent(Path(self._agent.file), symbols)
+        except ReadError as error:
+            first = error.diagnostics[0]
+            self._reading.error(
+                "unknown-agent",
+                node,
+                f"{quote(self._agent.name)} has errors in the language {quote(language)}: "
+                f"{first.message}",
+                "'bt-agents check' lists them",
+            )
+            return None
+        return ScenarioReader(self._reading, agent, symbols)
 
 
 class _Expectations:
     def __init__(
-        self, reading: TypedReader, agent: AgentSpec, scenarios: ScenarioReader, scenario: Scenario
+        self, reading: TypedReader, scenarios: ScenarioReader, scenario: Scenario
     ) -> None:
         self._reading = reading
-        self._agent = agent
+        self._agent = scenarios.agent
         self._scenarios = scenarios
         self._scenario = scenario
 
@@ -265,6 +341,12 @@ class _Expectations:
                 words = (self._reading.choice(one, "feedback", _KINDS) for one in _several(node))
                 kinds = tuple(_KINDS[word] for word in words if word is not None)
                 yield Teaches(kinds=kinds, position=position)
+            case "told":
+                told = self._scenarios.told(node, "'told'")
+                yield Tells(values=told, position=position)
+            case "remembered":
+                facts = self._scenarios.facts(fields.entries(key))
+                yield Remembers(values=facts, position=position)
             case "cancelled_by":
                 if (cause := self._cause(node)) is not None:
                     yield CancelledBy(cause=cause, position=position)
@@ -279,7 +361,9 @@ class _Expectations:
 
     def _says(self, node: Node, position: Position) -> Says:
         items, exact = self._listed(node, "'says'")
-        texts = (self._reading.text(item, "a text that is said") for item in items)
+        read = (
+            self._scenarios.plain(item, FieldType.TEXT, "a text that is said") for item in items
+        )
         if items and not self._scenarios.skills.keys() & set(SPOKEN):
             self._reading.error(
                 "unknown-name",
@@ -288,7 +372,9 @@ class _Expectations:
                 "name its skills under 'does'",
             )
         return Says(
-            texts=tuple(text for text in texts if text is not None), exact=exact, position=position
+            texts=tuple(str(text) for text in read if text is not None),
+            exact=exact,
+            position=position,
         )
 
     def _uses(self, items: Iterable[Node], *, any_skill: bool = False) -> tuple[SkillUse, ...]:

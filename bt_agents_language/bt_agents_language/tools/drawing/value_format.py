@@ -90,7 +90,7 @@ def format_tunable(tunable: Tunable) -> str:
 
 def format_profile(profile: Vector, space: SceneSpace) -> str:
     """Return a profile in words: ``age 4, familiarity 1.5``."""
-    values = zip(space.names, profile, strict=True)
+    values = zip(space.profiles.names, profile, strict=True)
     return ", ".join(f"{name} {value:g}" for name, value in values)
 
 

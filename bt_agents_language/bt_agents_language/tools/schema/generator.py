@@ -88,7 +88,7 @@ class SchemaGenerator:
         """Return the schema of a mapping with the keys of a table."""
         properties = self.properties(table.fields)
         if table.scene:
-            properties = {**self._parameters(), **properties}
+            properties = {**_parameters(self._space), **properties}
         filled: Schema = {"minProperties": 1} if table.filled else {}
         needs = _needs(table.needs) if table.needs is not None else {}
         return {**mapping(properties, list(table.required)), **filled, **needs}
@@ -133,7 +133,7 @@ class SchemaGenerator:
             case SceneValues():
                 return self._scene_values(declared)
             case SceneNameList():
-                names: Schema = {"enum": list(self._space.names)}
+                names: Schema = {"enum": list(self._space.profiles.names)}
                 return {"anyOf": [{"const": declared.every}, _array(names)]}
             case Shared():
                 return {"$ref": f"#/definitions/{declared.name}"}
@@ -166,17 +166,19 @@ class SchemaGenerator:
         return schema | ({"maxProperties": 1} if declared.single else {})
 
     def _scene_values(self, declared: SceneValues) -> Schema:
+        space = self._space.profiles if declared.of_profiles else self._space
         if declared.limits is not None:
-            limits = {one.name: declared.limits(one) for one in self._space.parameters}
+            limits = {one.name: declared.limits(one) for one in space.parameters}
             return mapping({name: value_schemas.number(*of) for name, of in limits.items()}, [])
-        properties = self._parameters()
+        properties = _parameters(space)
         if declared.person and "person" not in properties:
             properties["person"] = described(value_schemas.BOOLEAN, declared.person)
-        schema = mapping(properties, list(self._space.names) if declared.every else [])
+        schema = mapping(properties, list(space.names) if declared.every else [])
         return schema | ({"minProperties": 1} if declared.filled else {})
 
-    def _parameters(self) -> dict[str, Schema]:
-        return {one.name: _parameter(one) for one in self._space.parameters}
+
+def _parameters(space: SceneSpace) -> dict[str, Schema]:
+    return {one.name: _parameter(one) for one in space.parameters}
 
 
 def _parameter(parameter: SceneParameter) -> Schema:

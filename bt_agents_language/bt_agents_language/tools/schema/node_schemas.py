@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.fields.bindings import HEARTBEAT, TIMEOUTS
-from bt_agents_language.fields.values import EXPECTED
+from bt_agents_language.fields.values import EXPECTED, ONE_OF
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
-from bt_agents_language.nodes.skill import ONE_OF, SKILL, takes_variants
+from bt_agents_language.nodes.skill import SKILL, takes_variants
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.node_pages import NodePage, node_page
 from bt_agents_language.tools.schema import value_schemas
@@ -137,7 +137,7 @@ def _type(node_type: NodeType, space: SceneSpace) -> Schema:
         return {"type": "object", "allOf": [NODE]}
     if node_type.role is Role.DECORATOR and not node_type.fields:
         return value_schemas.BOOLEAN
-    scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.names}
+    scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.profiles.names}
     properties = {}
     for field in node_type.fields:
         # Only the goals, requests and messages of ROS have fields that no table knows.

@@ -149,11 +149,11 @@ def _title(name: str) -> str:
 
 
 def _profile(space: SceneSpace) -> str:
-    values = [f"  {one.name}: {_number(one.default)}" for one in space.parameters]
+    parameters = space.profiles.parameters
+    values = [f"  {one.name}: {_number(one.default)}" for one in parameters]
     width = max(map(len, values)) + 2
     return "\n".join(
-        f"{value:<{width}}# {_range(one)}"
-        for value, one in zip(values, space.parameters, strict=True)
+        f"{value:<{width}}# {_range(one)}" for value, one in zip(values, parameters, strict=True)
     )
 
 

@@ -55,5 +55,5 @@ def _wanted(observer: Observer, values: Assignments) -> list[float]:
     given = dict(values)
     unknown = [name for name in given if name not in names]
     if unknown:
-        raise BtAgentsError(f"no scene parameter '{unknown[0]}'; there are {', '.join(names)}")
+        raise BtAgentsError(f"profiles have no '{unknown[0]}'; they have {', '.join(names)}")
     return [given.get(name, math.nan) for name in names]

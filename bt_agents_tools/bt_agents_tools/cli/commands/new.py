@@ -56,7 +56,7 @@ def _test(name: str, directory: Path) -> _FirstFiles:
             f"new {name}' makes one with its test"
         )
     space = trees.scene.space
-    scene = dict(zip(space.names, agent.profile, strict=True))
+    scene = dict(zip(space.profiles.names, agent.profile, strict=True))
     rehearsed = rehearse(agent, space, Scenario(scene=scene))
     if rehearsed.outcome is None:
         reason = rehearsed.declined or "it does not end by itself"

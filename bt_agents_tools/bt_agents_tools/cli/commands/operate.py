@@ -93,12 +93,13 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
 def preview(values: Assignments, strategy: str, person: bool | None, form: TableForm) -> None:
     """Say who would win, without giving anybody a run.
 
-    For example: bt-agents preview age=4 mood=2 --strategy ucb. What is not named is as in the last
-    scene, or as scene.yaml says of what is missing.
+    For example: bt-agents preview age=4 mood=2 --strategy ucb. What is not named is as in the live
+    scene of a run; without one as in the last scene, with what the person has told since; or as
+    scene.yaml says of what is missing.
     """
     with connect() as observer:
         given = {}
-        if values or person is not None:
+        if values or person is not None or last_decisions(observer):
             given["scene"] = _scene(observer, values, "preview", person, "")
         answer = observer.ask("marketplace/preview", strategy=strategy, **given)
         decision = accepted(answer, "the marketplace").auction
@@ -130,15 +131,17 @@ def _operate(action: str, **fields: Any) -> None:
 def _scene(
     observer: Observer, values: Assignments, scene_id: str, person: bool | None, label: str
 ) -> Any:
-    """Return the last scene with some values changed, of parameters that there are."""
+    """Return the scene of another round with some values changed, of parameters there are."""
     from bt_agents_tools.client import market
 
     auctions = last_decisions(observer)
-    observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
-    last = auctions[-1].scene if auctions else None
-    names = list(observer.profiles.parameters) if observer.profiles is not None else []
-    if last is not None:
-        names = [value.name for value in last.values]
+    answer = observer.ask("scene_layer/analyze", find_s=FIND_LIMIT_S)
+    present = answer.scene if answer is not None and answer.accepted else None
+    last = market.next_scene(auctions[-1].scene if auctions else None, present)
+    known = last if last is not None else present
+    names = [value.name for value in known.values] if known is not None else []
+    if not values and last is not None:
+        label = label or last.label
     unknown = next((name for name, _ in values if name not in names), None)
     if unknown is not None:
         hint = did_you_mean(unknown, names) or "no node says which there are"

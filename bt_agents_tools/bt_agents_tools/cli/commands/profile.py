@@ -305,7 +305,7 @@ def _document(action: str, state: str, **fields: str) -> str:
     from feedback_node.management.profile_documents import read_profiles
 
     kept = _with_ledger(state)
-    space = read_scene(kept.trees / "scene.yaml").space
+    space = read_scene(kept.trees / "scene.yaml").space.profiles
     return read_profiles(kept.ledger, space, **fields, revisions=action == "HISTORY").text
 
 

@@ -142,11 +142,12 @@ def _material(
     test = read_test(path, trees.agents, with_installed_types(trees.symbols))
     case = _chosen(test.cases, name, file)
     if not agent:
-        return trees, test.agent, case
+        return trees, case.agent, case
     trees, named = named_agent(agent, directory, trees)
     if named.name != test.agent.name:
         raise BtAgentsError(f"{script} is a test of {test.agent.name}, not of {named.name}")
-    return trees, named, case
+    speaks_other = case.agent is not test.agent
+    return trees, case.agent if speaks_other else named, case
 
 
 def _chosen(cases: Sequence[AgentTestCase], name: str, file: str) -> AgentTestCase:

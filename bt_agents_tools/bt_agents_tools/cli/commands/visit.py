@@ -10,6 +10,7 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
+from bt_agents_robot.people import check_visitors
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.connection import connect, find_hosts
 from bt_agents_tools.cli.decisions import SOON_S, end_text, names_of_scenes
@@ -28,7 +29,8 @@ def visit(script: Path) -> None:
     """
     with connect() as observer:
         trees = Path(observer.cards[find_hosts(observer)[0]].trees)
-        read_script(script, read_scene(trees / "scene.yaml").space)
+        scene = read_scene(trees / "scene.yaml")
+        check_visitors(scene, read_script(script, scene.space))
         if observer.is_visited():
             raise BtAgentsError("visitors of a script are there already; wait until they are gone")
         visitors, done = observer.received("visitors/current"), observer.received("visitors/done")
