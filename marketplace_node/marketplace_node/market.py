@@ -260,10 +260,12 @@ class Market:
             Refused: ``MALFORMED``; nothing is changed.
         """
         stored = read_scenes(text, self._market_state.space)
-        self._admission.remember(stored.taken)
+        if away_s <= KEPT_S:
+            self._admission.remember(stored.taken)
         for one in stored.scenes:
             self._restore(one, away_s, now)
-        self._admission.hold(now + GATHER_S)
+        if stored.scenes:
+            self._admission.hold(now + GATHER_S)
         return len(stored.scenes), self._settle(now)
 
     def _restore(self, stored: StoredScene, away_s: float, now: float) -> None:

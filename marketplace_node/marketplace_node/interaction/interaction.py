@@ -51,6 +51,7 @@ class QueuedScene:
         excluded: Agents that may not bid when its turn comes, with the reason.
         declined_by: Hosts that have answered without a run for it, each with the instance.
         rounds_in_vain: How often hosts were asked without a run for it.
+        in_vain_since: When that was first, steady time [s]; None before.
     """
 
     scene: Scene
@@ -60,6 +61,7 @@ class QueuedScene:
     excluded: Mapping[str, str] = field(default_factory=dict)
     declined_by: frozenset[tuple[str, str]] = frozenset()
     rounds_in_vain: int = 0
+    in_vain_since: float | None = None
 
 
 class Interaction:

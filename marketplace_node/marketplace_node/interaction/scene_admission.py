@@ -20,8 +20,12 @@ from marketplace_node.settings import MAX_QUEUE
 
 _REMEMBERED_SCENES = 4 * MAX_QUEUE
 
-MOST_ROUNDS_IN_VAIN = 3
-"""A scene goes back to the line, as hosts did not answer, until so many rounds were in vain."""
+ROUNDS_IN_VAIN = 3
+"""A scene goes back to the line, as hosts did not answer, for so many rounds at least.
+
+After that it does for ``host_wait_s`` since the first of them: a host that is told to end refuses
+its goals until it has gone.
+"""
 
 
 class SceneAdmission:
@@ -130,7 +134,11 @@ class SceneAdmission:
         """Let a scene wait again that no host has run; return False when none is expected."""
         waiting = interaction.waiting
         waiting.rounds_in_vain += 1
-        if self.closed_reason or waiting.rounds_in_vain >= MOST_ROUNDS_IN_VAIN:
+        if waiting.in_vain_since is None:
+            waiting.in_vain_since = now
+        tried_s = now - waiting.in_vain_since
+        enough = tried_s >= self._market_state.settings.host_wait_s
+        if self.closed_reason or (enough and waiting.rounds_in_vain >= ROUNDS_IN_VAIN):
             return False
         for host in interaction.silent:
             self._market_state.unheard(host)

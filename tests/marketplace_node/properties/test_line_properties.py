@@ -22,7 +22,7 @@ from marketplace_node.effects import (
     SendGoal,
     State,
 )
-from marketplace_node.interaction.scene_admission import MOST_ROUNDS_IN_VAIN
+from marketplace_node.interaction.scene_admission import ROUNDS_IN_VAIN
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
 from marketplace_node.settings import Settings
@@ -174,7 +174,7 @@ class AnyLine(RuleBasedStateMachine):
             self.codes[scene_id] = effect.code
             assert self.ends[scene_id] == 1, f"{scene_id} has a second end: {effect}"
             if effect.code in ("NO_BIDS", "NOT_TAKEN"):
-                assert self.rounds[scene_id] >= MOST_ROUNDS_IN_VAIN, effect
+                assert self.rounds[scene_id] >= ROUNDS_IN_VAIN, effect
 
     def is_end_of_run(self, effect: AnnounceRun) -> bool:
         is_its = self.running is not None and self.running[1] == effect.goal

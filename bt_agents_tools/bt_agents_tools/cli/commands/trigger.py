@@ -70,6 +70,8 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
                 if waits()
                 else f"not decided yet, the market says: {state}"
             )
+        elif end() is None and observer.market.awaited_hosts:
+            click.echo(f"waits in line: {scene_names.with_names(observer.market.message)}")
 
 
 @click.command()
