@@ -40,6 +40,11 @@ def fill_the_line(system: System) -> None:
     system.until(lambda: system.statuses[-1].queued == len(LINE), "ten scenes wait")
 
 
+def all_wait_for_the_host(system: System) -> bool:
+    status = system.statuses[-1]
+    return (status.awaited_hosts, status.queued) == (["/agents"], len(LINE))
+
+
 def check_that_the_line_runs(system: System) -> None:
     system.mouth.holds = lambda _text: False
     system.mouth.finish()
@@ -58,9 +63,7 @@ def test_scenes_in_line_outlive_their_only_host_when_it(
     _, host = market_and_host(system, tmp_path)
     fill_the_line(system)
     {"hangs": host.hang, "is killed": host.kill, "is terminated": host.terminate}[how]()
-    system.until(lambda: system.statuses[-1].awaited_hosts, "the market waits for the host")
-    assert system.statuses[-1].awaited_hosts == ["/agents"]
-    assert system.statuses[-1].queued == len(LINE)
+    system.until(lambda: all_wait_for_the_host(system), "all scenes in line wait for the host")
     if how == "hangs":
         host.go_on()
     else:
