@@ -9,8 +9,10 @@ import tempfile
 from pathlib import Path
 
 
-def write_atomically(path: Path, text: str) -> None:
+def write_atomically(path: Path, text: str, *, durable: bool = True) -> None:
     """Replace the text of an existing file; its permissions stay, and a link stays a link.
+
+    A text that is not ``durable`` survives the process, but perhaps no loss of power.
 
     Raises:
         OSError: The file or its folder cannot be written; the old file is still there.
@@ -23,7 +25,8 @@ def write_atomically(path: Path, text: str) -> None:
             opened.write(text)
             os.fchmod(opened.fileno(), mode)
             opened.flush()
-            os.fsync(opened.fileno())
+            if durable:
+                os.fsync(opened.fileno())
         os.replace(name, target)
     except BaseException:
         os.unlink(name)

@@ -62,6 +62,11 @@ class StateFolder:
         return self.path / "orders.json"
 
     @property
+    def scenes(self) -> Path:
+        """File of the scenes without an end."""
+        return self.path / "scenes.json"
+
+    @property
     def memory(self) -> Path:
         """File of what is remembered of persons and places."""
         return self.path / "people.json"

@@ -166,7 +166,7 @@ class VisitorsNode(BaseNode):
     def _on_market(self, message: Any) -> None:
         market = MarketView(
             epoch=message.epoch,
-            idle=message.state == MarketStatus.IDLE,
+            idle=message.state == MarketStatus.IDLE and not message.queued,
             agents=message.agents,
             finished_scene_id=message.finished_scene_id,
         )

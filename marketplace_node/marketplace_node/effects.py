@@ -221,6 +221,7 @@ class StatusChanged(Effect):
     finished_scene_id: str
     queued: int
     waiting: tuple[str, ...]
+    awaited_hosts: tuple[str, ...]
     hosts: int
     agents: int
     strategy: str

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_core.text import join_first
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
     Connect,
@@ -16,15 +17,27 @@ from marketplace_node.effects import (
     Effect,
     Note,
     RunGoal,
+    RunOutcome,
     SceneEnded,
     State,
     StatusChanged,
 )
 from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
-from marketplace_node.interaction.interaction import FEEDBACK_DEFERRED, Interaction
-from marketplace_node.interaction.market_failover import InheritedRuns
+from marketplace_node.interaction.interaction import (
+    FEEDBACK_DEFERRED,
+    NO_BIDS,
+    NOT_TAKEN,
+    Interaction,
+)
+from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S, InheritedRuns
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
+from marketplace_node.interaction.stored_scenes import (
+    StoredAward,
+    StoredScene,
+    StoreScenes,
+    read_scenes,
+)
 from marketplace_node.market_state import PREVIEWS, MarketState
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators import OperatorCommands, Previews
@@ -64,7 +77,8 @@ class Market:
         self._admission = SceneAdmission(self._market_state)
         self._operator_commands = OperatorCommands(self._market_state, self._admission)
         self._previews = Previews(self._market_state)
-        self._inherited = InheritedRuns(self._market_state)
+        self._inherited = InheritedRuns(self._market_state, self._admission)
+        self._stored: tuple[tuple[StoredScene, ...], int] = ((), 0)
         self._finished_scene_id = ""
         self._last_round = 0
         self._last_text = "waiting for a scene"
@@ -102,6 +116,7 @@ class Market:
         self._admission.close(reason, now)
         self._previews.give_up(SHUTTING_DOWN, reason)
         self._ask_again(math.inf)
+        self._inherited.close(reason)
         if self._interaction is not None:
             self._interaction.stop(StopRequest(reason=reason, code=SHUTTING_DOWN), now)
         return self._settle(now)
@@ -136,6 +151,7 @@ class Market:
                 self._market_state.free(entry.host)
             if before is None or replace(before, agents=entry.agents) != entry:
                 self._market_state.effects.append(Connect(entry=entry))
+            self._inherited.on_register(entry.host, entry.instance)
         return answer, self._check_host(now)
 
     def disconnect(self, host: str, now: float) -> list[Effect]:
@@ -151,6 +167,7 @@ class Market:
         if self._market_state.registry.heartbeat(host, instance, now):
             under_way = None if self.state is State.COLLECTING else self.goal
             self._market_state.heartbeat(host, epoch, round_number, under_way, now)
+            self._inherited.on_heartbeat(host, epoch, round_number, now)
             if self._interaction is not None:
                 self._interaction.on_heartbeat(host, epoch, round_number, now)
         return self._settle(now)
@@ -159,6 +176,7 @@ class Market:
         """Renew leases and move deadlines: the market itself has not listened since ``since``."""
         self._market_state.extend_after_stall(since, now)
         self._inherited.extend_after_stall(now - since)
+        self._admission.extend_after_stall(now - since)
         if self._interaction is not None:
             self._interaction.extend_after_stall(now - since)
         for open_round in self._open_rounds():
@@ -227,6 +245,51 @@ class Market:
         self._market_state.restore(text)
         return self._market_state.overrides.intervention(""), self._settle(now)
 
+    def restore_scenes(self, text: str, away_s: float, now: float) -> tuple[int, list[Effect]]:
+        """Take over the scenes that an earlier market had stored, before any scene or host.
+
+        Args:
+            text: What it has stored.
+            away_s: For how long there was no market [s].
+            now: Steady time [s].
+
+        Returns:
+            How many there were, and the effects.
+
+        Raises:
+            Refused: ``MALFORMED``; nothing is changed.
+        """
+        stored = read_scenes(text, self._market_state.space)
+        if away_s <= KEPT_S:
+            self._admission.remember(stored.taken)
+        for one in stored.scenes:
+            self._restore(one, away_s, now)
+        if stored.scenes:
+            self._admission.hold(now + GATHER_S)
+        return len(stored.scenes), self._settle(now)
+
+    def _restore(self, stored: StoredScene, away_s: float, now: float) -> None:
+        scene, run = stored.scene, stored.run
+        if run is not None and not run.code:
+            self._admission.remember([scene.scene_id])
+            self._inherited.expect(scene, run, now)
+        elif run is not None:
+            message = f"{run.message}; the marketplace was restarted"
+            self._market_state.effects.append(
+                SceneEnded(
+                    scene_id=scene.scene_id, code=run.code, message=message, agent=run.agent
+                )
+            )
+        elif away_s > KEPT_S:
+            message = f"there was no marketplace for {away_s:.0f} s, expected {KEPT_S:g} s at most"
+            self._admission.refuse(scene.scene_id, RunOutcome.LOST.name, message)
+        else:
+            self._admission.restore(scene)
+            if stored.award is not None:
+                self._market_state.overrides.restore_award(
+                    scene.scene_id, stored.award.agent, stored.award.text
+                )
+
     def preview(self, scene: Scene | None, strategy: str, now: float) -> tuple[int, list[Effect]]:
         """Ask who would win; ``PreviewEnded`` with the number that is returned follows.
 
@@ -286,6 +349,9 @@ class Market:
         current = self._interaction.round if self._interaction else self._last_round
         if epoch not in ("", self.epoch):
             accepted, message = False, f"the market '{epoch}' is gone, this one is '{self.epoch}'"
+        elif self._interaction is None and round_number == 0 and len(self._admission):
+            accepted = not stop.again
+            message = "nothing runs" + self._admission.forget(stop.reason, now) * accepted
         elif self._interaction is None:
             accepted, message = False, "nothing runs"
         elif round_number not in (0, current):
@@ -300,6 +366,7 @@ class Market:
     def tick(self, now: float) -> list[Effect]:
         """Act on leases and deadlines that have passed."""
         self._ask_again(now)
+        self._inherited.tick(now)
         if self._interaction is not None:
             self._interaction.tick(now)
         return self._settle(now)
@@ -327,16 +394,22 @@ class Market:
 
     def _settle(self, now: float) -> list[Effect]:
         """End what is over, begin what waits, report a changed state, hand over the effects."""
+        self._admission.start(now)
         self._previews.update(now)
         self._admission.update(self._interaction, now)
         if self._interaction is not None:
             self._interaction.go_on(now)
-        self._finish()
-        while self._interaction is None and (waiting := self._admission.next()) is not None:
+        self._finish(now)
+        while self._interaction is None and (waiting := self._admission.next(now)) is not None:
             self._interaction = Interaction(self._market_state, waiting, now)
-            self._finish()
+            self._finish(now)
         status = self._describe(now)
         effects = self._market_state.effects
+        stored = self._stored_scenes()
+        if stored != self._stored:
+            self._stored = stored
+            # First, so that whoever hears of an end does not hear of it from the next start, too.
+            effects.insert(0, StoreScenes(scenes=stored[0], taken=self._admission.known))
         for effect in effects:
             if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE":
                 self._market_state.overrides.forget(effect.scene_id)
@@ -346,11 +419,32 @@ class Market:
         self._market_state.effects = []
         return effects
 
-    def _finish(self) -> None:
+    def _stored_scenes(self) -> tuple[tuple[StoredScene, ...], int]:
+        """Return the scenes without an end, next first, and how many were taken so far."""
+        interaction = self._interaction
+        under_way = [(interaction.origin, interaction.last_run)] if interaction else []
+        queued = [(scene, None) for scene in self._admission.scenes]
+        scenes = [
+            StoredScene(scene=scene, award=self._award_of(scene), run=run)
+            for scene, run in [*under_way, *queued]
+        ]
+        return (*self._inherited.stored, *scenes), self._admission.taken
+
+    def _award_of(self, scene: Scene) -> StoredAward | None:
+        award = self._market_state.overrides.award_of(scene.scene_id)
+        return StoredAward(agent=award[0], text=award[1]) if award is not None else None
+
+    def _finish(self, now: float) -> None:
         interaction = self._interaction
         if interaction is None or interaction.over is None:
             return
         scene_id = interaction.origin.scene_id
+        in_vain = interaction.over.code in (NO_BIDS, NOT_TAKEN)
+        if in_vain and self._admission.put_back(interaction, now):
+            self._last_round = interaction.round
+            self._last_text = f"scene '{scene_id}' waits again: {interaction.over.message}"
+            self._interaction = None
+            return
         self._finished_scene_id = scene_id
         self._last_round = interaction.round
         self._last_text = f"scene '{scene_id}' is over: {interaction.over.message}"
@@ -361,6 +455,8 @@ class Market:
         interaction = self._interaction
         goal = interaction.goal if interaction else None
         live = self._market_state.registry.with_heartbeat(now)
+        awaited = self._admission.awaited_hosts(now) if len(self._admission) else None
+        text = _waiting_text(awaited) if awaited is not None else self._last_text
         return StatusChanged(
             state=self.state,
             round=interaction.round if interaction else self._last_round,
@@ -371,6 +467,7 @@ class Market:
             finished_scene_id=self._finished_scene_id,
             queued=len(self._admission),
             waiting=self._admission.waiting,
+            awaited_hosts=tuple(awaited or ()),
             hosts=len(live),
             agents=sum(len(entry.agents) for entry in live),
             strategy=self.settings.strategy,
@@ -379,5 +476,12 @@ class Market:
             vetoed=self._market_state.overrides.vetoed,
             starved=self._market_state.starved(),
             undecided=self._market_state.undecided(),
-            message=interaction.state_text() if interaction else self._last_text,
+            message=interaction.state_text() if interaction else text,
         )
+
+
+def _waiting_text(awaited: Mapping[str, str]) -> str:
+    """Return which hosts scenes wait for, as text; none means those that are still to register."""
+    if not awaited:
+        return "waiting for hosts to register"
+    return f"waiting for {join_first(f'{host} ({why})' for host, why in awaited.items())}"

@@ -84,6 +84,7 @@ class MarketState:
         self.last_scene: Scene | None = None
         self._rules = rules
         self._orphans: dict[str, _OrphanRun] = {}
+        self._unheard: set[str] = set()
         self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
 
     def terms(
@@ -228,13 +229,64 @@ class MarketState:
 
     def _unasked(self, now: float) -> dict[str, str]:
         """Return the hosts that cannot be asked, with the reason."""
-        unasked = {}
+        reasons = ((entry.host, self._absence(entry, now)) for entry in self.registry.entries())
+        return {host: reason for host, reason in reasons if reason}
+
+    def _absence(self, entry: HostEntry, now: float) -> str:
+        """Return why a host cannot be asked; empty when it can."""
+        if not self.registry.is_live(entry.host, entry.instance, now):
+            return "it has no heartbeat"
+        if entry.host in self._unheard:
+            return "it has not answered, and had no heartbeat since"
+        return self._blocked(entry.host)
+
+    def unheard(self, host: str) -> None:
+        """Ask a host that has left a call or a goal unanswered only after its next heartbeat."""
+        self._unheard.add(host)
+
+    def expected(self, now: float) -> dict[str, str]:
+        """Return the hosts that cannot be asked but soon may be, with the reason.
+
+        A host that is gone is expected back for ``host_wait_s``, and the tree of one that is not
+        free to end within ``cancel_deadline_s``. With a ``host_wait_s`` of 0 none is.
+        """
+        expected: dict[str, str] = {}
+        if self.settings.host_wait_s == 0:
+            return expected
         for entry in self.registry.entries():
-            if not self.registry.is_live(entry.host, entry.instance, now):
-                unasked[entry.host] = "it has no heartbeat"
-            elif reason := self._blocked(entry.host):
-                unasked[entry.host] = reason
-        return unasked
+            reason = self._absence(entry, now)
+            if reason and self._may_return(entry, now):
+                expected[entry.host] = reason
+        return expected
+
+    def _may_return(self, entry: HostEntry, now: float) -> bool:
+        if not self.registry.is_live(entry.host, entry.instance, now):
+            return self.registry.gone_s(entry.host, now) < self.settings.host_wait_s
+        orphan = self._orphans.get(entry.host)
+        since = orphan.running_since if orphan is not None else None
+        return since is None or now - since < self.settings.cancel_deadline_s
+
+    def can_ask(
+        self,
+        scene_id: str,
+        excluded: Collection[str],
+        but: Collection[tuple[str, str]],
+        now: float,
+    ) -> bool:
+        """Return whether a host can be asked about a scene, other than some with an instance."""
+        return any(
+            (entry.host, entry.instance) not in but
+            and not self._absence(entry, now)
+            and self.may_run(entry, scene_id, excluded)
+            for entry in self.registry.entries()
+        )
+
+    def may_run(self, entry: HostEntry, scene_id: str, excluded: Collection[str]) -> bool:
+        """Return whether a host has an agent that may bid for a scene."""
+        return any(
+            agent not in excluded and self.overrides.may_bid(agent, scene_id)
+            for agent in entry.agents
+        )
 
     def obstacle(self, goal: RunGoal, now: float) -> str:
         """Return why a goal cannot be sent; empty when it can."""
@@ -286,6 +338,7 @@ class MarketState:
     def free(self, host: str) -> None:
         """Free a host, as it was started anew."""
         self._orphans.pop(host, None)
+        self._unheard.discard(host)
 
     def forget(self, host: str) -> None:
         """Forget a host, and reach it no more."""
@@ -304,6 +357,7 @@ class MarketState:
         self, host: str, epoch: str, round_number: int, award: RunGoal | None, now: float
     ) -> None:
         """Compare what a host is busy with to what it should be; round 0 means nothing."""
+        self._unheard.discard(host)
         of_this = epoch == self.epoch
         awarded = award is not None and (award.host, award.round) == (host, round_number)
         if round_number == 0 or (of_this and awarded):

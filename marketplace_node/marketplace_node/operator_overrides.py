@@ -163,6 +163,15 @@ class OperatorOverrides:
             text=f"{command.who} gives the run to {command.agent}{command.because}",
         )
 
+    def award_of(self, scene_id: str) -> tuple[str, str] | None:
+        """Return the agent that a scene is awarded to and the order in words; None for none."""
+        award = self._awards.get(scene_id)
+        return (award.agent, award.text) if award is not None else None
+
+    def restore_award(self, scene_id: str, agent: str, text: str) -> None:
+        """Take the award of a scene over from an earlier market."""
+        self._awards[scene_id] = _ActiveOverride(agent=agent, text=text)
+
     def forget(self, scene_id: str) -> None:
         """Forget the award of a scene that is over."""
         self._awards.pop(scene_id, None)
@@ -172,6 +181,10 @@ class OperatorOverrides:
         award = self._awards.get(scene_id)
         active = [one.text for one in (award, self._pin) if one is not None]
         return "; ".join([*active, *(self._vetoes[agent] for agent in self.vetoed)])
+
+    def may_bid(self, agent: str, scene_id: str) -> bool:
+        """Return whether no override keeps an agent from bidding for a scene."""
+        return not any(self._exclusions(agent, self._awards.get(scene_id)))
 
     def excluded(self, hosts: Iterable[HostEntry], scene_id: str) -> tuple[RefusedBid, ...]:
         """Return the agents of some hosts that may not bid in a round, with the reason."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -141,9 +142,24 @@ class Registry:
         return True
 
     def extend_after_stall(self, since: float, now: float) -> None:
-        """Renew the leases valid at ``since``, as nobody has listened to heartbeats after it."""
+        """Renew the leases valid at ``since``, as nobody has listened to heartbeats after it.
+
+        A host that was gone by then has not been gone any longer.
+        """
         for host, seen in self._seen.items():
-            self._seen[host] = extended_after_stall(seen, self.lease_s, since, now)
+            valid = since - seen < self.lease_s
+            renewed = extended_after_stall(seen, self.lease_s, since, now)
+            self._seen[host] = renewed if valid else seen + now - since
+
+    def gone_s(self, host: str, now: float) -> float:
+        """Return for how long the lease of a registered host has run out [s]; 0 or less if not."""
+        return now - self._seen[host] - self.lease_s
+
+    def silent_s(self, host: str, now: float) -> float:
+        """Return the time since the last heartbeat of this start of a host, infinite for none."""
+        entry = self._entries.get(host)
+        heard = entry is not None and self._heartbeat_of.get(host) == entry.instance
+        return now - self._seen[host] if heard else math.inf
 
     def entries(self) -> tuple[HostEntry, ...]:
         """Return all registered hosts, dead or alive, in the order of their registration."""

@@ -24,6 +24,7 @@ RULES: Final = "rules"
 RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "bid_deadline_s": (0.01, 60.0),
     "host_lease_s": (0.5, 60.0),
+    "host_wait_s": (0.0, 60.0),
     "goal_deadline_s": (0.1, 60.0),
     "cancel_deadline_s": (0.1, 600.0),
     "collect_deadline_s": (0.05, 600.0),
@@ -42,6 +43,7 @@ class Settings:
     Attributes:
         options: What is set about strategies, by names like ``softmax.temperature``; what is not
             named has its default.
+        host_wait_s: How long scenes in line wait for a host whose lease has run out [s].
         cancel_deadline_s: Longer than what a host needs for clean-up and open goals together [s].
 
     Raises:
@@ -54,6 +56,7 @@ class Settings:
     options: Mapping[str, float] = field(default_factory=dict)
     bid_deadline_s: float = 0.5
     host_lease_s: float = 0.8
+    host_wait_s: float = 5.0
     goal_deadline_s: float = 2.0
     cancel_deadline_s: float = 14.0
     collect_deadline_s: float = 2.0

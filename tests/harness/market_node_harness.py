@@ -147,7 +147,13 @@ class FakeHost(Node):
 class Stage:
     """A market by the paper's rule, what it says, and the ways to talk to it."""
 
-    def __init__(self, ros: Any, overrides_file: Path | None = None, **parameters: Any) -> None:
+    def __init__(
+        self,
+        ros: Any,
+        overrides_file: Path | None = None,
+        scenes_file: Path | None = None,
+        **parameters: Any,
+    ) -> None:
         self.ros = ros
         overrides = [
             Parameter(name, value=value)
@@ -157,7 +163,11 @@ class Stage:
         ]
         self.market = ros.add(
             MarketplaceNode(
-                SPACE, "epoch", overrides_file=overrides_file, parameter_overrides=overrides
+                SPACE,
+                "epoch",
+                overrides_file=overrides_file,
+                scenes_file=scenes_file,
+                parameter_overrides=overrides,
             )
         )
         self.auctions = ros.collect(Auction, "auctions", qos.HISTORY)

@@ -74,6 +74,7 @@ from marketplace_node.effects import (
     StoreOverrides,
 )
 from marketplace_node.interaction.award import RunEnd, StopRequest
+from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
 from marketplace_node.node.messages import (
     auction_to_msg,
@@ -506,16 +507,19 @@ class _Host:
 class _MarketStart:
     """One start of the market."""
 
-    def __init__(self, system: OperatedSystem, orders: str) -> None:
+    def __init__(self, system: OperatedSystem, orders: str = "", scenes: str = "") -> None:
         self.system = system
         self.alive = True
         epoch = f"e{system.next_number()}"
         rules = market_of(system.folder, system.space)
         self.market = Market(system.space, epoch, system.settings, rules)
         self.orders = orders
+        self.scenes = scenes
         self.execute(self.market.tick(system.now))
         if orders:
             self.execute(self.market.restore_overrides(orders, system.now)[1])
+        if scenes:
+            self.execute(self.market.restore_scenes(scenes, 1.0, system.now)[1])
 
     def do(self, event: Callable[[Market, float], list[Effect]]) -> None:
         if self.alive:
@@ -571,6 +575,8 @@ class _MarketStart:
                 system.publish("/scene_ends", scene_end_to_msg(effect, epoch, stamp))
             case StoreOverrides():
                 self.orders = effect.text
+            case StoreScenes():
+                self.scenes = format_scenes(effect)
         return []
 
     def _announce(self, message: Any) -> None:
@@ -727,7 +733,7 @@ class OperatedSystem:
             market.do(lambda m, now: m.shut_down("the marketplace is shutting down", now))
         self.forget_latched((market.market.epoch, ""))
         market.alive = False
-        self.market = _MarketStart(self, market.orders)
+        self.market = _MarketStart(self, market.orders, market.scenes)
 
     def restart_host(self, name: str, *, kill: bool) -> None:
         host = self.hosts[name]

@@ -133,6 +133,16 @@ class NodeProcess:
         """Whether it has ended without having been killed."""
         return not self._killed and self._process.poll() is not None
 
+    def terminate(self) -> None:
+        """Tell it to end, as a supervisor does; until :attr:`ended` it cleans up."""
+        self._killed = True
+        self._process.terminate()
+
+    @property
+    def ended(self) -> bool:
+        """Whether its process is over."""
+        return self._process.poll() is not None
+
     def kill(self) -> None:
         """End it as a crash does; nothing when it has ended."""
         self._killed = True

@@ -207,7 +207,7 @@ def test_a_host_that_disappears_is_lost_and_the_rest_is_asked(ros: Any) -> None:
     assert stage.until_event(Run.STARTED, count=2).agent == PLAIN
 
 
-def test_a_scene_without_agents_is_over_at_once(stage: Stage) -> None:
+def test_a_scene_without_agents_is_over_when_no_host_has_come(stage: Stage) -> None:
     stage.scene()
     stage.until_over()
 
@@ -237,8 +237,8 @@ def test_hostile_scenes_are_refused_and_a_good_one_is_taken(stage: Stage) -> Non
         ("bad5", "DUPLICATE_PARAMETER"),
         ("", "EMPTY"),
         ("x" * 200, "EMPTY"),
-        ("s1", "NO_BIDS"),
         ("s1", "DUPLICATE"),
+        ("s1", "NO_BIDS"),
     ]
     assert all(end.message and end.epoch == "epoch" for end in stage.ends)
     assert [auction.scene.scene_id for auction in stage.auctions] == ["s1"]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -294,3 +295,15 @@ def test_a_file_of_orders_that_cannot_be_read_stops_nothing(ros: Any, tmp_path: 
 
     assert (operator.status.pinned, list(operator.status.vetoed)) == ("", [])
     assert operator.play("s1").winner == GUIDE
+
+
+@pytest.mark.parametrize("stored", [b"\xff{", b"{", b" " * (16 * 1024 * 1024 + 1)])
+def test_a_file_of_scenes_that_cannot_be_read_stops_nothing_and_is_replaced(
+    ros: Any, tmp_path: Path, stored: bytes
+) -> None:
+    path = tmp_path / "scenes.json"
+    path.write_bytes(stored)
+    operator = OperatorClient(ros, scenes_file=path)
+    assert operator.play("s1").winner == GUIDE
+    text = json.dumps({"scenes": [], "taken": ["s1"]})
+    ros.until(lambda: path.read_bytes() == text.encode())

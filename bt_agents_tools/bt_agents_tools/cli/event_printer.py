@@ -13,7 +13,7 @@ from rich.text import Text
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
-from bt_agents_core.text import format_known
+from bt_agents_core.text import format_known, join_first
 from bt_agents_tools.cli.formatting import (
     KINDS,
     OUTCOMES,
@@ -41,6 +41,7 @@ class EventPrinter:
         self._scene_id = ""
         self._names = SceneLabels()
         self._queued = 0
+        self._awaited: Sequence[str] = ()
         self._under_way = ""
         self._stopping = False
         self._started = ("", 0)
@@ -71,11 +72,17 @@ class EventPrinter:
         self._line("scene", urgent + label + self._values(message))
 
     def market(self, message: Any) -> None:
-        if message.queued > self._queued:
+        awaited = list(message.awaited_hosts)
+        if awaited and awaited != self._awaited:
+            hosts = escape(join_first(awaited))
+            self._line("scene", f"[yellow]{message.queued} in line[/] wait for {hosts} to be back")
+        elif message.queued > self._queued:
             busy = f"{message.agent} has the robot" if message.agent else "another is under way"
+            if message.state == message.IDLE:
+                busy = message.message
             count = f" as the last of {message.queued}" if message.queued > 1 else ""
             self._line("scene", f"[dim]waits in line{count}: {escape(busy)}[/]")
-        self._queued = message.queued
+        self._queued, self._awaited = message.queued, awaited
 
     def live(self, message: Any) -> None:
         mood = next((v.value for v in message.values if v.name == self._space.mood), math.nan)

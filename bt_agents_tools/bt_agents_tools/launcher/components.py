@@ -17,9 +17,16 @@ def new_log_folder(state: str = "") -> Path:
     return home / "logs" / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
 
 
-def market(trees: Path, on_new_scene: str = "", strategy: str = "", orders: str = "") -> Component:
+def market(
+    trees: Path, on_new_scene: str = "", strategy: str = "", orders: str = "", scenes: str = ""
+) -> Component:
     """Return the marketplace; empty arguments leave its own defaults."""
-    overrides = {"on_new_scene": on_new_scene, "strategy": strategy, "orders": orders}
+    overrides = {
+        "on_new_scene": on_new_scene,
+        "strategy": strategy,
+        "orders": orders,
+        "scenes": scenes,
+    }
     parameters = {"trees": str(trees)} | {name: text for name, text in overrides.items() if text}
     return Component(name="marketplace", module="marketplace_node.node", parameters=parameters)
 

@@ -22,6 +22,7 @@ from marketplace_node.effects import (
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.interaction.award import Award, RunEnd, StopRequest
 from marketplace_node.interaction.open_round import OpenRound
+from marketplace_node.interaction.stored_scenes import StoredRun
 from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
@@ -29,6 +30,12 @@ from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
 FEEDBACK_DEFERRED = "feedback is kept until the feedback node is back"
 
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
+NO_BIDS = "NO_BIDS"
+NOT_TAKEN = "NOT_TAKEN"
+
+_QUIET_S = 0.3
+"""A host has three heartbeats in this time [s]."""
+
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
 
 
@@ -42,6 +49,9 @@ class QueuedScene:
         drawn: Number of the round whose chance it draws, as that round has decided for it; 0 for
             the chance of its own.
         excluded: Agents that may not bid when its turn comes, with the reason.
+        declined_by: Hosts that have answered without a run for it, each with the instance.
+        rounds_in_vain: How often hosts were asked without a run for it.
+        in_vain_since: When that was first, steady time [s]; None before.
     """
 
     scene: Scene
@@ -49,6 +59,9 @@ class QueuedScene:
     round: int = 0
     drawn: int = 0
     excluded: Mapping[str, str] = field(default_factory=dict)
+    declined_by: frozenset[tuple[str, str]] = frozenset()
+    rounds_in_vain: int = 0
+    in_vain_since: float | None = None
 
 
 class Interaction:
@@ -57,7 +70,8 @@ class Interaction:
     Each agent runs at most once in an interaction, so it comes to an end.
 
     Attributes:
-        origin: The scene that started it.
+        waiting: The scene that started it, as it stood in line.
+        silent: Hosts of which nobody knows whether they would run it, as they did not answer.
         round: Number of its round, the last one once that is closed.
         open_round: The round that is open; None between rounds.
         due: When its deadline passes, that of the open round aside, steady time [s].
@@ -65,7 +79,8 @@ class Interaction:
     """
 
     def __init__(self, market_state: MarketState, waiting: QueuedScene, now: float) -> None:
-        self.origin = waiting.scene
+        self.waiting = waiting
+        self.silent: set[str] = set()
         self.state = State.BIDDING
         self.round = 0
         self.open_round: OpenRound | None = None
@@ -76,18 +91,51 @@ class Interaction:
         self._next_rank = 0
         self._not_taken_by: list[str] = []
         self._award: Award | None = None
+        self._asked: frozenset[tuple[str, str]] = frozenset()
         self._excluded = dict(waiting.excluded)
         self._follow_ups = 0
         self._again: Scene | None = None
         self._last_run: tuple[str, str] | None = None
+        self._last_goal: RunGoal | None = None
         self._last_text = ""
         self._hurries = False
         self._open(self.origin, now, follows=0, drawn=waiting.drawn)
 
     @property
+    def origin(self) -> Scene:
+        """The scene that started it."""
+        return self.waiting.scene
+
+    @property
+    def declined_by(self) -> frozenset[tuple[str, str]]:
+        """Hosts that have answered in its last round, each with the instance."""
+        return frozenset(one for one in self._asked if one[0] not in self.silent)
+
+    @property
     def goal(self) -> RunGoal | None:
         """Goal of the award in force; None without one."""
         return self._award.goal if self._award else None
+
+    @property
+    def last_run(self) -> StoredRun | None:
+        """The run that its scene would end like now; None while none has begun."""
+        award = self._award
+        if award is not None and award.accepted and self.state is not State.COLLECTING:
+            return self._stored_run(award.goal)
+        if self._last_run is None or self._last_goal is None:
+            return None
+        return self._stored_run(self._last_goal, code=self._last_run[0], message=self._last_text)
+
+    def _stored_run(self, goal: RunGoal, *, code: str = "", message: str = "") -> StoredRun:
+        return StoredRun(
+            epoch=self._market_state.epoch,
+            round=goal.round,
+            agent=goal.agent,
+            host=goal.host,
+            instance=goal.instance,
+            code=code,
+            message=message,
+        )
 
     def state_text(self) -> str:
         """Return the state as a text for people."""
@@ -255,20 +303,29 @@ class Interaction:
             self._market_state, scene, now, follows=follows, excluded=self._excluded, drawn=drawn
         )
         self.round = self.open_round.number
+        self._asked = self.open_round.asked
         self.close_when_due(now)
 
     def _close(self, by: ClosedBy, now: float, *, stop: StopRequest | None = None) -> None:
         assert self.open_round is not None, "only an open round can be closed"
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
+        self.silent = {
+            host for host in decision.silent_hosts if self._is_quiet(host, decision, now)
+        }
         reason_fn = partial(reason_of, decision)
         self.open_round = None
         if decision.outcome is AuctionOutcome.AWARDED:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
             self._award_next(decision, now)
         else:
-            self._finish(stop.code if stop else "NO_BIDS", reason_fn())
+            self._finish(stop.code if stop else NO_BIDS, reason_fn())
         # Last, as the winner must not wait for words.
         self._market_state.publish(decision, reason_fn)
+
+    def _is_quiet(self, host: str, decision: Decision, now: float) -> bool:
+        """Return whether a host that has not answered was perhaps not there."""
+        silent_s = self._market_state.registry.silent_s(host, now)
+        return silent_s > min(decision.duration_s, _QUIET_S)
 
     def _award_next(self, decision: Decision, now: float) -> None:
         while self._next_rank < len(decision.ranking):
@@ -288,7 +345,7 @@ class Interaction:
                 continue
             self._send(self._award, now)
             return
-        self._finish("NOT_TAKEN", f"nobody took the run: {'; '.join(self._not_taken_by)}")
+        self._finish(NOT_TAKEN, f"nobody took the run: {'; '.join(self._not_taken_by)}")
 
     def _send(self, award: Award, now: float) -> None:
         """Send the goal, unless another host still has the robot."""
@@ -313,6 +370,7 @@ class Interaction:
             self._end(award, RunOutcome.CANCELLED, RunEnd(outcome=0, message=message), now)
             return
         assert self._decision is not None, "an award follows a decision"
+        self.silent.add(award.goal.host)
         self._decline(award, reason)
         self._award_next(self._decision, now)
 
@@ -331,6 +389,7 @@ class Interaction:
         if award.started is not None or self._last_run is None:
             ran = "" if award.started is None else goal.agent
             self._last_run = (award.end_code(outcome), ran)
+            self._last_goal = goal
         self._plan_follow_up(award, outcome, end.message)
         if outcome is RunOutcome.LOST or award.started is None:
             self._proceed()

@@ -5,9 +5,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from bt_agents_core.scene import AGAIN, Scene, origin_id
 from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, RunOutcome, SceneEnded
+from marketplace_node.interaction.scene_admission import SceneAdmission
+from marketplace_node.interaction.stored_scenes import StoredRun, StoredScene
 from marketplace_node.market_state import MarketState
 
 MAX_RUNS = 10
@@ -22,14 +25,92 @@ GATHER_S = 1.5
 _REMEMBERED = 400
 
 
-class InheritedRuns:
-    """Runs inherited from an earlier market, each taken once, each scene ended once."""
+KEPT_S = 60.0
+"""Scenes that waited in line are asked about after an outage of the market of so long [s]."""
 
-    def __init__(self, market_state: MarketState) -> None:
+
+@dataclass(eq=False, kw_only=True)
+class _UnreportedRun:
+    """Run of an earlier market whose end its host is to report.
+
+    Attributes:
+        due: When the host is no longer waited for, steady time [s].
+        latest: Beyond this ``due`` is not moved, steady time [s].
+    """
+
+    scene: Scene
+    run: StoredRun
+    due: float
+    latest: float
+
+
+class InheritedRuns:
+    """Runs inherited from an earlier market, each taken once, each scene ended once.
+
+    Args:
+        market_state: Shared by all rounds.
+        admission: Knows the scenes that were taken before.
+    """
+
+    def __init__(self, market_state: MarketState, admission: SceneAdmission) -> None:
         self._market_state = market_state
+        self._admission = admission
+        self._unreported: dict[str, _UnreportedRun] = {}
         self._runs: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED)
         self._scenes: deque[tuple[str, str]] = deque(maxlen=_REMEMBERED)
         self._again: list[tuple[float, Scene]] = []
+
+    @property
+    def stored(self) -> list[StoredScene]:
+        """Scenes without an end: of runs that are not reported yet, and to be asked for again."""
+        unreported = [
+            StoredScene(scene=one.scene, run=one.run) for one in self._unreported.values()
+        ]
+        return unreported + [StoredScene(scene=scene) for _, scene in self._again]
+
+    def expect(self, scene: Scene, run: StoredRun, now: float) -> None:
+        """Wait for the report how the run of a scene ended; without one it is lost."""
+        settings = self._market_state.settings
+        self._unreported[scene.scene_id] = _UnreportedRun(
+            scene=scene,
+            run=run,
+            due=now + max(settings.host_wait_s, GATHER_S),
+            latest=now + max(settings.host_wait_s, settings.cancel_deadline_s),
+        )
+
+    def on_register(self, host: str, instance: str) -> None:
+        """End the scenes whose runs an earlier start of a host had."""
+        for one in list(self._unreported.values()):
+            if one.run.host == host and one.run.instance != instance:
+                self._give_up(one, f"{host} was started again, too")
+
+    def on_heartbeat(self, host: str, epoch: str, round_number: int, now: float) -> None:
+        """Wait longer for the report of a run that its host is still stopping."""
+        for one in self._unreported.values():
+            if (one.run.host, one.run.epoch, one.run.round) == (host, epoch, round_number):
+                one.due = min(max(one.due, now + GATHER_S), one.latest)
+
+    def tick(self, now: float) -> None:
+        """End the scenes of runs that nobody has reported in time."""
+        for one in list(self._unreported.values()):
+            if now >= one.due:
+                self._give_up(one, f"{one.run.host} has not said how its run ended")
+
+    def close(self, reason: str) -> None:
+        """End the scenes of all runs that are not reported yet."""
+        for one in list(self._unreported.values()):
+            self._give_up(one, reason)
+
+    def _give_up(self, one: _UnreportedRun, reason: str) -> None:
+        del self._unreported[one.scene.scene_id]
+        self._market_state.effects.append(
+            SceneEnded(
+                scene_id=one.scene.scene_id,
+                code=RunOutcome.LOST.name,
+                message=f"the marketplace was restarted, and {reason}",
+                agent=one.run.agent,
+            )
+        )
 
     def due(self, now: float) -> list[Scene]:
         """Return the scenes to ask for again now, each once."""
@@ -40,6 +121,9 @@ class InheritedRuns:
     def extend_after_stall(self, lasted_s: float) -> None:
         """Wait longer, as nobody has listened for so long [s]."""
         self._again = [(at + lasted_s, scene) for at, scene in self._again]
+        for one in self._unreported.values():
+            one.due += lasted_s
+            one.latest += lasted_s
 
     def take(
         self, host: str, runs: Iterable[EarlierRun], now: float, *, obstacle: str = ""
@@ -57,6 +141,9 @@ class InheritedRuns:
             if (run.epoch, origin) in self._scenes:
                 continue
             self._scenes.append((run.epoch, origin))
+            if self._unreported.pop(origin, None) is None and self._admission.knows(origin):
+                continue  # it waits in line, or has its end
+            self._admission.remember([origin])
             if run.cut_off:
                 self._lose(origin, run, now, obstacle)
             else:

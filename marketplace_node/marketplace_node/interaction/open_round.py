@@ -20,7 +20,8 @@ class OpenRound:
 
     With the strategy ``external`` the bids are closed first, and a program outside is asked to
     rank them; the round closes with its answer, or without it after ``external.limit``.
-    ``due`` is when its time is over, steady time [s].
+    ``due`` is when its time is over, steady time [s]; ``asked`` are its hosts, each with the
+    instance.
 
     Args:
         market_state: Counts the round and says whom to ask.
@@ -48,6 +49,7 @@ class OpenRound:
         )
         all_excluded = [*excluded, *(bid.agent for bid in terms.operator_exclusions)]
         asked = market_state.asked(all_excluded, now)
+        self.asked = frozenset((entry.host, entry.instance) for entry in asked)
         self.number = terms.round
         self.scene = scene
         self._market_state = market_state

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Callable, Iterable
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
@@ -18,22 +20,35 @@ from marketplace_node.settings import MAX_QUEUE
 
 _REMEMBERED_SCENES = 4 * MAX_QUEUE
 
+ROUNDS_IN_VAIN = 3
+"""A scene goes back to the line, as hosts did not answer, for so many rounds at least.
+
+After that it does for ``host_wait_s`` since the first of them: a host that is told to end refuses
+its goals until it has gone.
+"""
+
 
 class SceneAdmission:
     """Admits scenes into the queue, or opens a preemption round where new scenes preempt.
 
     One challenge is open at a time, and only while a tree runs: scenes that come earlier, or
     during another challenge, are asked about when it is their turn. Once ``closed_reason`` is set
-    no more scenes are taken.
+    no more scenes are taken. ``taken`` counts the ids that are remembered.
+
+    A scene waits in line while no host can be asked about it and one is expected that could run
+    it; others pass it meanwhile. A market that knows no host yet expects one for ``host_wait_s``.
     """
 
     def __init__(self, market_state: MarketState) -> None:
         self.closed_reason = ""
+        self.taken = 0
         self._market_state = market_state
         self._queue: list[QueuedScene] = []
         self._known: deque[str] = deque(maxlen=_REMEMBERED_SCENES)
         self._challenge: PreemptionRound | None = None
         self._preempted_at: float | None = None
+        self._started: float | None = None
+        self._held_until = -math.inf
 
     def __len__(self) -> int:
         return len(self._queue)
@@ -62,7 +77,7 @@ class SceneAdmission:
             Refused: ``SHUTTING_DOWN``, ``DUPLICATE``, ``BUSY`` or ``QUEUE_FULL``.
         """
         self._check(scene, interaction)
-        self._known.append(scene.scene_id)
+        self.remember([scene.scene_id])
         self._market_state.last_scene = scene
         place = len(self._queue)
         if self._preempts and scene.urgent:
@@ -70,29 +85,134 @@ class SceneAdmission:
             place = urgent[-1] + 1 if urgent else 0
         self._queue.insert(place, QueuedScene(scene=scene))
 
+    def restore(self, scene: Scene) -> None:
+        """Put a scene that an earlier market has taken last in line, however long that is."""
+        self.remember([scene.scene_id])
+        self._market_state.last_scene = scene
+        self._queue.append(QueuedScene(scene=scene))
+
+    def remember(self, scene_ids: Iterable[str]) -> None:
+        """Take no scene of these ids any more."""
+        for scene_id in scene_ids:
+            if scene_id not in self._known:
+                self._known.append(scene_id)
+                self.taken += 1
+
+    def knows(self, scene_id: str) -> bool:
+        """Return whether a scene of this id is taken no more."""
+        return scene_id in self._known
+
+    def hold(self, until: float) -> None:
+        """Let all scenes wait until a steady time [s], as hosts come back meanwhile."""
+        self._held_until = until
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Ids of the scenes that were taken last, all of which are taken no more."""
+        return tuple(self._known)
+
+    @property
+    def scenes(self) -> list[Scene]:
+        """The queued scenes, next first."""
+        return [waiting.scene for waiting in self._queue]
+
     def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:
         """End a scene for which nothing has run."""
         self._market_state.effects.append(
             SceneEnded(scene_id=scene_id, code=code, message=message, round=round_number)
         )
 
-    def next(self) -> QueuedScene | None:
-        """Take the scene whose turn it is; None when none waits."""
-        return self._queue.pop(0) if self._queue else None
+    def next(self, now: float) -> QueuedScene | None:
+        """Take the scene whose turn it is; None when none waits, or all wait for hosts."""
+        if not self._queue:
+            return None
+        awaited = self._awaited(now)
+        place = next((i for i, one in enumerate(self._queue) if awaited(one) is None), None)
+        return None if place is None else self._queue.pop(place)
+
+    def put_back(self, interaction: Interaction, now: float) -> bool:
+        """Let a scene wait again that no host has run; return False when none is expected."""
+        waiting = interaction.waiting
+        waiting.rounds_in_vain += 1
+        if waiting.in_vain_since is None:
+            waiting.in_vain_since = now
+        tried_s = now - waiting.in_vain_since
+        enough = tried_s >= self._market_state.settings.host_wait_s
+        if self.closed_reason or (enough and waiting.rounds_in_vain >= ROUNDS_IN_VAIN):
+            return False
+        for host in interaction.silent:
+            self._market_state.unheard(host)
+        expected = self._market_state.expected(now)
+        waiting.declined_by |= {one for one in interaction.declined_by if one[0] not in expected}
+        if not self._expected_for(waiting, expected):
+            return False
+        waiting.asked = False
+        self._queue.insert(0, waiting)
+        return True
+
+    def awaited_hosts(self, now: float) -> dict[str, str] | None:
+        """Return the hosts that scenes wait for, each with the reason; None when none waits.
+
+        It is empty when they wait for hosts that are still to register.
+        """
+        awaited = self._awaited(now)
+        found = [hosts for hosts in map(awaited, self._queue) if hosts is not None]
+        return {host: why for hosts in found for host, why in hosts.items()} if found else None
+
+    def start(self, now: float) -> None:
+        """Take the time at which the market was started; only the first call counts."""
+        if self._started is None:
+            self._started = now
+
+    def extend_after_stall(self, lasted_s: float) -> None:
+        """Wait for longer, as nobody has listened for so long [s]."""
+        self._held_until += lasted_s
+        if self._started is not None:
+            self._started += lasted_s
+
+    def _awaited(self, now: float) -> Callable[[QueuedScene], dict[str, str] | None]:
+        """Return a function that says for which hosts a scene waits, None for one to be asked."""
+        state = self._market_state
+        expected = state.expected(now) if self._queue else {}
+        none_known = not state.registry.entries()
+        started = now if self._started is None else self._started
+        first_expected = none_known and now - started < state.settings.host_wait_s
+
+        def awaited(waiting: QueuedScene) -> dict[str, str] | None:
+            if first_expected or now < self._held_until:
+                return {}
+            hosts = self._expected_for(waiting, expected)
+            if not hosts or state.can_ask(
+                waiting.scene.scene_id, waiting.excluded, waiting.declined_by, now
+            ):
+                return None
+            return hosts
+
+        return awaited
+
+    def _expected_for(self, waiting: QueuedScene, expected: dict[str, str]) -> dict[str, str]:
+        """Return those of the expected hosts that could run a scene and have not declined it."""
+        found = {}
+        for host, reason in expected.items():
+            entry = self._market_state.registry.get(host)
+            assert entry is not None, "only a registered host is expected"
+            declined = (host, entry.instance) in waiting.declined_by
+            scene_id = waiting.scene.scene_id
+            if not declined and self._market_state.may_run(entry, scene_id, waiting.excluded):
+                found[host] = reason
+        return found
 
     def close(self, reason: str, now: float) -> None:
         """End all scenes that wait, and from now on each one that comes."""
         self.closed_reason = reason
         self._give_up_preemption(reason, now)
-        while (waiting := self.next()) is not None:
-            self.refuse(waiting.scene.scene_id, SHUTTING_DOWN, reason)
+        self._refuse_all(SHUTTING_DOWN, reason)
 
     def forget(self, reason: str, now: float) -> str:
         """End all queued scenes on request; return a text for the answer."""
         self._give_up_preemption(reason, now)
         count = len(self._queue)
-        while (waiting := self.next()) is not None:
-            self.refuse(waiting.scene.scene_id, STOPPED, f"stopped while it waited: {reason}")
+        self._refuse_all(STOPPED, f"stopped while it waited: {reason}")
         noun = "scene that waited is" if count == 1 else "scenes that waited are"
         return f"; {count} {noun} forgotten" if count else ""
 
@@ -122,22 +242,31 @@ class SceneAdmission:
     def _check(self, scene: Scene, interaction: Interaction | None) -> None:
         if self.closed_reason:
             raise Refused(SHUTTING_DOWN, self.closed_reason)
-        if scene.scene_id in self._known:
+        if self.knows(scene.scene_id):
             raise Refused(
                 "DUPLICATE",
                 f"scene '{scene.scene_id}' was taken before; give every scene an id of its own",
             )
-        if interaction is None:
+        if interaction is None and not self._queue:
             return
-        busy = f"scene '{interaction.origin.scene_id}' is under way"
+        if interaction is None:
+            busy = f"scene '{self._queue[0].scene.scene_id}' waits for a host"
+        else:
+            busy = f"scene '{interaction.origin.scene_id}' is under way"
         if self._market_state.settings.on_new_scene == "reject":
             raise Refused("BUSY", f"{busy} and on_new_scene is 'reject'")
         if self._preempts and _running(interaction) and self._challenge is None:
             return  # it is asked about at once, and waits only when that does not stop the run
-        waiting = len(self._queue) - (self._challenge is not None)
+        # Of the scenes that wait for a host, the first one would be under way.
+        waiting = len(self._queue) - (self._challenge is not None or interaction is None)
         limit = self._market_state.settings.queue_limit
         if waiting >= limit + self._finds_room(scene):
             raise Refused("QUEUE_FULL", f"{busy} and {waiting} wait, at most {limit} may")
+
+    def _refuse_all(self, code: str, message: str) -> None:
+        queued, self._queue = self._queue, []
+        for waiting in queued:
+            self.refuse(waiting.scene.scene_id, code, message)
 
     def _finds_room(self, scene: Scene) -> bool:
         """Whether a scene is urgent enough to wait for its challenge in a full queue."""

@@ -55,6 +55,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.formatting import shown
 from marketplace_node.interaction.award import StopRequest
+from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
 from marketplace_node.node.hosts import HostConnections
 from marketplace_node.node.messages import (
@@ -67,8 +68,9 @@ from marketplace_node.node.messages import (
     selection_to_msg,
     status_to_msg,
 )
-from marketplace_node.node.operator_services import OperatorServices, OverridesFile
+from marketplace_node.node.operator_services import OperatorServices
 from marketplace_node.node.parameters import declare_settings, watch_settings
+from marketplace_node.node.state_file import StateFile
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.decision import External
 from marketplace_node.settings import RULES, Settings
@@ -80,8 +82,15 @@ OVERRIDES_FILE = StartParameter(
     "empty for none",
 )
 
+SCENES_FILE = StartParameter(
+    name="scenes",
+    description="file that keeps scenes without an end over a restart of the market; empty for "
+    "none",
+)
+
 _POLL_S = 0.02  # between two polls for hosts that are just starting
 _HEARTBEAT_S = 0.1
+_TOUCH_S = 1.0
 _NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
 _SHOWN = 200  # characters of what is malformed
 _CALL_WAITS = 0.5  # at most this part of the bid deadline, for hosts that are just connecting
@@ -95,6 +104,7 @@ class MarketplaceNode(BaseNode):
         epoch: Name of this start of the market; None makes one.
         rules: Of the strategy ``rules``.
         overrides_file: Keeps pins, vetoes and counts over a restart; None keeps none.
+        scenes_file: Keeps scenes without an end over a restart; None keeps none.
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Attributes:
@@ -108,6 +118,7 @@ class MarketplaceNode(BaseNode):
         *,
         rules: tuple[MarketRule, ...] = (),
         overrides_file: Path | None = None,
+        scenes_file: Path | None = None,
         **node_kwargs: Any,
     ) -> None:
         super().__init__("marketplace", **node_kwargs)
@@ -135,7 +146,14 @@ class MarketplaceNode(BaseNode):
         self.selector = self.create_client(SelectAgent, "select", qos_profile=qos.SERVICE)
         self._operators = OperatorServices(self, self._market, space, self._execute)
         self._overrides_file = (
-            OverridesFile(self, overrides_file) if overrides_file is not None else None
+            StateFile(self, overrides_file, "pins, vetoes and counts")
+            if overrides_file is not None
+            else None
+        )
+        self._scenes_file = (
+            StateFile(self, scenes_file, "scenes without an end", at_once=True)
+            if scenes_file is not None
+            else None
         )
         self._ticked = time.monotonic()
         self._deadline = OneShot(self, self._tick)
@@ -149,6 +167,7 @@ class MarketplaceNode(BaseNode):
         self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
         self._execute(self._market.tick(self._ticked))
         self._restore_overrides()
+        self._restore_scenes()
         self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
 
     @property
@@ -168,8 +187,9 @@ class MarketplaceNode(BaseNode):
     def destroy_node(self) -> None:
         """Destroy the node with its action clients, which rclpy would leave behind."""
         self._feedback.close()
-        if self._overrides_file is not None:
-            self._overrides_file.close()
+        for file in (self._overrides_file, self._scenes_file):
+            if file is not None:
+                file.close()
         self._hosts.close()
         super().destroy_node()
 
@@ -184,6 +204,22 @@ class MarketplaceNode(BaseNode):
             return
         if in_force:
             self.get_logger().warning(f"still in force: {in_force}")
+        self._execute(effects)
+
+    def _restore_scenes(self) -> None:
+        if self._scenes_file is None:
+            return
+        steady_timer(self, _TOUCH_S, self._scenes_file.touch)
+        text, away_s = self._scenes_file.read(), self._scenes_file.age_s()
+        if not text:
+            return
+        try:
+            count, effects = self._market.restore_scenes(text, away_s, time.monotonic())
+        except Refused as refused:
+            self.get_logger().error(refused.reason)
+            return
+        if count:
+            self.get_logger().warning(f"{count} scenes of the earlier market have no end yet")
         self._execute(effects)
 
     def _configure(self, settings: Settings) -> None:
@@ -316,6 +352,9 @@ class MarketplaceNode(BaseNode):
             case StoreOverrides():
                 if self._overrides_file is not None:
                     self._overrides_file.store(effect.text)
+            case StoreScenes():
+                if self._scenes_file is not None:
+                    self._scenes_file.store(format_scenes(effect))
             case Note():
                 log.warning(effect.message, throttle_duration_sec=_NOTES_S)
             case Alarm():
@@ -392,7 +431,10 @@ class MarketplaceNode(BaseNode):
 
 
 def make_market(
-    trees: Path, overrides_file: Path | None = None, **node_kwargs: Any
+    trees: Path,
+    overrides_file: Path | None = None,
+    scenes_file: Path | None = None,
+    **node_kwargs: Any,
 ) -> MarketplaceNode:
     """Return the market of a trees folder; what it cannot use is logged.
 
@@ -407,7 +449,9 @@ def make_market(
         rules = market_of(trees, space)
     except ReadError as error:
         unread = error
-    node = MarketplaceNode(space, rules=rules, overrides_file=overrides_file, **node_kwargs)
+    node = MarketplaceNode(
+        space, rules=rules, overrides_file=overrides_file, scenes_file=scenes_file, **node_kwargs
+    )
     if unread is not None:
         if node.needs_rules:
             node.destroy_node()
@@ -420,10 +464,13 @@ def make_market(
 
 def _make_node() -> MarketplaceNode:
     def make(values: Mapping[str, str]) -> MarketplaceNode:
-        overrides_file = Path(values["orders"]) if values["orders"] else None
-        return make_market(find_trees(values["trees"]), overrides_file)
+        overrides, scenes = (
+            Path(values[one.name]) if values[one.name] else None
+            for one in (OVERRIDES_FILE, SCENES_FILE)
+        )
+        return make_market(find_trees(values["trees"]), overrides, scenes)
 
-    return make_from_parameters("marketplace", (TREES, OVERRIDES_FILE), make)
+    return make_from_parameters("marketplace", (TREES, OVERRIDES_FILE, SCENES_FILE), make)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,22 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services of operators, and the file by which their overrides survive a restart."""
+"""Services of operators: commands, and previews."""
 
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_ros import qos
-from bt_agents_ros.timers import FuturePoller
 from marketplace_node.effects import Execute, PreviewEnded
 from marketplace_node.market import Market
 from marketplace_node.node.messages import auction_to_msg, operator_command_from_msg, scene_or_last
@@ -80,42 +76,3 @@ class OperatorServices:
         response.auction = auction_to_msg(outcome, self._node.get_clock().now().to_msg())
         response.message = outcome.reason
         return response
-
-
-class OverridesFile:
-    """File that is read once and written, with its folder, by a thread of its own."""
-
-    def __init__(self, node: Node, path: Path) -> None:
-        self._node = node
-        self._path = path
-        self._poller = FuturePoller(node)
-        self._worker = WorkerThread("operator overrides")
-
-    def read(self) -> str:
-        """Return the stored text; empty when there is none."""
-        try:
-            return self._path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            return ""
-        except (OSError, UnicodeDecodeError) as error:
-            self._report(str(error))
-            return ""
-
-    def store(self, text: str) -> None:
-        """Replace the stored text."""
-        self._poller.watch(self._worker.submit(self._write, text), self._report)
-
-    def close(self) -> None:
-        """Write what still waits to be written."""
-        self._worker.shutdown()
-
-    def _write(self, text: str) -> None:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._path.touch()
-        write_atomically(self._path, text)
-
-    def _report(self, what: str) -> None:
-        if what:
-            self._node.get_logger().error(
-                f"pins, vetoes and counts are not kept over a restart of the market: {what}"
-            )

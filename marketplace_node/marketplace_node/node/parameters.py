@@ -25,6 +25,8 @@ _MEANINGS = {
     "otherwise; empty for none",
     "bid_deadline": "from the call for bids to the close of the round [s]",
     "host_lease": "a host without a heartbeat for this long is gone [s]",
+    "host_wait": "scenes in line wait for a host that is gone for this long, before nobody bids "
+    "[s]",
     "goal_deadline": "time for a host to take or refuse a run [s]",
     "cancel_deadline": "time for a run to end after it was told to stop [s]",
     "collect_deadline": "time to wait for the feedback service after a run [s]",

@@ -16,7 +16,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.person_facts import values_of
 from bt_agents_core.scene import Scene, first_id
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_interfaces.msg import MarketStatus, Persons, Run
+from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Persons, Run, SceneEnd
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import Analyze, Remember
 from bt_agents_language.files.scene_reader import read_scene
@@ -40,6 +40,7 @@ from scene_layer.node.memory_store import MemoryStore
 from scene_layer.node.script_player import ScriptPlayer
 from scene_layer.node.source_subscriptions import SourceSubscriptions
 from scene_layer.run_tracker import LiveRun, RunTracker
+from scene_layer.scene_delivery import KEPT_S, MOST_KEPT, SceneDelivery
 from scene_layer.scene_estimator import SceneEstimator, check_given
 from scene_layer.sources import Sources
 
@@ -48,6 +49,8 @@ SHORTEST_S = 0.02
 
 UPDATE_S = 0.1
 """Time between two updates of who is there, if nothing comes [s]."""
+
+_DELIVER_S = 0.1  # between two polls for a market
 
 _PERSON = {
     Analyze.Request.AS_MEASURED: None,
@@ -87,6 +90,7 @@ class SceneLayerNode(BaseNode):
         known = self._memory = Memory(spec.space)
         self._estimate = SceneEstimator(spec, self._sources, known)
         self._runs = RunTracker()
+        self._delivery = SceneDelivery()
         self._announced_id = ""
         self._live_at = 0.0
         self._persons_at = 0.0
@@ -100,6 +104,10 @@ class SceneLayerNode(BaseNode):
         self._make_timers()
         self.create_subscription(Run, "runs", self._on_run, qos.HISTORY)
         self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
+        self.create_subscription(SceneEnd, "scene_ends", self._on_scene_end, qos.HISTORY)
+        self.create_subscription(
+            MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.SENSOR
+        )
         self.create_subscription(Empty, "~/trigger", self._on_trigger, qos.EVENTS)
         self.create_service(Analyze, "~/analyze", self._on_analyze, qos_profile=qos.SERVICE)
         self.create_service(Remember, "~/remember", self._on_remember, qos_profile=qos.SERVICE)
@@ -138,6 +146,7 @@ class SceneLayerNode(BaseNode):
         timer = partial(steady_timer, self, running=False)
         self._live_timer = timer(self._period_s, self._publish_live)
         self._soon_timer = timer(SHORTEST_S, self._publish_live)
+        self._delivery_timer = timer(_DELIVER_S, self._deliver)
         if self._estimate.encounters.enabled:
             steady_timer(self, UPDATE_S, self._poll)
 
@@ -212,10 +221,15 @@ class SceneLayerNode(BaseNode):
             response.code, response.message = refused.code, refused.reason
             return response
         if request.announce:
-            scene = self._announce(
+            scene, response.kept = self._announce(
                 request.label, values, person, request.urgent, told=request.told
             )
             response.message = f"scene {scene.scene_id} announced"
+            if response.kept:
+                response.message = (
+                    f"no marketplace is there: scene {scene.scene_id} is kept for "
+                    f"{KEPT_S:g} s, and announced as soon as there is one"
+                )
         else:
             scene = self._give(values, person, told=request.told)
             response.message = "live scene updated, nothing announced"
@@ -241,7 +255,7 @@ class SceneLayerNode(BaseNode):
     def _announce_visit(self, visit: Visit) -> Scene:
         return self._announce(
             visit.label, visit.values, visit.person, visit.urgent, person_id=visit.name or None
-        )
+        )[0]
 
     def _announce(
         self,
@@ -252,7 +266,8 @@ class SceneLayerNode(BaseNode):
         *,
         told: bool = False,
         person_id: str | None = None,
-    ) -> Scene:
+    ) -> tuple[Scene, bool]:
+        """Publish a scene; return it, and whether it is kept for a market that is away."""
         if self._estimate.encounters.enabled:
             self._poll()
         now = time.monotonic()
@@ -268,8 +283,32 @@ class SceneLayerNode(BaseNode):
             person_id=person_id,
         )
         scene = self._put_together(self._announced_id, now)
+        kept = self._delivery.announce(scene, now, listens=self._market_listens())
         self._scene.publish(scene_to_msg(scene))
-        return scene
+        if self._delivery_timer.is_canceled():
+            self._delivery_timer.reset()
+        return scene, kept
+
+    def _deliver(self) -> None:
+        """Send the scenes again of which no market shows that it has them."""
+        now = time.monotonic()
+        for scene in self._delivery.given_up(now):
+            self.get_logger().error(
+                f"NO_MARKET: scene {scene.scene_id} is given up; without a marketplace the last "
+                f"{MOST_KEPT} are kept, for {KEPT_S:g} s"
+            )
+        if not self._delivery.pending:
+            self._delivery_timer.cancel()
+        elif self._delivery.market_there(now):
+            for scene in self._delivery.due(now, listens=self._market_listens()):
+                self.get_logger().info(f"scene {scene.scene_id} is sent to the marketplace again")
+                self._scene.publish(scene_to_msg(scene))
+
+    def _on_heartbeat(self, message: Any) -> None:
+        self._delivery.heartbeat(message.epoch, time.monotonic())
+
+    def _on_scene_end(self, message: Any) -> None:
+        self._delivery.shown({message.scene_id})
 
     def _give(
         self, values: Mapping[str, float], person: bool | None, *, told: bool = False
@@ -340,6 +379,7 @@ class SceneLayerNode(BaseNode):
     def _on_market(self, message: Any) -> None:
         idle = message.state == MarketStatus.IDLE
         self._runs.market(message.epoch, message.round, idle)
+        self._delivery.shown({message.scene_id, *message.waiting})
         self._stop_when_over()
         if first_id(message.finished_scene_id) == self._announced_id:
             # What was given for it holds for nothing that comes now.

@@ -67,7 +67,7 @@ class ScriptPlayer:
         """Take the state of the market."""
         market = MarketView(
             epoch=message.epoch,
-            idle=message.state == MarketStatus.IDLE,
+            idle=message.state == MarketStatus.IDLE and not message.queued,
             agents=message.agents,
             finished_scene_id=message.finished_scene_id,
         )

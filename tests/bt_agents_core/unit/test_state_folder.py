@@ -34,7 +34,7 @@ def test_two_projects_keep_nothing_in_the_same_place(tmp_path: Path, home: Path)
     assert one.is_new
     assert one.path.is_relative_to(home)
     assert one.path.name.startswith("one-")
-    files = (one.ledger, one.tunings, one.orders, one.memory, one.journal)
+    files = (one.ledger, one.tunings, one.orders, one.scenes, one.memory, one.journal)
     assert {file.parent for file in files} == {one.path}
 
 

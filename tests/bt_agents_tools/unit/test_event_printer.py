@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_interfaces.msg import MarketStatus
 from bt_agents_tools.cli.event_printer import EventPrinter
 from tree_harness import SPACE
 
@@ -108,14 +109,31 @@ def test_a_scene_that_was_not_heard_is_told_with_its_auction() -> None:
 
 def test_a_scene_that_has_to_wait_is_said_to_wait() -> None:
     assert told(
-        ("market", Message(queued=0, agent="")),
-        ("market", Message(queued=1, agent="a")),
-        ("market", Message(queued=1, agent="a")),
-        ("market", Message(queued=2, agent="")),
-        ("market", Message(queued=0, agent="")),
+        ("market", MarketStatus()),
+        ("market", MarketStatus(queued=1, agent="a", state=MarketStatus.RUNNING)),
+        ("market", MarketStatus(queued=1, agent="a", state=MarketStatus.RUNNING)),
+        ("market", MarketStatus(queued=2, state=MarketStatus.BIDDING)),
+        ("market", MarketStatus()),
+        ("market", MarketStatus(queued=1, message="waiting for hosts to register")),
     ) == [
         "    scene  waits in line: a has the robot",
         "    scene  waits in line as the last of 2: another is under way",
+        "    scene  waits in line: waiting for hosts to register",
+    ]
+
+
+def test_hosts_that_scenes_wait_for_are_named_when_they_change() -> None:
+    waiting = MarketStatus(queued=2, awaited_hosts=["/agents"])
+    assert told(
+        ("market", waiting),
+        ("market", waiting),
+        ("market", MarketStatus(queued=3, awaited_hosts=["/agents", "/others"])),
+        ("market", MarketStatus(queued=3, agent="a", state=MarketStatus.RUNNING)),
+        ("market", waiting),
+    ) == [
+        "    scene  2 in line wait for /agents to be back",
+        "    scene  3 in line wait for /agents, /others to be back",
+        "    scene  2 in line wait for /agents to be back",
     ]
 
 

@@ -55,6 +55,11 @@ def test_what_an_operator_awards_has_the_name_of_its_scene():
     assert names.name_of("scene-8+award2") == "scene-8+award2"
 
 
+def test_a_market_whose_scenes_wait_says_for_whom_whatever_is_shown_below():
+    waits = MarketStatus(stamp=to_time(SINCE_S), queued=2, message="waiting for /agents")
+    assert text_of(waits, is_end_shown=True).endswith("for 1 min 15 s: waiting for /agents")
+
+
 def test_an_idle_market_says_what_was_last_unless_its_end_is_shown_below():
     idle = MarketStatus(stamp=to_time(SINCE_S), message="scene 'lady' is over: succeeded")
     assert text_of(idle).endswith("for 1 min 15 s: scene 'lady' is over: succeeded")

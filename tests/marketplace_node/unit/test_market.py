@@ -36,6 +36,14 @@ def market() -> Driver:
     return driver
 
 
+@pytest.fixture
+def impatient() -> Driver:
+    """A market that waits for no host."""
+    driver = Driver(host_wait_s=0)
+    driver.register()
+    return driver
+
+
 def test_an_interaction_goes_through_all_states_to_its_end(market: Driver) -> None:
     market.scene()
     market.bid()
@@ -127,7 +135,7 @@ def test_a_call_that_is_never_published_ends_all_the_same(market: Driver) -> Non
 
 
 def test_without_any_host_the_round_closes_at_once() -> None:
-    market = Driver()
+    market = Driver(host_wait_s=0)
     market.scene()
 
     assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
@@ -177,14 +185,14 @@ def test_a_refused_goal_goes_to_the_next_best(market: Driver) -> None:
     assert market.status.agent == EXPRESS
 
 
-def test_when_nobody_takes_the_run_the_interaction_is_over(market: Driver) -> None:
-    market.scene()
-    market.bid()
-    market.refuse()
-    market.refuse()
+def test_when_nobody_takes_the_run_the_interaction_is_over(impatient: Driver) -> None:
+    impatient.scene()
+    impatient.bid()
+    impatient.refuse()
+    impatient.refuse()
 
-    assert market.events == ["1 attentive_guide REFUSED", "1 professional_express REFUSED"]
-    assert market.status.message == (
+    assert impatient.events == ["1 attentive_guide REFUSED", "1 professional_express REFUSED"]
+    assert impatient.status.message == (
         "scene 's1' is over: nobody took the run: attentive_guide (busy); "
         "professional_express (busy)"
     )
@@ -212,20 +220,20 @@ def test_a_silent_host_loses_the_award_and_its_late_acceptance_is_cancelled(
     assert market.status.state is State.RUNNING, "the end of an old goal ends nothing else"
 
 
-def test_an_acceptance_after_the_interaction_is_cancelled_too(market: Driver) -> None:
-    market.scene()
-    market.bid()
-    first = market.goal
-    market.wait(2.1)
-    assert market.status.state is State.IDLE
-    market.accept(first)
+def test_an_acceptance_after_the_interaction_is_cancelled_too(impatient: Driver) -> None:
+    impatient.scene()
+    impatient.bid()
+    first = impatient.goal
+    impatient.wait(2.1)
+    assert impatient.status.state is State.IDLE
+    impatient.accept(first)
 
-    assert market.effects[-1] == CancelGoal(goal=first)
-    market.scene("s2")
-    assert "took the run of round 1 too late" in market.auction.reason
-    market.end(outcome=3, goal=first)
-    market.scene("s3")
-    assert market.status.state is State.BIDDING
+    assert impatient.effects[-1] == CancelGoal(goal=first)
+    impatient.scene("s2")
+    assert "took the run of round 1 too late" in impatient.auction.reason
+    impatient.end(outcome=3, goal=first)
+    impatient.scene("s3")
+    assert impatient.status.state is State.BIDDING
 
 
 def test_a_host_that_dies_with_the_award_loses_it(market: Driver) -> None:
@@ -263,23 +271,23 @@ def test_a_lost_host_is_followed_by_a_round_among_the_rest(market: Driver) -> No
 
 
 def test_a_lost_host_that_comes_back_running_is_stopped_before_it_is_asked_again(
-    market: Driver,
+    impatient: Driver,
 ) -> None:
-    first = market.run()
-    market.die()
-    market.wait(1.1)
-    assert market.status.state is State.IDLE, "there was nobody else"
-    assert market.all(CancelGoal) == [CancelGoal(goal=first)]
+    first = impatient.run()
+    impatient.die()
+    impatient.wait(1.1)
+    assert impatient.status.state is State.IDLE, "there was nobody else"
+    assert impatient.all(CancelGoal) == [CancelGoal(goal=first)]
 
-    market.busy["/agents"] = 1
-    market.wait(1.1)
-    assert market.all(CancelAll) == [CancelAll(host="/agents")]
-    market.scene("s2")
-    assert "has not ended" in market.auction.reason
-    market.busy["/agents"] = 0
-    market.wait(0.1)
-    market.scene("s3")
-    assert market.status.state is State.BIDDING
+    impatient.busy["/agents"] = 1
+    impatient.wait(1.1)
+    assert impatient.all(CancelAll) == [CancelAll(host="/agents")]
+    impatient.scene("s2")
+    assert "has not ended" in impatient.auction.reason
+    impatient.busy["/agents"] = 0
+    impatient.wait(0.1)
+    impatient.scene("s3")
+    assert impatient.status.state is State.BIDDING
 
 
 def test_a_restarted_host_ends_the_run_of_its_earlier_start(market: Driver) -> None:
@@ -314,14 +322,14 @@ def test_an_idle_heartbeat_on_its_way_at_the_start_does_not_end_a_run(market: Dr
     assert market.status.state is State.RUNNING
 
 
-def test_a_host_that_runs_for_an_earlier_market_is_not_asked(market: Driver) -> None:
-    market.beat(epoch="earlier", round_number=3)
-    market.scene()
-    assert "another market" in market.auction.reason
+def test_a_host_that_runs_for_an_earlier_market_is_not_asked(impatient: Driver) -> None:
+    impatient.beat(epoch="earlier", round_number=3)
+    impatient.scene()
+    assert "another market" in impatient.auction.reason
 
-    market.beat()
-    market.scene("s2")
-    assert market.status.state is State.BIDDING
+    impatient.beat()
+    impatient.scene("s2")
+    assert impatient.status.state is State.BIDDING
 
 
 @pytest.mark.parametrize("outcome", [1, 2, 3])

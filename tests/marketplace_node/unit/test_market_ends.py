@@ -91,7 +91,7 @@ def shut_while_bidding(market: Driver) -> None:
 def test_every_scene_has_one_end(
     play: Callable[[Driver], None], code: str, round_number: int, agent: str
 ) -> None:
-    market = Driver()
+    market = Driver(host_wait_s=0)
     market.register()
     market.scene()
     play(market)

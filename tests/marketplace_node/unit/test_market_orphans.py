@@ -13,8 +13,8 @@ A, B = "/a", "/b"
 
 @pytest.fixture
 def two() -> Driver:
-    """Return a market with a guide at one host and an express at the other."""
-    driver = Driver()
+    """Return a market with a guide at one host, an express at the other; it waits for no host."""
+    driver = Driver(host_wait_s=0)
     driver.register(A, GUIDE)
     driver.register(B, EXPRESS)
     return driver

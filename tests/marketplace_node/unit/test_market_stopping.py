@@ -161,9 +161,8 @@ def test_cancel_while_awarding_ends_when_the_host_does_not_take_it(
     assert market.over == ["s1"]
 
 
-def test_a_run_that_ignores_the_stop_is_lost_and_its_host_left_out_until_it_is_free(
-    market: Driver,
-) -> None:
+def test_a_run_that_ignores_the_stop_is_lost_and_its_host_left_out_until_it_is_free() -> None:
+    market = Driver(host_wait_s=0)
     market.run()
     market.cancel("button")
     market.wait(14.1)
@@ -195,7 +194,8 @@ def test_scenes_wait_in_order_up_to_the_limit() -> None:
     assert market.status.queued == 2, "a refused scene may come again"
 
 
-def test_a_waiting_crowd_ends_scene_by_scene_without_agents(market: Driver) -> None:
+def test_a_waiting_crowd_ends_scene_by_scene_without_agents() -> None:
+    market = Driver(host_wait_s=0)
     market.run()
     for number in range(2, 10):
         market.scene(f"s{number}")

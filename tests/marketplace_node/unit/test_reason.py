@@ -127,7 +127,7 @@ def test_a_follow_up_round_says_what_it_continues() -> None:
 
 
 def test_a_market_without_agents_says_so() -> None:
-    market = Driver()
+    market = Driver(host_wait_s=0)
     market.scene()
 
     assert market.auction.reason == "no agents are registered"
@@ -135,7 +135,7 @@ def test_a_market_without_agents_says_so() -> None:
 
 
 def test_hosts_that_cannot_be_asked_are_named_with_the_reason() -> None:
-    market = Driver()
+    market = Driver(host_wait_s=0)
     market.register()
     market.die()
     market.wait(1.1)

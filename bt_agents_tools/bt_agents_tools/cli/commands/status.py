@@ -73,6 +73,8 @@ def status(form: TableForm) -> None:
         _print("market    ", market_text(market, names, time.time(), is_end_shown=known))
         if at:
             _print("          ", f"at {at}")
+        for host in market.awaited_hosts:
+            _print("          ", f"scenes in line wait for {host} to be back")
         for number, label in enumerate(market.waiting, start=1):
             _print("          ", f"waits, number {number} in line: '{names.name_of(label)}'")
         new_scenes = ", ".join(filter(None, admission_text(observer)))
@@ -123,7 +125,11 @@ def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bo
     if market.scene_id:
         scene = market.scene_label or names.name_of(market.scene_id)
         return f"{text}: '{scene}', {names.with_names(market.message)}"
-    return text if is_end_shown else f"{text}: {names.with_names(market.message)}"
+    return (
+        text
+        if is_end_shown and not market.queued
+        else f"{text}: {names.with_names(market.message)}"
+    )
 
 
 def _node_at_work(observer: Observer) -> str:

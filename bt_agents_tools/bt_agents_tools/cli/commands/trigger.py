@@ -33,6 +33,8 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
         auctions, ends = observer.received("auctions"), observer.received("scene_ends")
         answer = _analyze(observer, values, person, label=label, urgent=urgent, announce=True)
         mine = answer.scene.scene_id
+        if answer.kept:
+            click.echo(answer.message)
 
         def rounds() -> list[Any]:
             return [auction for auction in auctions if auction.scene.scene_id == mine]
@@ -68,6 +70,8 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
                 if waits()
                 else f"not decided yet, the market says: {state}"
             )
+        elif end() is None and observer.market.awaited_hosts:
+            click.echo(f"waits in line: {scene_names.with_names(observer.market.message)}")
 
 
 @click.command()

@@ -97,6 +97,7 @@ def up(
             on_new_scene or "",
             strategy or ("external" if selector else ""),
             orders=str(kept.orders),
+            scenes=str(kept.scenes),
         ),
         components.scene_layer(trees, memory=memory),
         components.host(trees, tags, bindings, str(kept.tunings), language),

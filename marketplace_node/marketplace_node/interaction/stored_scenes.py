@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stored scenes: what a later start of the market has to know of the scenes without an end."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.person_facts import facts
+from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, finite_or_none
+from marketplace_node.effects import Effect
+
+_PLAIN: Mapping[str, type] = {
+    "scene_id": str,
+    "label": str,
+    "person": bool,
+    "urgent": bool,
+    "person_id": str,
+    "place": str,
+    "persons": int,
+    "visits": int,
+    "stamp": float,
+}
+"""Fields of a scene that are stored as they are, with their types."""
+
+_NUMBERS = ("value", "age_s", "std", "confidence")
+"""Fields of a value that are numbers; null stands for NaN."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredRun:
+    """Run for a stored scene, the last one.
+
+    Attributes:
+        epoch: Its market.
+        code: How it ended, as a code for the end of the scene; empty while nobody knows.
+        message: The same in words.
+    """
+
+    epoch: str
+    round: int
+    agent: str
+    host: str
+    instance: str
+    code: str = ""
+    message: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredAward:
+    """Award of an operator for a stored scene: the agent, and the order in words."""
+
+    agent: str
+    text: str
+
+
+_Stored = TypeVar("_Stored", StoredAward, StoredRun)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredScene:
+    """Scene without an end; without a run it is still to be asked about."""
+
+    scene: Scene
+    award: StoredAward | None = None
+    run: StoredRun | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoreScenes(Effect):
+    """Store all scenes without an end, next first, and the ids of those taken so far."""
+
+    scenes: tuple[StoredScene, ...]
+    taken: tuple[str, ...]
+
+
+def format_scenes(effect: StoreScenes) -> str:
+    """Return the text to store, for :func:`read_scenes`."""
+    stored = {
+        "scenes": [
+            {
+                "scene": _scene_to_dict(one.scene),
+                "award": vars(one.award) if one.award is not None else None,
+                "run": vars(one.run) if one.run is not None else None,
+            }
+            for one in effect.scenes
+        ],
+        "taken": effect.taken,
+    }
+    return json.dumps(stored, ensure_ascii=False)
+
+
+def read_scenes(text: str, space: SceneSpace) -> StoreScenes:
+    """Return what :func:`format_scenes` has written.
+
+    Raises:
+        Refused: ``MALFORMED``.
+    """
+    try:
+        stored = json.loads(text)
+        return StoreScenes(
+            scenes=tuple(
+                StoredScene(
+                    scene=_scene_from_dict(one["scene"], space),
+                    award=_checked(StoredAward, one["award"]),
+                    run=_checked(StoredRun, one["run"]),
+                )
+                for one in stored["scenes"]
+            ),
+            taken=tuple(_typed(one, str) for one in stored["taken"]),
+        )
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, Refused) as error:
+        raise Refused(
+            "MALFORMED",
+            f"the stored scenes cannot be read ({error}), so those that waited have no end; "
+            "announce them again",
+        ) from None
+
+
+def _scene_to_dict(scene: Scene) -> dict[str, Any]:
+    return {
+        **{name: getattr(scene, name) for name in _PLAIN},
+        "remembered": dict(scene.remembered),
+        "values": [
+            {
+                "name": value.name,
+                "origin": int(value.origin),
+                "source": value.source,
+                **{name: finite_or_none(getattr(value, name)) for name in _NUMBERS},
+            }
+            for value in scene.values
+        ],
+    }
+
+
+def _scene_from_dict(stored: Mapping[str, Any], space: SceneSpace) -> Scene:
+    values = [
+        SceneValue(
+            name=_typed(one["name"], str),
+            origin=Origin(one["origin"]),
+            source=_typed(one["source"], str),
+            **{
+                name: MISSING if one[name] is None else _typed(one[name], float)
+                for name in _NUMBERS
+            },
+        )
+        for one in stored["values"]
+    ]
+    return Scene(
+        values=space.scene(values),
+        remembered=facts(stored["remembered"].items()),
+        **{name: _typed(stored[name], kind) for name, kind in _PLAIN.items()},
+    )
+
+
+def _checked(kind: type[_Stored], stored: Any) -> _Stored | None:
+    if stored is None:
+        return None
+    fields = {
+        name: _typed(stored[name], int if name == "round" else str)
+        for name in kind.__dataclass_fields__
+    }
+    return kind(**fields)
+
+
+def _typed(value: Any, kind: type) -> Any:
+    if kind is float and type(value) is int:
+        return float(value)
+    if type(value) is not kind:
+        raise TypeError(f"{str(value)[:40]!r} is no {kind.__name__}")
+    return value

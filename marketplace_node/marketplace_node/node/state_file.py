@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""State file of the market: read once, and written by a thread of its own."""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import Future, wait
+from contextlib import suppress
+from pathlib import Path
+
+from rclpy.node import Node
+
+from bt_agents_core.atomic_file import write_atomically
+from bt_agents_core.worker_thread import WorkerThread
+from bt_agents_ros.timers import FuturePoller
+
+_MOST_BYTES = 16 * 1024 * 1024
+_WRITTEN_S = 0.02
+
+
+class StateFile:
+    """Text file, made with its folder when it is first written.
+
+    Args:
+        node: Logs what goes wrong.
+        path: The file.
+        what: What it holds, in words.
+        at_once: True has :meth:`store` wait up to 20 ms, so that the text survives a kill of the
+            process right after it; it may not survive a loss of power.
+    """
+
+    def __init__(self, node: Node, path: Path, what: str, *, at_once: bool = False) -> None:
+        self._node = node
+        self._path = path
+        self._what = what
+        self._at_once = at_once
+        self._poller = FuturePoller(node)
+        self._worker = WorkerThread(f"file of {what}")
+        self._last: Future[None] | None = None
+
+    def read(self) -> str:
+        """Return the stored text; empty when there is none."""
+        try:
+            with self._path.open("rb") as opened:
+                stored = opened.read(_MOST_BYTES + 1)
+            if len(stored) > _MOST_BYTES:
+                self._report(f"{self._path} has more than {_MOST_BYTES} bytes")
+                return ""
+            return stored.decode("utf-8")
+        except FileNotFoundError:
+            return ""
+        except (OSError, UnicodeDecodeError) as error:
+            self._report(str(error))
+            return ""
+
+    def age_s(self) -> float:
+        """Return the time since the file was written or touched [s]; 0 without one."""
+        with suppress(OSError):
+            return max(0.0, time.time() - self._path.stat().st_mtime)
+        return 0.0
+
+    def store(self, text: str) -> None:
+        """Replace the stored text."""
+        hangs = self._last is not None and not self._last.done()
+        self._last = self._worker.submit(self._write, text)
+        if self._at_once and not hangs:
+            wait([self._last], _WRITTEN_S)
+        self._poller.watch(self._last, self._report)
+
+    def touch(self) -> None:
+        """Note in the file that its writer is alive, unless it is still being written."""
+        if self._last is not None and self._last.done():
+            self._last = self._worker.submit(self._touch)
+
+    def close(self) -> None:
+        """Write what still waits to be written."""
+        self._worker.shutdown()
+
+    def _write(self, text: str) -> None:
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._path.touch()
+        write_atomically(self._path, text, durable=not self._at_once)
+
+    def _touch(self) -> None:
+        with suppress(OSError):
+            os.utime(self._path)
+
+    def _report(self, error: str) -> None:
+        if error:
+            self._node.get_logger().error(
+                f"{self._what} are not kept over a restart of the market: {error}"
+            )
