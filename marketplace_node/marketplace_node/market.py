@@ -8,9 +8,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
+    Alarm,
     Connect,
     EarlierRun,
     Effect,
@@ -153,6 +155,22 @@ class Market:
             self._market_state.heartbeat(host, epoch, round_number, under_way, now)
             if self._interaction is not None:
                 self._interaction.on_heartbeat(host, epoch, round_number, now)
+        return self._settle(now)
+
+    def open_goals(
+        self, host: str, instance: str, goals: tuple[OpenGoal, ...], now: float
+    ) -> list[Effect]:
+        """Take what a start of a host has open at servers."""
+        self._market_state.takeover.store(host, instance, goals)
+        return self._settle(now)
+
+    def goals_cancelled(
+        self, host: str, instance: str, unconfirmed: tuple[OpenGoal, ...], now: float
+    ) -> list[Effect]:
+        """What a start of a host has left open has ended, but for what is not confirmed."""
+        message = self._market_state.takeover.ended(host, instance, unconfirmed)
+        if message:
+            self._market_state.effects.append(Alarm(message=message))
         return self._settle(now)
 
     def extend_after_stall(self, since: float, now: float) -> list[Effect]:
@@ -327,6 +345,7 @@ class Market:
 
     def _settle(self, now: float) -> list[Effect]:
         """End what is over, begin what waits, report a changed state, hand over the effects."""
+        self._market_state.take_over_goals(now)
         self._previews.update(now)
         self._admission.update(self._interaction, now)
         if self._interaction is not None:
