@@ -320,11 +320,13 @@ class Market:
         self._ask_again(now)
         if self._interaction is not None:
             self._interaction.tick(now)
+        self._market_state.take_over_goals(now)
         return self._settle(now)
 
     def _check_host(self, now: float) -> list[Effect]:
         if self._interaction is not None:
             self._interaction.check_host(now)
+        self._market_state.take_over_goals(now)
         return self._settle(now)
 
     def _ask_again(self, now: float) -> None:
@@ -345,7 +347,6 @@ class Market:
 
     def _settle(self, now: float) -> list[Effect]:
         """End what is over, begin what waits, report a changed state, hand over the effects."""
-        self._market_state.take_over_goals(now)
         self._previews.update(now)
         self._admission.update(self._interaction, now)
         if self._interaction is not None:

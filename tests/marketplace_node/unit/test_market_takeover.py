@@ -168,3 +168,14 @@ def test_strangers_are_bounded_and_push_out_nobody_who_is_registered():
     assert len(takeover._open) == MOST_STARTS
     [lost] = takeover.lost(lambda _host, _instance: False, 1.0)
     assert (lost.host, lost.goals) == (A, (DRIVE,))
+
+
+def test_a_market_that_was_held_up_itself_takes_nothing_over_from_a_host_that_lives(two: Driver):
+    since = two.now
+    two.now += 5.0
+    two.beat(B, round_number=0)
+    two.do(two.market.extend_after_stall(since, two.now))
+    two.beat(A, round_number=1)
+    two.wait(1.0)
+    assert two.all(CancelOpenGoals) == []
+    assert two.status.message == f"{GUIDE} is running"
