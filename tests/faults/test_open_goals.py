@@ -55,6 +55,7 @@ def test_the_next_agent_speaks_only_when_the_sentence_of_a_killed_host_has_ended
     system.until_speaking("leo speaks")
     host.kill()
     system.until(lambda: "mira speaks" in system.mouth.speaking, "mira speaks")
+    system.until(lambda: system.started("mira"), "the news of mira's start")
     leo, mira = system.mouth.sentences
     assert (leo.how, mira.beside) == ("cancelled", ())
     [lost] = system.ended("leo")
@@ -243,12 +244,17 @@ def test_a_host_says_what_it_has_open_before_it_asks_for_it_and_that_nothing_is_
     system.until_speaking("leo speaks")
     system.mouth.finish()
     system.until_end_of("s1")
-    of_leo = [message for message in said if message.host == "/agents_a"]
-    system.until(lambda: len(said) >= 4, "the lists of both hosts")
-    of_leo = [message for message in said if message.host == "/agents_a"]
-    assert [[goal.action for goal in message.goals] for message in of_leo] == [[], ["/say"], []]
-    [goal] = of_leo[1].goals
+    of_leo: list[OpenGoals] = []
+
+    def told() -> bool:
+        of_leo[:] = [message for message in said if message.host == "/agents_a"]
+        return len(of_leo) > 1 and not of_leo[-1].goals
+
+    system.until(told, "leo's host has nothing open")
+    [named] = [message for message in of_leo if message.goals]
+    [goal] = named.goals
     [sentence] = system.mouth.sentences
     assert bytes(goal.goal_id) == bytes(sentence.goal.goal_id.uuid)
-    assert (goal.path, of_leo[1].heartbeat) == ("tree", "/agents_a/heartbeat")
-    assert (of_leo[1].epoch, of_leo[1].round) == (system.epoch, 1)
+    assert (goal.path, goal.action) == ("tree", "/say")
+    assert named.heartbeat == "/agents_a/heartbeat"
+    assert (named.epoch, named.round) == (system.epoch, 1)
