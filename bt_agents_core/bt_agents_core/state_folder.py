@@ -57,6 +57,11 @@ class StateFolder:
         return self.path / "tunings.sqlite"
 
     @property
+    def open_goals(self) -> Path:
+        """File of the goals that the host has open at servers."""
+        return self.path / "open-goals"
+
+    @property
     def orders(self) -> Path:
         """File of pins, vetoes and counts of runs."""
         return self.path / "orders.json"

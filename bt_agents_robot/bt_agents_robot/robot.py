@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_msgs.msg import Empty, String
 
@@ -18,13 +19,15 @@ from bt_agents_interfaces.action import Ask as AskAction
 from bt_agents_interfaces.action import Drive as DriveAction
 from bt_agents_interfaces.action import Say as SayAction
 from bt_agents_interfaces.action import Show as ShowAction
-from bt_agents_interfaces.msg import OpenQuestion, OpenQuestions
+from bt_agents_interfaces.msg import Heartbeat, OpenGoals, OpenQuestion, OpenQuestions
 from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.acts import Act, Ask, Drive, Say, Show
+from bt_agents_robot.host_watch import HostWatch
 from bt_agents_robot.speech import Voice, check_text
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
-from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.goal_cancellation import open_goals_from_msg
+from bt_agents_ros.parameters import declare, declare_and_watch, describe
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import steady_timer
 
@@ -56,7 +59,10 @@ class _Performed:
 
 
 class RobotNode(BaseNode):
-    """The simulated robot; its parameters are ``pace`` and ``voice``, unless a voice is given."""
+    """The simulated robot; a given voice takes the place of the parameter ``voice``.
+
+    What a host has sent ends when that host falls silent.
+    """
 
     def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
         super().__init__("robot", **node_kwargs)
@@ -84,7 +90,10 @@ class RobotNode(BaseNode):
         self._asked = OpenQuestions()
         self._open_questions.publish(self._asked)
         self._heartbeat = self.create_publisher(Empty, "robot/heartbeat", qos.SENSOR)
-        steady_timer(self, _HEARTBEAT_S, lambda: self._heartbeat.publish(Empty()))
+        self._watch = HostWatch(self._declare_host_lease(), time.monotonic())
+        self._heartbeats: dict[str, Subscription[Heartbeat]] = {}
+        self.create_subscription(OpenGoals, "open_goals", self._on_open_goals, qos.FACTS)
+        steady_timer(self, _HEARTBEAT_S, self._beat)
         tick_s = min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S)
         self._timer = steady_timer(self, tick_s, self._tick, running=False)
         self._servers = [
@@ -96,6 +105,51 @@ class RobotNode(BaseNode):
         self.create_service(SetLight, "set_light", self._on_light, qos_profile=qos.SERVICE)
         self.create_subscription(String, "sound", self._on_sound, qos.EVENTS)
         self.create_subscription(String, "answers", self._on_answer, qos.EVENTS)
+
+    # Hosts
+
+    def _declare_host_lease(self) -> float:
+        def take(seconds: float) -> None:
+            self._watch.lease_s = seconds
+
+        meaning = "a goal is given up when the host that sent it is silent for this long [s]"
+        limits = describe(meaning, minimum=0.3, maximum=60.0)
+        return float(declare_and_watch(self, "host_lease", 1.0, limits, take))
+
+    def _beat(self) -> None:
+        self._heartbeat.publish(Empty())
+        lost = self._watch.lost(time.monotonic())
+        for performed in list(self._performed):
+            reason = lost.get(bytes(performed.goal.goal_id.uuid))
+            if reason is not None:
+                self.get_logger().warning(f"given up: {performed.act.line}: {reason}")
+                self._end(performed, reason)
+
+    def _on_open_goals(self, message: OpenGoals) -> None:
+        try:
+            goals = open_goals_from_msg(message)
+            self._hear(message.host, message.heartbeat)
+        except Refused as refused:
+            self.get_logger().warning(f"open goals of a host: {refused}")
+            return
+        ids = [goal.goal_id for goal in goals]
+        self._watch.on_open_goals(message.host, message.host_instance, ids, time.monotonic())
+        for gone in self._heartbeats.keys() - self._watch.hosts:
+            self.destroy_subscription(self._heartbeats.pop(gone))
+
+    def _hear(self, host: str, topic: str) -> None:
+        if host in self._heartbeats:
+            return
+        try:
+            self._heartbeats[host] = self.create_subscription(
+                Heartbeat, topic, self._on_heartbeat, qos.EVENTS
+            )
+        except Exception as error:
+            # The name comes from outside; rclpy has no common root for what it makes of bad ones.
+            raise Refused("BAD_NAME", f"its heartbeat cannot be heard: {error}") from None
+
+    def _on_heartbeat(self, message: Heartbeat) -> None:
+        self._watch.on_heartbeat(message.host, message.host_instance, time.monotonic())
 
     # Ending
 

@@ -9,6 +9,7 @@ from enum import IntEnum
 from functools import cached_property
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_core.stop_cause import StopCause, StoppedBy
 from marketplace_node.registry import HostEntry
@@ -150,6 +151,16 @@ class CancelAll(Effect):
     """Cancel whatever runs at a host, as none of it is known."""
 
     host: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class CancelOpenGoals(Effect):
+    """Cancel what a start of a host has left open at servers, then report ``goals_cancelled``."""
+
+    host: str
+    instance: str
+    goals: tuple[OpenGoal, ...]
+    within_s: float
 
 
 @dataclass(frozen=True, kw_only=True)

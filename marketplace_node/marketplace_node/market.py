@@ -8,10 +8,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_core.text import join_first
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
+    Alarm,
     Connect,
     EarlierRun,
     Effect,
@@ -170,6 +172,22 @@ class Market:
             self._inherited.on_heartbeat(host, epoch, round_number, now)
             if self._interaction is not None:
                 self._interaction.on_heartbeat(host, epoch, round_number, now)
+        return self._settle(now)
+
+    def open_goals(
+        self, host: str, instance: str, goals: tuple[OpenGoal, ...], now: float
+    ) -> list[Effect]:
+        """Take what a start of a host has open at servers."""
+        self._market_state.takeover.store(host, instance, goals)
+        return self._settle(now)
+
+    def goals_cancelled(
+        self, host: str, instance: str, unconfirmed: tuple[OpenGoal, ...], now: float
+    ) -> list[Effect]:
+        """What a start of a host has left open has ended, but for what is not confirmed."""
+        message = self._market_state.takeover.ended(host, instance, unconfirmed)
+        if message:
+            self._market_state.effects.append(Alarm(message=message))
         return self._settle(now)
 
     def extend_after_stall(self, since: float, now: float) -> list[Effect]:
@@ -369,11 +387,13 @@ class Market:
         self._inherited.tick(now)
         if self._interaction is not None:
             self._interaction.tick(now)
+        self._market_state.take_over_goals(now)
         return self._settle(now)
 
     def _check_host(self, now: float) -> list[Effect]:
         if self._interaction is not None:
             self._interaction.check_host(now)
+        self._market_state.take_over_goals(now)
         return self._settle(now)
 
     def _ask_again(self, now: float) -> None:

@@ -22,6 +22,7 @@ from marketplace_node.effects import (
     StoreOverrides,
 )
 from marketplace_node.explanation.explanation import explanation
+from marketplace_node.goal_takeover import GoalTakeover
 from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms, UndecidedRule
@@ -66,6 +67,7 @@ class MarketState:
         rounds: How many rounds there have been; the number of the last one.
         previews: How many rounds there have been that only foretold.
         last_scene: The scene that was taken last; None before the first.
+        takeover: Goals that hosts have open at servers.
     """
 
     def __init__(
@@ -82,6 +84,7 @@ class MarketState:
         self.rounds = 0
         self.previews = 0
         self.last_scene: Scene | None = None
+        self.takeover = GoalTakeover()
         self._rules = rules
         self._orphans: dict[str, _OrphanRun] = {}
         self._unheard: set[str] = set()
@@ -297,12 +300,31 @@ class MarketState:
         reason = self._blocked(goal.host)
         return f"{goal.host} is not free: {reason}" if reason else ""
 
-    def other_host_busy(self, host: str, now: float) -> str:
-        """Return why nothing may begin at a host yet, as another one still has the robot.
+    def hold(self, host: str, now: float) -> str:
+        """Return why nothing may begin at a host yet, as somebody else still has the robot.
 
         That is no obstacle for ever: a tree that does not stop is waited for as long as for a
-        run that was told to stop, and a host without a heartbeat is not waited for.
+        run that was told to stop, and of a host without a heartbeat only the goals that it has
+        left behind.
         """
+        self.take_over_goals(now)
+        return self.takeover.obstacle() or self._other_host_busy(host, now)
+
+    def take_over_goals(self, now: float) -> None:
+        """Cancel what hosts that are gone have left open."""
+        self.effects += self.takeover.lost(
+            lambda host, instance: self.registry.is_live(host, instance, now),
+            self.settings.takeover_deadline_s,
+        )
+
+    def lose_goals(self, goal: RunGoal) -> tuple[str, ...]:
+        """Cancel what a lost run has left open; return the nodes whose goals may go on."""
+        self.effects += self.takeover.lose(
+            goal.host, goal.instance, self.settings.takeover_deadline_s
+        )
+        return self.takeover.orphans(goal.host, goal.instance)
+
+    def _other_host_busy(self, host: str, now: float) -> str:
         for other, orphan in self._orphans.items():
             if (
                 other != host

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import TAKEOVER_S
 from bt_agents_language.diagnostics.collection import did_you_mean
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS, Option
 
@@ -27,6 +28,7 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "host_wait_s": (0.0, 60.0),
     "goal_deadline_s": (0.1, 60.0),
     "cancel_deadline_s": (0.1, 600.0),
+    "takeover_deadline_s": (0.0, 60.0),
     "collect_deadline_s": (0.05, 600.0),
     "preempt_cooldown_s": (0.0, 600.0),
     "queue_limit": (0, MAX_QUEUE),
@@ -59,6 +61,7 @@ class Settings:
     host_wait_s: float = 5.0
     goal_deadline_s: float = 2.0
     cancel_deadline_s: float = 14.0
+    takeover_deadline_s: float = TAKEOVER_S
     collect_deadline_s: float = 2.0
     on_new_scene: str = "queue"
     queue_limit: int = 10

@@ -152,12 +152,18 @@ class NodeProcess:
 
 @dataclass(eq=False, kw_only=True)
 class Sentence:
-    """One goal of ``say``; ``how`` is empty while it is being said, then finished or cancelled."""
+    """One goal of ``say``.
+
+    Attributes:
+        how: Empty while it is being said, then finished or cancelled.
+        beside: What was being said already when it began.
+    """
 
     text: str
     goal: Any
     done: Any
     how: str = ""
+    beside: tuple[str, ...] = ()
 
 
 class Mouth(Node):
@@ -165,12 +171,14 @@ class Mouth(Node):
 
     Attributes:
         holds: Whether a text is held until :meth:`finish`; others end at once.
+        on_cancel: ``stops``; ``refuses``; ``hangs``, which never answers.
         sentences: Everything it was told to say, in order.
     """
 
     def __init__(self) -> None:
         super().__init__("mouth")
         self.holds: Callable[[str], bool] = lambda _text: True
+        self.on_cancel = "stops"
         self.sentences: list[Sentence] = []
         self._server = ActionServer(
             self,
@@ -204,7 +212,11 @@ class Mouth(Node):
         self._server.destroy()
         super().destroy_node()
 
-    def _cancel(self, handle: Any) -> CancelResponse:
+    async def _cancel(self, handle: Any) -> CancelResponse:
+        if self.on_cancel == "hangs":
+            await Future(executor=self.executor)
+        if self.on_cancel == "refuses":
+            return CancelResponse.REJECT
         for sentence in self.sentences:
             if sentence.goal.goal_id == handle.goal_id:
                 self._end(sentence, "cancelled")
@@ -212,7 +224,8 @@ class Mouth(Node):
 
     async def _say(self, handle: Any) -> Say.Result:
         text = handle.request.text
-        sentence = Sentence(text=text, goal=handle, done=Future(executor=self.executor))
+        done = Future(executor=self.executor)
+        sentence = Sentence(text=text, goal=handle, done=done, beside=tuple(self.speaking))
         self.sentences.append(sentence)
         if self.holds(text):
             await sentence.done
@@ -320,9 +333,10 @@ class System:
             )
         )
 
-    def host(self, name: str, trees: Path) -> NodeProcess:
-        """Start a host of the agents of a folder."""
-        return self.start(components.host(trees), name)
+    def host(self, name: str, trees: Path, open_goals: Path | None = None) -> NodeProcess:
+        """Start a host of the agents of a folder; ``open_goals`` is the file that outlives it."""
+        file = str(open_goals) if open_goals is not None else ""
+        return self.start(components.host(trees, open_goals=file), name)
 
     def pulse(self, host: str) -> Pulse:
         """Listen to the heartbeats of a host."""

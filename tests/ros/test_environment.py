@@ -14,6 +14,7 @@ from rcl_interfaces.msg import Log
 from rclpy.impl import rcutils_logger
 
 from bt_agents.engine.environment import GoalState
+from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.local_time import local_time
@@ -47,7 +48,13 @@ class Teacher:
 
 
 def environment_of(ros: Any) -> RosEnvironment:
-    return RosEnvironment(ros.node, lambda: None, space=SPACE, agent=lambda: "guide")
+    return RosEnvironment(
+        ros.node,
+        lambda: None,
+        open_goals=OpenGoalList(ros.node, "first", lambda: None),
+        space=SPACE,
+        agent=lambda: "guide",
+    )
 
 
 def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: Any) -> None:

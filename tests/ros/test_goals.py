@@ -18,9 +18,11 @@ from std_srvs.srv import SetBool
 from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock
 from bt_agents.host.environment.goal import MOST_UNCONFIRMED, GoalTrack, RosGoalRun
+from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.environment.subscriptions import DEPTH
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.open_goals import OpenGoal
 from bt_agents_interfaces.action import Ask
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from bt_agents_ros import qos
@@ -50,7 +52,11 @@ class Host:
         self.seen = 0
         self.node = ros.add(rclpy.create_node("host"))
         self.environment = RosEnvironment(
-            self.node, self._wake, space=SPACE, agent=lambda: "guide"
+            self.node,
+            self._wake,
+            open_goals=OpenGoalList(self.node, "first", lambda: None),
+            space=SPACE,
+            agent=lambda: "guide",
         )
         self._ros = ros
 
@@ -301,6 +307,8 @@ def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
         GoalTrack(SAY, ManualClock()),
         reschedule=lambda: None,
         wake=lambda: None,
+        identity=OpenGoal(path="tree", action="/say", goal_id=b"1" * 16),
+        open_goals=OpenGoalList(ros.node, "first", lambda: None),
         feedback=False,
         warn=print,
     )

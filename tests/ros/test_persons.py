@@ -12,6 +12,7 @@ import pytest
 from std_msgs.msg import Empty, Float64, Int32MultiArray, String
 
 from bt_agents.engine.run import Run as TreeRun
+from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents_core.errors import BtAgentsError, Refused
@@ -266,7 +267,13 @@ def test_a_tree_remembers_somebody_and_puts_what_they_say_into_the_live_scene(ro
         profile=spec.profile,
         live=LiveScene(ros.node, space).begin_run(awarded),
         tunables={},
-        environment=RosEnvironment(ros.node, lambda: None, space=space, agent=lambda: "a"),
+        environment=RosEnvironment(
+            ros.node,
+            lambda: None,
+            open_goals=OpenGoalList(ros.node, "first", lambda: None),
+            space=space,
+            agent=lambda: "a",
+        ),
         steady=time.monotonic,
     )
     layer.see_until(lambda: (run.tick(), run.result)[1], anna)

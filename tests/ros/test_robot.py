@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
+from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from bt_agents_interfaces.action import Ask, Drive, Say, Show
-from bt_agents_interfaces.msg import OpenQuestions
+from bt_agents_interfaces.msg import Heartbeat, OpenGoal, OpenGoals, OpenQuestions
 from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.robot import MOST_WAITING, RobotNode
 from bt_agents_robot.speech import Voice
@@ -22,6 +23,7 @@ from bt_agents_ros.messages import seconds
 
 pytestmark = pytest.mark.ros
 
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 ACTIONS = {"say": Say, "ask": Ask, "show": Show, "drive": Drive}
 
 
@@ -208,6 +210,62 @@ def test_a_robot_drives_to_one_place_at_a_time(ros):
     status, result = robot.do("drive", destination="lift")
     assert status == GoalStatus.STATUS_ABORTED
     assert "driving to gate" in result.message
+
+
+class Caller:
+    """A host as the robot hears it: what it has open, and its heartbeat."""
+
+    def __init__(self, ros: Any) -> None:
+        self.lists = ros.node.create_publisher(OpenGoals, "open_goals", qos.FACT)
+        self.beats = ros.node.create_publisher(Heartbeat, "/agents/heartbeat", qos.EVENTS)
+        self.timer = ros.node.create_timer(0.05, self.beat, clock=STEADY)
+
+    def beat(self) -> None:
+        self.beats.publish(Heartbeat(host="/agents", host_instance="first"))
+
+    def open(self, *handles: Any, instance: str = "first") -> None:
+        """Say which goals are open."""
+        goals = [OpenGoal(action="/drive", goal_id=one.goal_id.uuid) for one in handles]
+        self.lists.publish(
+            OpenGoals(
+                host="/agents", host_instance=instance, heartbeat="/agents/heartbeat", goals=goals
+            )
+        )
+
+
+@pytest.mark.parametrize("end", ["falls silent", "is started anew"])
+def test_a_drive_whose_host_is_gone_is_given_up(ros, end):
+    robot = Robot(ros, pace=0.1)
+    caller = Caller(ros)
+    theirs, ours = robot.send("drive", destination="gate"), robot.send("show", clip="waves")
+    caller.open(theirs)
+    ros.until(caller.beats.get_subscription_count)
+    ros.turns(120)
+    assert theirs.status == GoalStatus.STATUS_EXECUTING, "its host lives"
+    if end == "falls silent":
+        caller.timer.cancel()
+    else:
+        caller.open(instance="second")
+    status, result = robot.result(theirs)
+    assert status == GoalStatus.STATUS_ABORTED
+    reason = "has been silent for" if end == "falls silent" else "was started anew"
+    assert reason in result.message
+    assert ours.status == GoalStatus.STATUS_EXECUTING, "nobody's goal goes on"
+    robot.cancel(ours)
+
+
+def test_lists_of_goals_that_make_no_sense_change_nothing(ros):
+    robot = Robot(ros, pace=0.1)
+    caller = Caller(ros)
+    theirs = robot.send("drive", destination="gate")
+    for topic in ("no topic", "/agents/heartbeat", ""):
+        caller.lists.publish(
+            OpenGoals(host=f"/h{topic!r}", heartbeat=topic, goals=[OpenGoal()], host_instance="x")
+        )
+        caller.lists.publish(OpenGoals(host=f"/h{topic!r}", heartbeat=topic, host_instance="x"))
+        ros.turns()
+    assert theirs.status == GoalStatus.STATUS_EXECUTING
+    robot.cancel(theirs)
 
 
 def test_speaking_and_showing_go_together(ros):

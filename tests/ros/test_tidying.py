@@ -11,6 +11,7 @@ import rclpy
 from rclpy.node import Node
 
 from bt_agents.engine.environment import SkillGoal
+from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents_core.field_types import BindingKind
 from bt_agents_language.model.specs import NodeSpec, Timeouts, iter_nodes
@@ -53,7 +54,13 @@ def node(ros: Any) -> Node:
 @pytest.fixture
 def environment(node: Node) -> Iterator[RosEnvironment]:
     """What its trees reach."""
-    subject = RosEnvironment(node, lambda: None, space=SPACE, agent=lambda: "guide")
+    subject = RosEnvironment(
+        node,
+        lambda: None,
+        open_goals=OpenGoalList(node, "first", lambda: None),
+        space=SPACE,
+        agent=lambda: "guide",
+    )
     yield subject
     subject.close()
 

@@ -87,6 +87,7 @@ class MarketRegistration:
         registry: Its agents.
         runs: Its action.
         instance: This start of the host.
+        ready: Returns whether the host may register; until then it waits.
         matched: Returns whether calls and bids are matched in both directions; if not, the host
             registers after a second all the same.
         changed: Called after the market has taken or refused the host or some of its agents.
@@ -102,6 +103,7 @@ class MarketRegistration:
         registry: AgentRegistry,
         runs: RunServer,
         instance: str,
+        ready: Callable[[], bool],
         matched: Callable[[], bool],
         changed: Callable[[], None],
     ) -> None:
@@ -111,6 +113,7 @@ class MarketRegistration:
         self._registry = registry
         self._runs = runs
         self._instance = instance
+        self._ready = ready
         self._matched = matched
         self._changed = changed
         self._registering = False
@@ -236,7 +239,8 @@ class MarketRegistration:
 
     def _register_matched(self) -> None:
         """Register as soon as no bid would be lost."""
-        if not self._matched() and time.monotonic() - self._asked_at < _LIMIT_S:
+        waits = not self._matched() and time.monotonic() - self._asked_at < _LIMIT_S
+        if waits or not self._ready():
             self._match_timer.reset()
             return
         self._match_timer.cancel()

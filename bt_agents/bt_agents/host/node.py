@@ -5,9 +5,12 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
+from bt_agents.host.earlier_goals import EarlierGoals
+from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.subscriptions import LiveScene
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.market_registration import MarketRegistration
@@ -40,11 +43,14 @@ _NAMES_SHOWN = 20
 class HostNode(BaseNode):
     """Host of the agents of a trees folder: registers them, bids, and ticks the winner's tree.
 
-    What was tuned outlives it in the file ``tunings``; an empty name keeps that in memory. Other
-    arguments are those of :class:`rclpy.node.Node`.
+    What was tuned outlives it in the file ``tunings``, and what it has open at servers in the file
+    ``open_goals``, so that a later start ends it; an empty name keeps nothing. Other arguments are
+    those of :class:`rclpy.node.Node`.
     """
 
-    def __init__(self, folder: TreesFolder, *, tunings: str = "", **node_kwargs: Any) -> None:
+    def __init__(
+        self, folder: TreesFolder, *, tunings: str = "", open_goals: str = "", **node_kwargs: Any
+    ) -> None:
         super().__init__("agents", **node_kwargs)
         self.instance = uuid.uuid4().hex[:12]
         self.registry = AgentRegistry(folder.scene.space, folder.agents)
@@ -59,6 +65,9 @@ class HostNode(BaseNode):
         stamp = seconds(self.get_clock().now().to_msg())
         self._versions = AgentVersions(folder, stamp)
         self._host_card = HostCardPublisher(self, self.instance, self.registry, self._versions)
+        self._open_goals_file = self._hold(Path(open_goals)) if open_goals else None
+        file = self._open_goals_file
+        earlier_goals = EarlierGoals(self, file) if file is not None else None
         live = LiveScene(self, self.registry.space)
         self._runs = RunServer(
             self,
@@ -66,6 +75,7 @@ class HostNode(BaseNode):
             self.instance,
             live.begin_run,
             version=lambda name: self._versions.histories[name].current.number,
+            open_goals_file=file,
         )
         for member in self.registry.members.values():
             self._prepare(member.spec)
@@ -85,6 +95,7 @@ class HostNode(BaseNode):
             self.registry,
             self._runs,
             self.instance,
+            ready=lambda: earlier_goals is None or earlier_goals.ended,
             matched=lambda: is_matched(self, self._bids, self._calls, partner="market"),
             changed=lambda: self._host_card.set_registered(self._registration.accepted),
         )
@@ -122,7 +133,19 @@ class HostNode(BaseNode):
         self._tunables.close()
         self._runs.close()
         self._runs.environment.close()
+        if self._open_goals_file is not None:
+            self._open_goals_file.close()
         super().destroy_node()
+
+    def _hold(self, path: Path) -> OpenGoalsFile | None:
+        try:
+            return OpenGoalsFile(path)
+        except OSError as error:
+            self.get_logger().error(
+                f"{path} cannot be used ({error.strerror}), so goals that are open when this host "
+                "is killed are not cancelled at its next start; does another host use the file?"
+            )
+            return None
 
     def _prepare(self, agent: AgentSpec) -> None:
         for spec in _nodes(agent):
@@ -275,6 +298,11 @@ TUNINGS = StartParameter(
     name="tunings",
     description="file in which tunings outlive the host; empty keeps them in memory",
 )
+OPEN_GOALS = StartParameter(
+    name="open_goals",
+    description="file from which a later start of the host learns which goals a killed one has "
+    "left open, to cancel them; empty for none",
+)
 
 
 def make_node() -> HostNode:
@@ -287,9 +315,15 @@ def make_node() -> HostNode:
     def make(values: Mapping[str, str]) -> HostNode:
         folder = find_trees(values["trees"])
         trees = read_trees(folder, InstalledInterfaces(), values["robot"], values["language"])
-        return HostNode(trees.tagged(values["tags"]), tunings=values["tunings"])
+        return HostNode(
+            trees.tagged(values["tags"]),
+            tunings=values["tunings"],
+            open_goals=values["open_goals"],
+        )
 
-    return make_from_parameters("agents", (TREES, TAGS, ROBOT, LANGUAGE, TUNINGS), make)
+    return make_from_parameters(
+        "agents", (TREES, TAGS, ROBOT, LANGUAGE, TUNINGS, OPEN_GOALS), make
+    )
 
 
 def main(args: Sequence[str] | None = None) -> int:

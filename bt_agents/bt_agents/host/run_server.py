@@ -18,6 +18,8 @@ from bt_agents.engine.run import Overrun, Run, RunResult, StatusChange, TreeOutc
 from bt_agents.engine.tick_scheduler import TickScheduler
 from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents.host.award_monitor import AwardMonitor, RunKey
+from bt_agents.host.environment.open_goal_list import OpenGoalList
+from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
 from bt_agents.host.run_records import RunRecords
@@ -73,6 +75,7 @@ class RunServer:
         instance: This start of the host; goals meant for another one are refused.
         live: Begins with the scene of a run; returns a function for its live scene.
         version: Returns the version of an agent's file that is in force.
+        open_goals_file: Keeps what its trees have open over a kill; None keeps nothing.
 
     Attributes:
         goal: The goal under way; None without one.
@@ -85,6 +88,7 @@ class RunServer:
         instance: str,
         live: Callable[[Scene], Callable[[], Scene]],
         version: Callable[[str], int],
+        open_goals_file: OpenGoalsFile | None = None,
     ) -> None:
         self.goal: Any = None
         self._node = node
@@ -111,6 +115,7 @@ class RunServer:
         self.environment = RosEnvironment(
             node,
             self._on_arrival,
+            open_goals=OpenGoalList(node, instance, lambda: self.goal, open_goals_file),
             space=registry.space,
             agent=lambda: self.goal.agent if self.goal is not None else "",
             scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),

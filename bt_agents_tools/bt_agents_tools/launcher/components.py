@@ -58,7 +58,12 @@ def selector(trees: Path, base_url: str, model: str, key_variable: str = "") -> 
 
 
 def host(
-    trees: Path, tags: str = "", bindings: str = "", tunings: str = "", language: str = ""
+    trees: Path,
+    tags: str = "",
+    bindings: str = "",
+    tunings: str = "",
+    language: str = "",
+    open_goals: str = "",
 ) -> Component:
     """Return the host of all agents of a folder; it stops first, while the robot still runs."""
     return Component(
@@ -70,6 +75,7 @@ def host(
             "robot": bindings,
             "language": language,
             "tunings": tunings,
+            "open_goals": open_goals,
         },
         stops_first=True,
     )

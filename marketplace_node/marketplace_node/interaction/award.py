@@ -62,6 +62,7 @@ class Award:
         started: When it was taken, steady time [s]; None for one that was stopped before.
         stop: Why it has to stop; None while it has not.
         silent_since: Since when the host's heartbeat names another run or none.
+        beside: What may go on beside its run, in words; empty for nothing.
     """
 
     goal: RunGoal
@@ -71,6 +72,7 @@ class Award:
     started: float | None = None
     stop: StopRequest | None = None
     silent_since: float | None = None
+    beside: str = ""
 
     @property
     def _stopped_by(self) -> StoppedBy:

@@ -145,7 +145,8 @@ class Interaction:
                 held = self._award.held if self._award else ""
                 return f"{agent} gets the run" + (f", but {held}" if held else "")
             case State.RUNNING:
-                return f"{agent} is running"
+                beside = self._award.beside if self._award else ""
+                return f"{agent} is running" + (f"; {beside}" if beside else "")
             case State.CANCELLING:
                 stop = self._award.stop if self._award else None
                 return f"{agent} is told to stop" + (f": {stop.reason}" if stop else "")
@@ -170,9 +171,8 @@ class Interaction:
             if award.stop is None:
                 award.started = now
                 self._enter(State.RUNNING)
-                self._market_state.effects.append(
-                    award.event(RunEventKind.STARTED, "the host took the run")
-                )
+                message = "the host took the run" + (f"; {award.beside}" if award.beside else "")
+                self._market_state.effects.append(award.event(RunEventKind.STARTED, message))
             else:
                 self._cancel(award, now)
         return award is not None
@@ -325,7 +325,7 @@ class Interaction:
     def _is_quiet(self, host: str, decision: Decision, now: float) -> bool:
         """Return whether a host that has not answered was perhaps not there."""
         silent_s = self._market_state.registry.silent_s(host, now)
-        return silent_s > min(decision.duration_s, _QUIET_S)
+        return silent_s >= min(decision.duration_s, _QUIET_S)
 
     def _award_next(self, decision: Decision, now: float) -> None:
         while self._next_rank < len(decision.ranking):
@@ -348,15 +348,16 @@ class Interaction:
         self._finish(NOT_TAKEN, f"nobody took the run: {'; '.join(self._not_taken_by)}")
 
     def _send(self, award: Award, now: float) -> None:
-        """Send the goal, unless another host still has the robot."""
+        """Send the goal, unless somebody else still has the robot."""
         obstacle = self._market_state.obstacle(award.goal, now)
         if obstacle:
             self._not_taken(award, obstacle, now)
             return
-        award.held = self._market_state.other_host_busy(award.goal.host, now)
+        award.held = self._market_state.hold(award.goal.host, now)
         if award.held:
             self._enter(State.AWARDING)
             return
+        award.beside = self._market_state.takeover.take_unconfirmed()
         self._enter(State.AWARDING, now + self._market_state.settings.goal_deadline_s)
         self._market_state.effects.append(SendGoal(goal=award.goal, scene=award.scene))
 
@@ -380,7 +381,9 @@ class Interaction:
         self._market_state.effects.append(CancelGoal(goal=award.goal))
 
     def _lose(self, award: Award, message: str, now: float) -> None:
-        self._end(award, RunOutcome.LOST, RunEnd(outcome=0, message=message), now)
+        orphans = self._market_state.lose_goals(award.goal)
+        end = RunEnd(outcome=0, message=message, orphans=orphans)
+        self._end(award, RunOutcome.LOST, end, now)
 
     def _end(self, award: Award, outcome: RunOutcome, end: RunEnd, now: float) -> None:
         goal = award.goal

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.open_goals import name_goals
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import join_first
@@ -38,6 +39,7 @@ from marketplace_node.effects import (
     AnnounceRun,
     CancelAll,
     CancelGoal,
+    CancelOpenGoals,
     Collect,
     Connect,
     Disconnect,
@@ -68,6 +70,7 @@ from marketplace_node.node.messages import (
     selection_to_msg,
     status_to_msg,
 )
+from marketplace_node.node.open_goals import OpenGoalsSubscription
 from marketplace_node.node.operator_services import OperatorServices
 from marketplace_node.node.parameters import declare_settings, watch_settings
 from marketplace_node.node.state_file import StateFile
@@ -130,6 +133,7 @@ class MarketplaceNode(BaseNode):
         self._state_entered: tuple[tuple[State, int], Any] | None = None
         self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
         self._hosts = HostConnections(self, self._market, space, self._execute)
+        self._open_goals = OpenGoalsSubscription(self, self._market, self._execute)
         watch_settings(self, lambda: self._market.settings, self._configure)
         self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
         self._auctions = self.create_publisher(AuctionMsg, "auctions", qos.HISTORY)
@@ -336,6 +340,9 @@ class MarketplaceNode(BaseNode):
             case CancelAll():
                 log.warning(f"{effect.host} runs a tree that nobody waits for: it is cancelled")
                 self._hosts.cancel_all(effect.host)
+            case CancelOpenGoals():
+                log.warning(f"{effect.host} has left open: {name_goals(effect.goals)}")
+                self._open_goals.cancel(effect)
             case AnnounceRun():
                 self._runs.publish(run_to_msg(effect, self._market.epoch, self._now()))
                 event = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"

@@ -29,6 +29,8 @@ _MEANINGS = {
     "[s]",
     "goal_deadline": "time for a host to take or refuse a run [s]",
     "cancel_deadline": "time for a run to end after it was told to stop [s]",
+    "takeover_deadline": "time for goals of a host that is gone to end, before the next agent may "
+    "act [s]",
     "collect_deadline": "time to wait for the feedback service after a run [s]",
     "on_new_scene": "what happens to a scene that comes during an interaction",
     "queue_limit": "how many scenes may wait",

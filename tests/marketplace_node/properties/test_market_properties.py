@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import OpenGoal
 from market_harness import Driver, scene
 from marketplace_node.effects import (
     AnnounceRun,
     CancelGoal,
+    CancelOpenGoals,
     Collect,
     Effect,
     OpenCall,
@@ -57,6 +59,8 @@ class AnyMarket(RuleBasedStateMachine):
         self.outstanding: RunGoal | None = None
         self.open_rounds: set[int] = set()
         self.decided: list[int] = []
+        self.ending: dict[tuple[str, str], CancelOpenGoals] = {}
+        self.open: dict[tuple[str, str], set[OpenGoal]] = {}
         for host, agents in AGENTS.items():
             self.driver.register(host, *agents, instance="start0")
         self.sent = 0
@@ -66,6 +70,23 @@ class AnyMarket(RuleBasedStateMachine):
         if fresh:
             self.starts += 1
         self.driver.register(host, *AGENTS[host], instance=f"start{self.starts}")
+
+    @rule(host=hosts, numbers=st.sets(st.integers(1, 3)))
+    def open_goals(self, host: str, numbers: set[int]) -> None:
+        goals = tuple(
+            OpenGoal(path="", action=f"/a{number}", goal_id=bytes([number] * 16))
+            for number in sorted(numbers)
+        )
+        instance = self.driver.instances[host]
+        self.open[host, instance] = set(goals)
+        self.driver.do(self.driver.market.open_goals(host, instance, goals, self.driver.now))
+
+    @rule(confirmed=st.booleans())
+    def goals_end(self, confirmed: bool) -> None:
+        for key, effect in list(self.ending.items())[:1]:
+            del self.ending[key]
+            unconfirmed = () if confirmed else effect.goals
+            self.driver.do(self.driver.market.goals_cancelled(*key, unconfirmed, self.driver.now))
 
     @rule(host=hosts)
     def die(self, host: str) -> None:
@@ -241,12 +262,19 @@ class AnyMarket(RuleBasedStateMachine):
                     assert self.outstanding.round == number, "no award while a tree may run"
             case SendGoal():
                 assert self.outstanding is None, "never two goals outstanding"
+                assert not self.ending, "nobody acts beside what the dead have left"
                 self.outstanding = effect.goal
             case AnnounceRun(event=RunEventKind.REFUSED | RunEventKind.ENDED):
                 if self.outstanding == effect.goal:
                     self.outstanding = None
             case AnnounceRun(event=RunEventKind.STARTED):
                 assert effect.goal == self.outstanding
+            case CancelOpenGoals():
+                key = (effect.host, effect.instance)
+                assert key not in self.ending, "a start's goals are cancelled once at a time"
+                assert effect.goals
+                assert set(effect.goals) <= self.open[key]
+                self.ending[key] = effect
             case Collect():
                 assert self.outstanding is None
             case _:
@@ -257,6 +285,8 @@ class AnyMarket(RuleBasedStateMachine):
             return
         for _ in range(20 * (self.driver.status.queued + 1)):
             self.driver.wait(1.0)
+            self.the_effects_keep_the_law()
+            self.goals_end(confirmed=True)
         self.the_effects_keep_the_law()
         assert self.previews == set(), "every preview is answered"
         runs = self.driver.status.state is State.RUNNING

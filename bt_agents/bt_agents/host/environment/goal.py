@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus
 from action_msgs.srv import CancelGoal
 from rclpy.node import Node
 
@@ -24,7 +24,9 @@ from bt_agents.engine.environment import (
     result_limit_s,
     server_missing,
 )
+from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_core.open_goals import OpenGoal
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import MessageView
 
@@ -343,7 +345,8 @@ class SentGoal:
 class RosGoalRun(SentGoal):
     """A goal of an action; see :class:`SentGoal`.
 
-    It may subscribe to feedback, and warns when its server refuses a cancel.
+    It is in the list of open goals from before it is sent until its end is confirmed. It may
+    subscribe to feedback, and warns when its server refuses a cancel.
     """
 
     def __init__(
@@ -354,10 +357,14 @@ class RosGoalRun(SentGoal):
         *,
         reschedule: Callable[[], None],
         wake: Callable[[], None],
+        identity: OpenGoal,
+        open_goals: OpenGoalList,
         feedback: bool,
         warn: Callable[[str], None],
     ) -> None:
         self._handle: Any = None
+        self._identity = identity
+        self._open_goals = open_goals
         self._wants_feedback = feedback
         self._warn = warn
         super().__init__(client, message, track, reschedule=reschedule, wake=wake)
@@ -367,9 +374,20 @@ class RosGoalRun(SentGoal):
 
     def _send(self) -> Any:
         callback = _feedback_callback(self) if self._wants_feedback else None
-        return self.client.send_goal_async(self._message, feedback_callback=callback)
+        goal_id = GoalInfo().goal_id
+        goal_id.uuid = list(self._identity.goal_id)
+        self._open_goals.add(self._identity)
+        return self.client.send_goal_async(
+            self._message, feedback_callback=callback, goal_uuid=goal_id
+        )
+
+    def abandon(self) -> None:
+        super().abandon()
+        self._open_goals.remove(self._identity.goal_id)
 
     def _follow_up(self) -> None:
+        if self._track.confirmed:
+            self._open_goals.remove(self._identity.goal_id)
         if self._track.take_cancel():
             self._expect(self._handle.cancel_goal_async(), self._cancel_answered)
 

@@ -4,20 +4,24 @@
 from __future__ import annotations
 
 import time
+import uuid
 from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
 from typing import Any
 
 from rclpy.action import ActionClient
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 
 from bt_agents.engine.environment import GoalRun, Inbox, SkillGoal
 from bt_agents.host.environment.feedback_requests import FeedbackRequests
 from bt_agents.host.environment.goal import GoalDeadlines, GoalTrack, RosGoalRun, RosRequest
+from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.subscriptions import Heartbeats, LatchedTopic, open_inbox
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.local_time import LocalTime, local_time
+from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import Binding, NodeSpec
@@ -76,6 +80,7 @@ class RosEnvironment:
     Args:
         node: The host's node; there is one client for each name.
         wake: Called when something has arrived that a leaf may wait for.
+        open_goals: Where the goals that are sent stand until their end is confirmed.
         space: The scene parameters.
         agent: Returns the name of the agent whose tree is running.
         scene: Returns the scene of its run as awarded.
@@ -86,6 +91,7 @@ class RosEnvironment:
         node: Node,
         wake: Callable[[], None],
         *,
+        open_goals: OpenGoalList,
         space: SceneSpace,
         agent: Callable[[], str],
         scene: Callable[[], SceneMsg] = SceneMsg,
@@ -93,6 +99,7 @@ class RosEnvironment:
         self.clock = TreeClock(node)
         self._node = node
         self._wake = wake
+        self._open_goals = open_goals
         self._space = space
         self._agent = agent
         self._scene = scene
@@ -178,6 +185,8 @@ class RosEnvironment:
                 track,
                 reschedule=reschedule,
                 wake=self._wake,
+                identity=self._identify(goal),
+                open_goals=self._open_goals,
                 feedback=goal.feedback,
                 warn=lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
             )
@@ -240,6 +249,13 @@ class RosEnvironment:
             self._client(binding.kind, binding.name, binding.type)
         if binding.heartbeat is not None:
             self._heartbeats.subscribe(binding.heartbeat)
+
+    def _identify(self, goal: SkillGoal) -> OpenGoal:
+        """Return what others have to know of a goal to cancel it."""
+        node = self._node
+        # rclpy does not remap actions.
+        action = expand_topic_name(goal.name, node.get_name(), node.get_namespace())
+        return OpenGoal(path=goal.sender, action=action, goal_id=uuid.uuid4().bytes)
 
     def _client(self, kind: BindingKind, name: str, type_name: str) -> Any:
         key = (kind, name, type_name)

@@ -100,7 +100,7 @@ def up(
             scenes=str(kept.scenes),
         ),
         components.scene_layer(trees, memory=memory),
-        components.host(trees, tags, bindings, str(kept.tunings), language),
+        components.host(trees, tags, bindings, str(kept.tunings), language, str(kept.open_goals)),
         components.feedback(trees, ledger=profiles),
     ]
     if selector:

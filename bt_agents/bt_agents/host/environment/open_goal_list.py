@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Open goals of this host: published and stored before each is sent, and when each has ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+
+from bt_agents.host.environment.open_goals_file import OpenGoalsFile
+from bt_agents_core.open_goals import MOST_OPEN_GOALS, OpenGoal
+from bt_agents_interfaces.msg import OpenGoal as OpenGoalMsg
+from bt_agents_interfaces.msg import OpenGoals
+from bt_agents_ros import qos
+
+_LOG_PERIOD_S = 30.0
+
+
+class OpenGoalList:
+    """Topic ``open_goals`` of a host, and the file in which its list outlives it.
+
+    A goal is in the list before it is sent, so that whoever kills the host in between leaves at
+    worst the id of a goal that no server knows.
+
+    Args:
+        node: The host's node.
+        instance: This start of the host.
+        run: Returns the goal of the run under way; None without one.
+        file: None keeps the list in memory.
+    """
+
+    def __init__(
+        self, node: Node, instance: str, run: Callable[[], Any], file: OpenGoalsFile | None = None
+    ) -> None:
+        self._node = node
+        self._run = run
+        self._file = file
+        self._goals: dict[bytes, tuple[OpenGoal, OpenGoalMsg]] = {}
+        self._message = OpenGoals(
+            host=str(node.get_fully_qualified_name()),
+            host_instance=instance,
+            heartbeat=node.resolve_topic_name("~/heartbeat"),
+        )
+        self._publisher = node.create_publisher(OpenGoals, "open_goals", qos.FACT)
+        self._publisher.publish(self._message)
+
+    def add(self, goal: OpenGoal) -> None:
+        """Add a goal that is about to be sent."""
+        message = OpenGoalMsg(path=goal.path, action=goal.action, goal_id=list(goal.goal_id))
+        self._goals[goal.goal_id] = goal, message
+        run = self._run()
+        if run is not None:
+            self._message.epoch, self._message.round = run.epoch, run.round
+        self._report()
+
+    def remove(self, goal_id: bytes) -> None:
+        """Remove a goal whose end is confirmed, or which nobody follows any more, if it is in."""
+        if self._goals.pop(goal_id, None) is not None:
+            self._report()
+
+    def _report(self) -> None:
+        # The latest ones, as they are the likeliest to be under way.
+        named = list(self._goals.values())[-MOST_OPEN_GOALS:]
+        self._message.goals = [message for _, message in named]
+        self._publisher.publish(self._message)
+        if self._file is None:
+            return
+        try:
+            self._file.write([goal for goal, _ in named])
+        except OSError as error:
+            self._node.get_logger().error(
+                f"open goals are not kept over a restart of this host: {error}",
+                throttle_duration_sec=_LOG_PERIOD_S,
+            )

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""File of the open goals of a host, from which a later start of it learns what to cancel."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import zlib
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import MOST_OPEN_GOALS, OpenGoal
+
+_RECORD_BYTES = 128 * 1024
+
+
+class OpenGoalsFile:
+    """File with two records, written in turn, so that one is whole whenever the process is killed.
+
+    It is written within a tick, in a few microseconds: neither flushed to the disk nor replaced,
+    for which a disk may take its time. The process that has it open holds it; a second one neither
+    reads nor writes it.
+
+    Args:
+        path: The file; made, with its folder, when it is not there.
+
+    Raises:
+        OSError: It cannot be opened, or another process holds it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._sequence = 0
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._file)
+            raise
+
+    def read(self) -> tuple[OpenGoal, ...]:
+        """Return what an earlier start has left open; nothing from a file that is damaged."""
+        records = [_read(os.pread(self._file, _RECORD_BYTES, at)) for at in (0, _RECORD_BYTES)]
+        self._sequence, goals = max(records, key=lambda record: record[0])
+        return goals
+
+    def write(self, goals: Sequence[OpenGoal]) -> None:
+        """Write what is open now.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        self._sequence += 1
+        named = [[one.path, one.action, one.goal_id.hex()] for one in goals]
+        text = json.dumps([self._sequence, named], ensure_ascii=False).encode()
+        record = b"%08x %s\n" % (zlib.crc32(text), text)
+        os.pwrite(self._file, record, (self._sequence % 2) * _RECORD_BYTES)
+
+    def close(self) -> None:
+        """Let another process have it."""
+        os.close(self._file)
+
+
+def _read(record: bytes) -> tuple[int, tuple[OpenGoal, ...]]:
+    """Return the number of a record and its goals; 0 and none of one that is not whole."""
+    line, _, _ = record.partition(b"\n")
+    checksum, _, text = line.partition(b" ")
+    with suppress(ValueError, TypeError, Refused, RecursionError):
+        if int(checksum, 16) == zlib.crc32(text):
+            sequence, named = json.loads(text)
+            goals = tuple(
+                OpenGoal(path=path, action=action, goal_id=bytes.fromhex(goal_id))
+                for path, action, goal_id in named[:MOST_OPEN_GOALS]
+            )
+            return int(sequence), goals
+    return 0, ()

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Open goals: what a host has sent and what has not ended, so that others can end it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.text import printable_line
+
+MOST_OPEN_GOALS = 100
+"""Open goals of one host that are named to others; of more, the latest ones."""
+
+LONGEST_NAME = 180
+"""Longest name of an action, a host or a topic [characters]."""
+
+TAKEOVER_S = 3.0
+"""Time for the goals of a host that is gone to end after they were cancelled [s]."""
+
+_LONGEST_PATH = 200
+_ACTION = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
+_ID_BYTES = 16
+_SHOWN = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenGoal:
+    """A goal of an action that has been sent and whose end is not confirmed.
+
+    Attributes:
+        path: Node of the tree that sent it, for people; on one line, and cut when it is too long.
+        action: Fully qualified name of the action.
+        goal_id: Its id, 16 bytes.
+
+    Raises:
+        Refused: ``BAD_GOAL``. All zeros would be an id that stands for every goal of a server.
+    """
+
+    path: str
+    action: str
+    goal_id: bytes
+
+    def __post_init__(self) -> None:
+        """Check the name and the id, which may come from outside."""
+        object.__setattr__(self, "path", printable_line(self.path[:_LONGEST_PATH]))
+        if len(self.action) > LONGEST_NAME or not _ACTION.fullmatch(self.action):
+            found = printable_line(self.action[:LONGEST_NAME])
+            raise Refused(
+                "BAD_GOAL",
+                f"the action of a goal is '{found}', expected a fully qualified name of at most "
+                f"{LONGEST_NAME} characters such as /drive",
+            )
+        if len(self.goal_id) != _ID_BYTES or not any(self.goal_id):
+            raise Refused(
+                "BAD_GOAL",
+                f"the id of a goal of {self.action} is '{self.goal_id[:_ID_BYTES].hex()}', "
+                f"expected {_ID_BYTES} bytes that are not all zero",
+            )
+
+    def __str__(self) -> str:
+        return f"{self.action} ({self.path})" if self.path else self.action
+
+
+def name_goals(goals: Iterable[OpenGoal]) -> str:
+    """Format goals for people; of many the first ones."""
+    names = [str(goal) for goal in goals]
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which goals of the robot have lost their host; without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from bt_agents_core.liveness import STALL_S, extended_after_stall
+
+MOST_HOSTS = 20
+"""Hosts that are watched; one more takes the place of one that is gone, if any is."""
+
+
+@dataclass(eq=False, kw_only=True)
+class _Host:
+    """A host: its start, the ids of its open goals, and when it was heard last."""
+
+    instance: str
+    goals: frozenset[bytes]
+    heard_at: float
+
+
+class HostWatch:
+    """Watch over the hosts whose goals are performed; all times are steady times [s].
+
+    A goal that no host has named, as of a person at a command line, has nobody to lose.
+
+    Attributes:
+        lease_s: How long a host may be silent.
+    """
+
+    def __init__(self, lease_s: float, now: float) -> None:
+        self.lease_s = lease_s
+        self._hosts: dict[str, _Host] = {}
+        self._orphans: frozenset[bytes] = frozenset()
+        self._polled_at = now
+
+    @property
+    def hosts(self) -> Collection[str]:
+        """The hosts whose heartbeats have to be heard."""
+        return self._hosts.keys()
+
+    def on_open_goals(
+        self, host: str, instance: str, goals: Collection[bytes], now: float
+    ) -> None:
+        """Handle what a host has open.
+
+        A new start of a host has nothing to do with the goals of the one before.
+        """
+        known = self._hosts.get(host)
+        if known is None and len(self._hosts) >= MOST_HOSTS:
+            longest = min(self._hosts, key=lambda name: self._hosts[name].heard_at)
+            if now - self._hosts[longest].heard_at < self.lease_s:
+                return
+            del self._hosts[longest]
+        if known is not None and known.instance != instance:
+            self._orphans |= known.goals
+        self._hosts[host] = _Host(instance=instance, goals=frozenset(goals), heard_at=now)
+
+    def on_heartbeat(self, host: str, instance: str, now: float) -> None:
+        """Handle a sign of life; that of another start of the host is none."""
+        known = self._hosts.get(host)
+        if known is not None and known.instance == instance:
+            known.heard_at = now
+
+    def lost(self, now: float) -> dict[bytes, str]:
+        """Return the goals whose host is gone, with the reason; polled ten times a second."""
+        if now - self._polled_at > STALL_S:
+            # The robot itself was held up; what its hosts have sent still waits to be read.
+            for host in self._hosts.values():
+                host.heard_at = extended_after_stall(
+                    host.heard_at, self.lease_s, self._polled_at, now
+                )
+        self._polled_at = now
+        found = dict.fromkeys(self._orphans, "its host was started anew")
+        self._orphans = frozenset()
+        for name, host in self._hosts.items():
+            silent_s = now - host.heard_at
+            if silent_s >= self.lease_s:
+                found |= dict.fromkeys(
+                    host.goals, f"its host {name} has been silent for {silent_s:.1f} s"
+                )
+        return found

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cancellation of goals that another process has sent, at servers whose action type is unknown.
+
+Every action server has a service that cancels a goal by its id and a latched topic with the states
+of its goals, both of one type for all actions.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from action_msgs.msg import GoalStatus, GoalStatusArray
+from action_msgs.srv import CancelGoal
+from rclpy.node import Node
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import LONGEST_NAME, MOST_OPEN_GOALS, OpenGoal
+from bt_agents_interfaces.msg import OpenGoals
+from bt_agents_ros import qos
+from bt_agents_ros.timers import steady_timer
+
+CANCEL_AGAIN_S = 0.25
+"""Time after which a goal is cancelled once more [s]: what the graph shows may be dead."""
+
+MOST_CANCELLED = 500
+"""Goals that are cancelled at one time; more are reported as not confirmed."""
+
+_POLL_S = 0.01
+_ENDS = (GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED)
+
+
+class CancelledGoal:
+    """State machine of one goal, from its first cancel until its server has surely ended it.
+
+    =========================================== ===============================================
+    event                                       what follows
+    =========================================== ===============================================
+    its server is there                         cancel, again every :data:`CANCEL_AGAIN_S`
+    a list of states with its end               ended
+    answer: unknown, twice in a row             ended; once may mean that it is not accepted yet
+    answer: terminated, twice in a row, while   ended long ago; without a list it may as well be
+    the list of states is without it            told to stop already
+    any other answer, or none                   nothing: it may end by itself
+    =========================================== ===============================================
+
+    Attributes:
+        ended: Whether its server does nothing for it any more.
+    """
+
+    def __init__(self) -> None:
+        self.ended = False
+        self._gone = 0
+        self._is_listed: bool | None = None
+        self._cancel_at = 0.0
+
+    def take_cancel(self, now: float) -> bool:
+        """Return whether to send a cancel now, where its server is there; steady time [s]."""
+        due = not self.ended and now >= self._cancel_at
+        if due:
+            self._cancel_at = now + CANCEL_AGAIN_S
+        return due
+
+    def on_answer(self, return_code: int) -> None:
+        """Handle the answer to a cancel, as in ``CancelGoal.srv``."""
+        terminated = return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
+        is_gone = return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID or (
+            terminated and self._is_listed is False
+        )
+        self._gone = self._gone + 1 if is_gone else 0
+        self.ended = self.ended or self._gone > 1
+
+    def on_states(self, status: int | None) -> None:
+        """Handle a list of states, with that of the goal; None when it is not in the list."""
+        self._is_listed = status is not None
+        self.ended = self.ended or status in _ENDS
+
+
+@dataclass(eq=False, kw_only=True)
+class _Server:
+    """Client and subscription of the server of one action, and its goals."""
+
+    client: Any
+    states: Any
+    goals: list[tuple[OpenGoal, CancelledGoal]] = field(default_factory=list)
+    pending: list[Any] = field(default_factory=list)
+
+
+@dataclass(eq=False, kw_only=True)
+class _Cancellation:
+    """Goals that are cancelled together.
+
+    Attributes:
+        due: When to give up, steady time [s].
+        overdue: True once a poll has found that so; the next one decides, as after a stall the
+            timer comes before the messages.
+    """
+
+    goals: list[tuple[OpenGoal, CancelledGoal]]
+    servers: list[_Server]
+    due: float
+    on_end: Callable[[tuple[OpenGoal, ...]], None]
+    overdue: bool = False
+
+
+class GoalCanceller:
+    """Cancels goals at their servers; call it from the executor's thread only."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._open: list[_Cancellation] = []
+        self._timer = steady_timer(node, _POLL_S, self._poll, running=False)
+
+    def cancel(
+        self,
+        goals: Sequence[OpenGoal],
+        *,
+        within_s: float,
+        on_end: Callable[[tuple[OpenGoal, ...]], None],
+    ) -> None:
+        """Cancel goals, and call back once.
+
+        That is as soon as all have ended, and ``within_s`` seconds from now at the latest.
+        ``on_end`` takes those that are not confirmed to have ended.
+        """
+        tracked = [(goal, CancelledGoal()) for goal in goals]
+        room = MOST_CANCELLED - sum(len(one.goals) for one in self._open)
+        servers: dict[str, _Server | None] = {}
+        for goal, track in tracked[: max(0, room)]:
+            if goal.action not in servers:
+                servers[goal.action] = self._connect(goal.action)
+            server = servers[goal.action]
+            if server is not None:
+                server.goals.append((goal, track))
+        self._open.append(
+            _Cancellation(
+                goals=tracked,
+                servers=[server for server in servers.values() if server is not None],
+                due=time.monotonic() + within_s,
+                on_end=on_end,
+            )
+        )
+        self._timer.reset()
+
+    def _connect(self, action: str) -> _Server | None:
+        """Return a connection to a server; None where the name cannot be used."""
+        client = None
+        try:
+            client = self._node.create_client(
+                CancelGoal, f"{action}/_action/cancel_goal", qos_profile=qos.SERVICE
+            )
+            server = _Server(client=client, states=None)
+            server.states = self._node.create_subscription(
+                GoalStatusArray, f"{action}/_action/status", partial(_on_states, server), qos.FACT
+            )
+        except Exception as error:
+            # The name comes from outside; rclpy has no common root for what it makes of bad ones.
+            if client is not None:
+                self._node.destroy_client(client)
+            self._node.get_logger().warning(f"goals of {action} cannot be cancelled: {error}")
+            return None
+        return server
+
+    def _poll(self) -> None:
+        now = time.monotonic()
+        for cancellation in list(self._open):
+            for server in cancellation.servers:
+                self._send(server, now)
+            unconfirmed = tuple(goal for goal, track in cancellation.goals if not track.ended)
+            if not unconfirmed or (now >= cancellation.due and cancellation.overdue):
+                self._end(cancellation, unconfirmed)
+            cancellation.overdue = now >= cancellation.due
+        if not self._open:
+            self._timer.cancel()
+
+    def _send(self, server: _Server, now: float) -> None:
+        if not server.client.service_is_ready():
+            return
+        for goal, track in server.goals:
+            if track.take_cancel(now):
+                request = CancelGoal.Request()
+                request.goal_info.goal_id.uuid = list(goal.goal_id)
+                future = server.client.call_async(request)
+                server.pending.append(future)
+                future.add_done_callback(partial(_on_answer, server, track))
+
+    def _end(self, cancellation: _Cancellation, unconfirmed: tuple[OpenGoal, ...]) -> None:
+        self._open.remove(cancellation)
+        for server in cancellation.servers:
+            for future in server.pending:
+                server.client.remove_pending_request(future)
+            self._node.destroy_client(server.client)
+            self._node.destroy_subscription(server.states)
+        cancellation.on_end(unconfirmed)
+
+
+def open_goals_from_msg(message: OpenGoals) -> tuple[OpenGoal, ...]:
+    """Return the goals that a host has open.
+
+    Raises:
+        Refused: ``LONG_NAME``, ``TOO_MANY_GOALS`` or ``BAD_GOAL``.
+    """
+    for name in (message.host, message.host_instance, message.heartbeat):
+        if len(name) > LONGEST_NAME:
+            raise Refused(
+                "LONG_NAME",
+                f"a host, its start or its heartbeat has a name of {len(name)} characters, "
+                f"expected {LONGEST_NAME} at most",
+            )
+    if len(message.goals) > MOST_OPEN_GOALS:
+        raise Refused(
+            "TOO_MANY_GOALS",
+            f"a host names {len(message.goals)} open goals, expected {MOST_OPEN_GOALS} at most",
+        )
+    return tuple(
+        OpenGoal(path=one.path, action=one.action, goal_id=bytes(one.goal_id))
+        for one in message.goals
+    )
+
+
+def _on_answer(server: _Server, track: CancelledGoal, future: Any) -> None:
+    if future not in server.pending:
+        return
+    server.pending.remove(future)
+    # An answer that cannot be read is none.
+    if not future.cancelled() and future.exception() is None and future.result() is not None:
+        track.on_answer(future.result().return_code)
+
+
+def _on_states(server: _Server, message: GoalStatusArray) -> None:
+    states = {bytes(one.goal_info.goal_id.uuid): one.status for one in message.status_list}
+    for goal, track in server.goals:
+        track.on_states(states.get(goal.goal_id))

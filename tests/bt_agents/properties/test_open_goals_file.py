@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""File of open goals: what is read is what was written, whenever the writer was killed."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bt_agents.host.environment.open_goals_file import OpenGoalsFile
+from bt_agents_core.open_goals import MOST_OPEN_GOALS, OpenGoal
+
+ids = st.binary(min_size=16, max_size=16).filter(any)
+goals = st.builds(
+    OpenGoal,
+    path=st.text(max_size=300),
+    action=st.from_regex(r"(/[A-Za-z_][A-Za-z0-9_]{0,20}){1,3}", fullmatch=True),
+    goal_id=ids,
+)
+lists = st.lists(goals, max_size=5)
+
+
+def reread(path: Path) -> tuple[OpenGoal, ...]:
+    file = OpenGoalsFile(path)
+    try:
+        return file.read()
+    finally:
+        file.close()
+
+
+def write_all(path: Path, written: list[list[OpenGoal]]) -> None:
+    file = OpenGoalsFile(path)
+    file.read()
+    for one in written:
+        file.write(one)
+    file.close()
+
+
+@given(starts=st.lists(st.lists(lists, max_size=4), min_size=1, max_size=3))
+def test_a_later_start_reads_what_was_written_last(starts: list[list[list[OpenGoal]]]):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "state" / "open-goals"
+        last: list[OpenGoal] = []
+        for written in starts:
+            write_all(path, written)
+            last = [*last] if not written else written[-1]
+            assert list(reread(path)) == last
+
+
+@given(written=st.lists(lists, min_size=2, max_size=4), torn=lists, data=st.data())
+def test_a_write_that_was_torn_leaves_the_list_before_it(
+    written: list[list[OpenGoal]], torn: list[OpenGoal], data: st.DataObject
+):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "open-goals"
+        write_all(path, written)
+        before = path.read_bytes()
+        write_all(path, [torn])
+        after = path.read_bytes().ljust(len(before), b"\0")
+        before = before.ljust(len(after), b"\0")
+        changed = [at for at in range(len(after)) if before[at] != after[at]]
+        cut = data.draw(st.integers(0, len(changed)))
+        # Bytes are written in order, so a kill leaves a first part of them.
+        mixed = bytearray(before)
+        for at in changed[:cut]:
+            mixed[at] = after[at]
+        path.write_bytes(mixed)
+        expected = (written[-1], torn) if cut == len(changed) else (written[-1],)
+        assert list(reread(path)) in expected
+
+
+@given(damage=st.binary(max_size=400))
+def test_a_damaged_file_holds_nothing(damage: bytes):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "open-goals"
+        path.write_bytes(damage)
+        assert reread(path) == ()
+
+
+def test_as_many_goals_as_are_named_have_room(tmp_path: Path):
+    many = [
+        OpenGoal(
+            path="😀" * 200,
+            action="/" + "a" * 170,
+            goal_id=bytes([1 + n // 200, n % 200, *([7] * 14)]),
+        )
+        for n in range(MOST_OPEN_GOALS)
+    ]
+    write_all(tmp_path / "f", [many, many[1:]])
+    assert list(reread(tmp_path / "f")) == many[1:]
+    with (tmp_path / "f").open("r+b") as opened:
+        opened.seek(0)
+        opened.write(b"x")
+    assert list(reread(tmp_path / "f")) in (many, many[1:])
+
+
+def test_it_is_held_by_one_process_and_readable_by_its_user_alone(tmp_path: Path):
+    first = OpenGoalsFile(tmp_path / "f")
+    with pytest.raises(OSError, match="temporarily unavailable"):
+        OpenGoalsFile(tmp_path / "f")
+    first.close()
+    OpenGoalsFile(tmp_path / "f").close()
+    assert stat.S_IMODE(os.stat(tmp_path / "f").st_mode) == 0o600

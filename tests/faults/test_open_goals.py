@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a killed host has left the robot to do ends before another agent acts."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus, GoalStatusArray
+
+from bt_agents_interfaces.msg import MarketStatus, OpenGoals, Run
+from bt_agents_ros import qos
+from bt_agents_tools.launcher import components
+from processes import BEATS_A_SECOND, ROOT, NodeProcess, Pulse, System, write_trees
+
+pytestmark = pytest.mark.e2e
+
+LEO, MIRA = 4.5, 2.0
+KILLS = int(os.environ.get("BT_AGENTS_KILLS", "4"))
+"""How often a host is killed in the test that kills at random moments."""
+
+UNDER_WAY = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING)
+
+
+def two_hosts(
+    system: System, tmp_path: Path, **parameters: float
+) -> tuple[NodeProcess, NodeProcess, NodeProcess]:
+    """Start a market and two hosts with a file each; return them. A scene of age 5 is leo's."""
+    first = write_trees(tmp_path / "a", leo=(LEO, "say: leo speaks"))
+    second = write_trees(tmp_path / "b", mira=(MIRA, "say: mira speaks"))
+    market = system.market(first, collect_deadline=0.05, bid_deadline=5.0, **parameters)
+    hosts = (
+        system.host("agents_a", first, tmp_path / "a" / "open-goals"),
+        system.host("agents_b", second, tmp_path / "b" / "open-goals"),
+    )
+    system.until_ready(hosts=2, agents=2)
+    return market, *hosts
+
+
+def old_person(system: System, scene_id: str) -> None:
+    system.scene(scene_id, age=5, familiarity=3, mood=3)
+
+
+def test_the_next_agent_speaks_only_when_the_sentence_of_a_killed_host_has_ended(
+    system: System, tmp_path: Path
+) -> None:
+    _, host, _ = two_hosts(system, tmp_path)
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    host.kill()
+    system.until(lambda: "mira speaks" in system.mouth.speaking, "mira speaks")
+    system.until(lambda: system.started("mira"), "the news of mira's start")
+    leo, mira = system.mouth.sentences
+    assert (leo.how, mira.beside) == ("cancelled", ())
+    [lost] = system.ended("leo")
+    assert (lost.outcome, list(lost.orphans)) == (Run.LOST, ["tree"])
+    assert system.started("mira")[0].message == "the host took the run"
+    system.mouth.finish()
+    assert system.until_end_of("s1").code == "SUCCEEDED"
+
+
+@pytest.mark.parametrize("server", ["refuses", "hangs"])
+def test_a_server_that_does_not_stop_is_waited_for_only_so_long_and_the_next_run_says_so(
+    system: System, tmp_path: Path, server: str
+) -> None:
+    _, host, _ = two_hosts(system, tmp_path, takeover_deadline=1.0)
+    pulse = system.pulse("agents_b")
+    system.mouth.on_cancel = server
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    host.kill()
+    system.until(lambda: system.ended("leo"), "leo is lost")
+    lost_at = pulse.count
+    waiting = "goals of /agents_a are being cancelled: /say (tree)"
+    system.until(
+        lambda: any(waiting in status.message for status in system.statuses), "the market waits"
+    )
+    assert system.mouth.texts == ["leo speaks"]
+    system.until(lambda: system.started("mira"), "mira's start")
+    assert BEATS_A_SECOND // 2 <= pulse.count - lost_at <= 3 * BEATS_A_SECOND
+    unconfirmed = "not confirmed to have ended: /say (tree) of /agents_a"
+    assert unconfirmed in system.started("mira")[0].message
+    system.until(
+        lambda: any(
+            status.message == f"mira is running; {unconfirmed}" for status in system.statuses
+        ),
+        "the status says so",
+    )
+    if server == "refuses":
+        system.until_speaking("leo speaks", "mira speaks")
+
+
+def test_a_host_that_is_started_again_ends_what_it_had_open_without_any_market(
+    system: System, tmp_path: Path
+) -> None:
+    market, host, _ = two_hosts(system, tmp_path)
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    host.kill()
+    epoch = system.kill_market(market)
+    assert system.mouth.speaking == ["leo speaks"]
+    host.start()
+    system.until_speaking()
+    assert system.mouth.sentences[0].how == "cancelled"
+    market.start()
+    system.until_ready(hosts=2, agents=2, after=epoch)
+    old_person(system, "s2")
+    system.until_speaking("leo speaks")
+    assert system.mouth.sentences[-1].beside == ()
+
+
+@pytest.mark.parametrize("server", ["stops", "refuses"])
+def test_a_host_that_is_started_again_registers_when_what_it_had_open_has_ended_or_never_will(
+    system: System, tmp_path: Path, server: str
+) -> None:
+    _, host, _ = two_hosts(system, tmp_path, takeover_deadline=0.5)
+    pulse = system.pulse("agents_a")
+    system.mouth.on_cancel = server
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    host.kill()
+    system.until(lambda: system.ended("leo"), "leo is lost")
+    system.until(lambda: not pulse.count or system.statuses[-1].hosts == 1, "one host is left")
+    before = pulse.count
+    host.start()
+    system.until(lambda: system.statuses[-1].hosts == 2, "it is registered again")
+    # It beats while it waits.
+    waited = pulse.count - before
+    assert waited <= 5 * BEATS_A_SECOND
+    if server == "refuses":
+        assert waited >= 2 * BEATS_A_SECOND
+        assert "their servers have not confirmed their end: /say (tree)" in host.said
+
+
+def test_a_second_process_of_a_host_leaves_the_goals_of_the_first_alone(
+    system: System, tmp_path: Path
+) -> None:
+    two_hosts(system, tmp_path)
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    second = system.host("agents_a", tmp_path / "a", tmp_path / "a" / "open-goals")
+    system.until(lambda: "HOST_EXISTS" in second.said, "the refusal of the second")
+    assert "open-goals cannot be used" in second.said
+    assert system.mouth.speaking == ["leo speaks"]
+
+
+def drivers(system: System, tmp_path: Path) -> tuple[dict[str, NodeProcess], NodeProcess, Any]:
+    """Start two hosts whose agents drive the simulated robot; return all, and what it does."""
+    folders = {}
+    for name, agent, age in (("agents_a", "leo", LEO), ("agents_b", "mira", MIRA)):
+        folders[name] = write_trees(tmp_path / name, **{agent: (age, f"drive: to {agent}")})
+        shutil.rmtree(folders[name] / "skills")
+        shutil.copytree(ROOT / "trees" / "skills", folders[name] / "skills")
+    nodes = {"market": system.market(folders["agents_a"], collect_deadline=0.05, bid_deadline=5.0)}
+    robot = system.start(components.robot(pace=1.0, voice="off"))
+    for name, trees in folders.items():
+        nodes[name] = system.host(name, trees, trees / "open-goals")
+    states: list[GoalStatusArray] = system.ros.collect(
+        GoalStatusArray, "drive/_action/status", qos.FACTS
+    )
+    system.until_ready(hosts=2, agents=2)
+    return nodes, robot, states
+
+
+def until_driving(system: System, pulses: Sequence[Pulse], name: str, age: float) -> Run:
+    """Put a scene on the market until it has one; return the start of its run."""
+    begun, asked = len(system.started()), itertools.count()
+    due = 0
+
+    def started() -> bool:
+        nonlocal due
+        beats = sum(pulse.count for pulse in pulses)
+        # A market that has just been started may not be heard by the probe yet.
+        if beats >= due and system.statuses[-1].state == MarketStatus.IDLE:
+            due = beats + 2 * BEATS_A_SECOND
+            system.scene(f"{name}.{next(asked)}", age=age, familiarity=3, mood=3)
+        return len(system.started()) > begun
+
+    system.until(started, f"a start for scene {name}")
+    return system.started()[begun]
+
+
+def until_idle(system: System, after: str) -> None:
+    """Wait for a market other than ``after`` that has both hosts and nothing to do."""
+
+    def idle() -> bool:
+        last = system.statuses[-1]
+        return (last.hosts, last.state) == (2, MarketStatus.IDLE) and last.epoch != after
+
+    system.until(idle, "an idle market with both hosts")
+
+
+def test_whenever_a_host_or_the_market_with_it_is_killed_no_two_agents_drive_at_a_time(
+    system: System, tmp_path: Path
+) -> None:
+    nodes, robot, states = drivers(system, tmp_path)
+    pulses = system.pulse("agents_a"), system.pulse("agents_b")
+    luck = random.Random(KILLS)
+    hosts_of = {"leo": nodes["agents_a"], "mira": nodes["agents_b"]}
+    for number in range(KILLS):
+        run = until_driving(system, pulses, f"s{number}", luck.choice([5.0, 1.0]))
+        # From before the goal has reached the robot to near the end of the drive, which takes 3 s.
+        system.ros.turns(luck.randrange(60))
+        host, both = hosts_of[run.agent], luck.random() < 0.3
+        host.kill()
+        if both:
+            nodes["market"].kill()
+            nodes["market"].start()
+        else:
+            system.until(
+                lambda run=run: any(
+                    (one.epoch, one.round) == (run.epoch, run.round) for one in system.ended()
+                ),
+                "the run is lost",
+            )
+        host.start()
+        until_idle(system, after=run.epoch if both else "")
+    driven = {
+        bytes(one.goal_info.goal_id.uuid) for message in states for one in message.status_list
+    }
+    assert len(driven) > KILLS // 2
+    together = [
+        message
+        for message in states
+        if sum(one.status in UNDER_WAY for one in message.status_list) > 1
+    ]
+    assert together == []
+    assert "the robot is driving" not in robot.said
+    print(f"{KILLS} kills, {len(driven)} drives, {len(system.started())} runs, no overlap")
+
+
+def test_a_host_says_what_it_has_open_before_it_asks_for_it_and_that_nothing_is_open_after(
+    system: System, tmp_path: Path
+) -> None:
+    said: list[OpenGoals] = system.ros.collect(OpenGoals, "open_goals", qos.FACTS)
+    two_hosts(system, tmp_path)
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    system.mouth.finish()
+    system.until_end_of("s1")
+    of_leo: list[OpenGoals] = []
+
+    def told() -> bool:
+        of_leo[:] = [message for message in said if message.host == "/agents_a"]
+        return len(of_leo) > 1 and not of_leo[-1].goals
+
+    system.until(told, "leo's host has nothing open")
+    [named] = [message for message in of_leo if message.goals]
+    [goal] = named.goals
+    [sentence] = system.mouth.sentences
+    assert bytes(goal.goal_id) == bytes(sentence.goal.goal_id.uuid)
+    assert (goal.path, goal.action) == ("tree", "/say")
+    assert named.heartbeat == "/agents_a/heartbeat"
+    assert (named.epoch, named.round) == (system.epoch, 1)

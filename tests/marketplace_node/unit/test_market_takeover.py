@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals that a dead host has left open: nobody acts before they have ended."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents_core.open_goals import OpenGoal
+from market_harness import EXPRESS, GUIDE, Driver
+from marketplace_node.effects import Alarm, AnnounceRun, CancelOpenGoals, SendGoal, State
+from marketplace_node.goal_takeover import MOST_STARTS, GoalTakeover
+
+A, B = "/a", "/b"
+DRIVE = OpenGoal(path="tree/1.drive", action="/drive", goal_id=b"1" * 16)
+SAY = OpenGoal(path="tree/2.say", action="/say", goal_id=b"2" * 16)
+WAITS = f"{EXPRESS} gets the run, but goals of {A} are being cancelled: /drive (tree/1.drive)"
+
+
+@pytest.fixture
+def two() -> Driver:
+    """Return a market whose guide at one host drives, with an express at another host."""
+    driver = Driver()
+    driver.register(A, GUIDE)
+    driver.register(B, EXPRESS)
+    driver.scene("s1")
+    bid_of_a(driver)
+    bid_of_b(driver)
+    driver.accept()
+    opens(driver, A, DRIVE)
+    return driver
+
+
+def bid_of_a(market: Driver) -> None:
+    market.bid(A, {GUIDE: (4.0, 1.5, 3.0)})
+
+
+def bid_of_b(market: Driver) -> None:
+    market.bid(B, {EXPRESS: (3.0, 5.0, 3.5)})
+
+
+def opens(market: Driver, host: str, *goals: OpenGoal, instance: str = "first") -> None:
+    market.do(market.market.open_goals(host, instance, goals, market.now))
+
+
+def goals_end(market: Driver, *unconfirmed: OpenGoal, host: str = A) -> None:
+    market.do(market.market.goals_cancelled(host, "first", unconfirmed, market.now))
+
+
+def starts(market: Driver) -> list[str]:
+    return [effect.goal.agent for effect in market.all(SendGoal)]
+
+
+def test_the_next_agent_gets_its_run_when_what_the_dead_host_had_open_has_ended(two: Driver):
+    two.die(A)
+    two.wait(0.9)
+    assert two.all(CancelOpenGoals) == [
+        CancelOpenGoals(host=A, instance="first", goals=(DRIVE,), within_s=3.0)
+    ]
+    bid_of_b(two)
+    assert (two.status.state, two.status.message) == (State.AWARDING, WAITS)
+    assert starts(two) == [GUIDE]
+    goals_end(two)
+    assert starts(two) == [GUIDE, EXPRESS]
+    two.accept()
+    assert two.status.message == f"{EXPRESS} is running"
+
+
+def test_a_lost_run_names_the_nodes_whose_goals_may_go_on(two: Driver):
+    two.die(A)
+    two.wait(0.9)
+    [end] = [run for run in two.all(AnnounceRun) if run.outcome]
+    assert (end.outcome.name, end.orphans) == ("LOST", ("tree/1.drive",))
+
+
+def test_the_run_beside_goals_that_are_not_confirmed_says_so(two: Driver):
+    opens(two, A, DRIVE, SAY)
+    two.die(A)
+    two.wait(0.9)
+    bid_of_b(two)
+    goals_end(two, DRIVE)
+    two.accept()
+    beside = f"not confirmed to have ended: /drive (tree/1.drive) of {A}"
+    assert two.status.message == f"{EXPRESS} is running; {beside}"
+    assert two.all(AnnounceRun)[-1].message == f"the host took the run; {beside}"
+    assert two.all(Alarm)[-1].message == (
+        f"goals of {A} may go on, as their servers have not confirmed their end: "
+        "/drive (tree/1.drive)"
+    )
+    two.end()
+    two.collect()
+    two.scene("s2")
+    bid_of_b(two)
+    two.accept()
+    assert two.status.message == f"{EXPRESS} is running", "said once"
+
+
+def test_a_host_that_dies_with_nothing_open_is_not_waited_for(two: Driver):
+    opens(two, A)
+    two.die(A)
+    two.wait(0.9)
+    bid_of_b(two)
+    assert two.all(CancelOpenGoals) == []
+    assert starts(two) == [GUIDE, EXPRESS]
+
+
+def test_a_new_start_of_the_same_host_waits_as_well(two: Driver):
+    two.die(A)
+    two.wait(0.9)
+    two.register(A, GUIDE, instance="second")
+    goals = two.all(CancelOpenGoals)
+    assert [one.instance for one in goals] == ["first"]
+    bid_of_b(two)
+    two.cancel(round_number=0)
+    two.scene("s2")
+    bid_of_a(two)
+    bid_of_b(two)
+    assert starts(two) == [GUIDE]
+    goals_end(two)
+    assert starts(two) == [GUIDE, GUIDE]
+
+
+def test_a_host_that_dies_after_its_run_leaves_its_orphans_to_the_market(two: Driver):
+    two.end()
+    two.collect()
+    two.die(A)
+    two.wait(0.9)
+    assert [one.goals for one in two.all(CancelOpenGoals)] == [(DRIVE,)]
+    two.scene("s2")
+    bid_of_b(two)
+    assert two.status.message == WAITS
+
+
+def test_a_run_that_does_not_end_when_it_is_told_to_loses_its_goals(two: Driver):
+    two.cancel(again=True)
+    two.wait(14.1)
+    assert two.events[-1].endswith("ENDED LOST") or "LOST" in " ".join(two.events)
+    assert [one.goals for one in two.all(CancelOpenGoals)] == [(DRIVE,)]
+
+
+def test_what_a_start_opens_while_its_goals_are_cancelled_is_cancelled_next(two: Driver):
+    two.die(A)
+    two.wait(0.9)
+    bid_of_b(two)
+    # It comes from a host that hung, and is read late.
+    opens(two, A, SAY)
+    two.beat(A)
+    two.wait(0.9)
+    goals_end(two)
+    assert [one.goals for one in two.all(CancelOpenGoals)] == [(DRIVE,), (SAY,)]
+    assert starts(two) == [GUIDE]
+    goals_end(two)
+    assert starts(two) == [GUIDE, EXPRESS]
+
+
+def test_goals_of_a_start_that_was_never_registered_are_nobodys_to_cancel(two: Driver):
+    opens(two, "/stranger", SAY)
+    opens(two, A, SAY, instance="another")
+    two.wait(30.0)
+    assert two.all(CancelOpenGoals) == []
+
+
+def test_strangers_are_bounded_and_push_out_nobody_who_is_registered():
+    takeover = GoalTakeover()
+    takeover.store(A, "first", (DRIVE,))
+    assert takeover.lost(lambda host, _instance: host == A, 1.0) == []
+    for number in range(3 * MOST_STARTS):
+        takeover.store(f"/h{number}", "first", (SAY,))
+    assert len(takeover._open) == MOST_STARTS
+    [lost] = takeover.lost(lambda _host, _instance: False, 1.0)
+    assert (lost.host, lost.goals) == (A, (DRIVE,))
+
+
+def test_a_market_that_was_held_up_itself_takes_nothing_over_from_a_host_that_lives(two: Driver):
+    since = two.now
+    two.now += 5.0
+    two.beat(B, round_number=0)
+    two.do(two.market.extend_after_stall(since, two.now))
+    two.beat(A, round_number=1)
+    two.wait(1.0)
+    assert two.all(CancelOpenGoals) == []
+    assert two.status.message == f"{GUIDE} is running"

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals that another process has sent are cancelled, whatever their server does about it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionClient
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import MOST_OPEN_GOALS, OpenGoal
+from bt_agents_interfaces.action import Say
+from bt_agents_interfaces.msg import OpenGoal as OpenGoalMsg
+from bt_agents_interfaces.msg import OpenGoals
+from bt_agents_ros import qos
+from bt_agents_ros.goal_cancellation import (
+    CANCEL_AGAIN_S,
+    CancelledGoal,
+    GoalCanceller,
+    open_goals_from_msg,
+)
+from scripted_server import Script, ScriptedServer
+
+pytestmark = pytest.mark.ros
+
+ANSWER = CancelGoal.Response
+LONG_S, SHORT_S = 30.0, 0.6
+
+
+class Client:
+    """Sends goals, and cancels those of others by their ids alone."""
+
+    def __init__(self, ros: Any) -> None:
+        self.ros = ros
+        self.canceller = GoalCanceller(ros.node)
+        self.action = ActionClient(
+            ros.node,
+            Say,
+            "say",
+            goal_service_qos_profile=qos.SERVICE,
+            result_service_qos_profile=qos.SERVICE,
+            cancel_service_qos_profile=qos.SERVICE,
+        )
+        self.ends: list[tuple[OpenGoal, ...]] = []
+
+    def send(self) -> OpenGoal:
+        """Send a goal, and wait until it is accepted."""
+        self.ros.until(self.action.server_is_ready)
+        future = self.action.send_goal_async(Say.Goal(text="Hello."))
+        self.ros.until(future.done)
+        handle = future.result()
+        assert handle.accepted
+        return OpenGoal(path="tree", action="/say", goal_id=bytes(handle.goal_id.uuid))
+
+    def cancel(self, *goals: OpenGoal, within_s: float = LONG_S) -> tuple[OpenGoal, ...]:
+        """Cancel goals; return those that are not confirmed."""
+        self.canceller.cancel(goals, within_s=within_s, on_end=self.ends.append)
+        self.ros.until(lambda: self.ends)
+        [unconfirmed] = self.ends
+        return unconfirmed
+
+
+@pytest.fixture
+def client(ros: Any) -> Any:
+    subject = Client(ros)
+    yield subject
+    subject.action.destroy()
+
+
+def test_a_goal_is_stopped_by_its_id_and_its_end_is_waited_for(ros: Any, client: Client) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None, cancel_s=0.2))
+    stopped, other = client.send(), client.send()
+    assert client.cancel(stopped) == ()
+    assert [goal.outcome for goal in server.goals] == ["cancelled", ""]
+    assert other.goal_id != stopped.goal_id
+
+
+@pytest.mark.parametrize("on_cancel", ["refuses", "ignores", "hangs"])
+def test_a_server_that_does_not_stop_is_waited_for_only_so_long(
+    ros: Any, client: Client, on_cancel: str
+) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel=on_cancel))
+    goal = client.send()
+    assert client.cancel(goal, within_s=SHORT_S) == (goal,)
+    assert server.goals[0].cancels >= 1
+    assert server.goals[0].outcome == ""
+
+
+def test_a_goal_that_is_stopping_already_is_waited_for(ros: Any, client: Client) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
+    goal = client.send()
+    first = GoalCanceller(ros.node)
+    gone: list[Any] = []
+    first.cancel([goal], within_s=SHORT_S, on_end=gone.append)
+    ros.until(lambda: gone)
+    client.canceller.cancel([goal], within_s=LONG_S, on_end=client.ends.append)
+    ros.turns(60)
+    assert client.ends == [], "a server says of it that it is terminated, though it goes on"
+    server.goals[0].stop()
+    ros.until(lambda: client.ends)
+    assert client.ends == [()]
+
+
+def test_a_goal_that_has_ended_or_was_never_there_needs_no_waiting(
+    ros: Any, client: Client
+) -> None:
+    ScriptedServer(ros)
+    ended = client.send()
+    unknown = OpenGoal(path="tree", action="/say", goal_id=b"7" * 16)
+    assert client.cancel(ended, unknown) == ()
+
+
+def test_goals_of_a_server_that_is_not_there_are_not_confirmed(ros: Any, client: Client) -> None:
+    goal = OpenGoal(path="tree", action="/nobody", goal_id=b"7" * 16)
+    assert client.cancel(goal, within_s=SHORT_S) == (goal,)
+
+
+def test_a_name_that_ros_refuses_is_not_confirmed_and_the_others_are(
+    ros: Any, client: Client
+) -> None:
+    ScriptedServer(ros, script=Script(finish_s=None))
+    goal = client.send()
+    bad = OpenGoal(path="tree", action="/a__b", goal_id=b"7" * 16)
+    assert client.cancel(goal, bad, within_s=SHORT_S) == (bad,)
+
+
+def test_nothing_of_a_cancellation_is_left_on_the_node(ros: Any, client: Client) -> None:
+    ScriptedServer(ros, script=Script(finish_s=None))
+    goal = client.send()
+    before = (len(list(ros.node.clients)), len(list(ros.node.subscriptions)))
+    assert client.cancel(goal) == ()
+    assert (len(list(ros.node.clients)), len(list(ros.node.subscriptions))) == before
+
+
+def test_an_end_in_the_list_of_states_is_the_end() -> None:
+    for status in (
+        GoalStatus.STATUS_SUCCEEDED,
+        GoalStatus.STATUS_CANCELED,
+        GoalStatus.STATUS_ABORTED,
+    ):
+        goal = CancelledGoal()
+        goal.on_states(GoalStatus.STATUS_EXECUTING)
+        assert not goal.ended
+        goal.on_states(status)
+        assert goal.ended
+
+
+def test_unknown_counts_when_it_is_said_twice_in_a_row() -> None:
+    goal = CancelledGoal()
+    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
+    goal.on_answer(ANSWER.ERROR_NONE)
+    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
+    assert not goal.ended
+    goal.on_answer(ANSWER.ERROR_UNKNOWN_GOAL_ID)
+    assert goal.ended
+
+
+@pytest.mark.parametrize("listed", [None, GoalStatus.STATUS_CANCELING])
+def test_terminated_counts_only_of_a_goal_that_is_in_no_list(listed: int | None) -> None:
+    goal = CancelledGoal()
+    for _ in range(3):
+        goal.on_answer(ANSWER.ERROR_GOAL_TERMINATED)
+    assert not goal.ended, "without a list it may still be stopping"
+    goal.on_states(listed)
+    for _ in range(3):
+        goal.on_answer(ANSWER.ERROR_GOAL_TERMINATED)
+    assert goal.ended is (listed is None)
+
+
+def test_a_cancel_is_sent_again_until_the_end() -> None:
+    goal = CancelledGoal()
+    sent = [now for now in range(100, 110) if goal.take_cancel(now * CANCEL_AGAIN_S / 2)]
+    assert sent == [100, 102, 104, 106, 108]
+    goal.on_states(GoalStatus.STATUS_CANCELED)
+    assert not goal.take_cancel(1e9)
+
+
+@pytest.mark.parametrize(
+    ("message", "code"),
+    [
+        (OpenGoals(goals=[OpenGoalMsg(action="/say")]), "BAD_GOAL"),
+        (OpenGoals(goals=[OpenGoalMsg(action="say", goal_id=[1] * 16)]), "BAD_GOAL"),
+        (OpenGoals(goals=[OpenGoalMsg()] * (MOST_OPEN_GOALS + 1)), "TOO_MANY_GOALS"),
+        (OpenGoals(host="/" + "h" * 1000), "LONG_NAME"),
+        (OpenGoals(heartbeat="/" + "h" * 1000), "LONG_NAME"),
+    ],
+)
+def test_a_list_that_makes_no_sense_is_refused(message: OpenGoals, code: str) -> None:
+    with pytest.raises(Refused) as refused:
+        open_goals_from_msg(message)
+    assert refused.value.code == code
