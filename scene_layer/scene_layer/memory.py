@@ -13,6 +13,7 @@ from typing import Any
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.person_facts import Fact, fact, facts, has_type
+from bt_agents_core.private_files import make_private_file, make_private_folder
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 
 MOST_KNOWN = 1000
@@ -411,8 +412,8 @@ def save_memory(
     Raises:
         OSError: It cannot be written; the old one is still there.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch(mode=0o600)
+    make_private_folder(path.parent)
+    make_private_file(path)
     write_atomically(path, to_text(persons, places))
 
 

@@ -13,6 +13,7 @@ from datetime import date
 from pathlib import Path
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
+from bt_agents_core.private_files import make_private_folder
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, Write
 
 MOST_WAITING = 32_000_000
@@ -202,7 +203,7 @@ def _names(folder: Path) -> list[re.Match[str]]:
 
 def _locked(folder: Path) -> int:
     """Return a lock of a folder, which lasts until it is closed or its process ends."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_private_folder(folder)
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

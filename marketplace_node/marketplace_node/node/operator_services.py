@@ -12,6 +12,7 @@ from rclpy.task import Future
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import Refused
+from bt_agents_core.private_files import make_private_file, make_private_folder
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
@@ -110,8 +111,8 @@ class OverridesFile:
         self._worker.shutdown()
 
     def _write(self, text: str) -> None:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._path.touch()
+        make_private_folder(self._path.parent)
+        make_private_file(self._path)
         write_atomically(self._path, text)
 
     def _report(self, what: str) -> None:
