@@ -417,6 +417,37 @@ def save_memory(
     write_atomically(path, to_text(persons, places))
 
 
+def forget_in_file(path: Path, person: str) -> bool:
+    """Forget a person in a file that no scene layer has open; return whether any was known.
+
+    Raises:
+        DamagedMemoryError: It is one of ours, and damaged.
+        OSError: It cannot be read or written; the old one is still there.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return False
+    except UnicodeDecodeError as error:
+        raise DamagedMemoryError(f"{path} is not text: {error}") from None
+    if not text.strip():
+        return False
+    try:
+        document = json.loads(text)
+        known = document["persons"].pop(person, None) is not None
+        places = document["places"]
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise DamagedMemoryError(
+            f"{path} is not a memory of the scene layer, or damaged: remove it, or name another "
+            "one with --memory"
+        ) from None
+    if known:
+        rest = f"{_HEAD}{_json(document['persons'])}{_MIDDLE}{_json(places)}}}\n"
+        make_private_file(path)
+        write_atomically(path, rest)
+    return known
+
+
 def set_aside(path: Path) -> Path:
     """Give a damaged file another name; return it."""
     names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in range(MOST_KNOWN))

@@ -61,7 +61,7 @@ class DailyRecorder:
         self._bytes = 0
         self._trouble = ""
         self._date = today()
-        self._lock = _locked(folder)
+        self._lock = lock_folder(folder)
         try:
             self._file = self._open()
         except BaseException:
@@ -201,8 +201,12 @@ def _names(folder: Path) -> list[re.Match[str]]:
     return sorted(filter(None, matches), key=lambda match: match[0])
 
 
-def _locked(folder: Path) -> int:
-    """Return a lock of a folder, which lasts until it is closed or its process ends."""
+def lock_folder(folder: Path) -> int:
+    """Return a lock of a folder, which lasts until it is closed or its process ends.
+
+    Raises:
+        Refused: ``IN_USE``; a journal writes into the folder.
+    """
     make_private_folder(folder)
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:

@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from bt_agents_core.person_mention import PersonMention
 from bt_agents_core.private_files import make_private_folder, open_private
 from bt_agents_core.state_folder import state_home
 
@@ -109,6 +110,32 @@ def make_log_folder(folder: Path) -> None:
 def ended(home: Path, runs: Callable[[int], bool]) -> list[Path]:
     """Return the log folders of starts whose process ``runs`` no more, oldest first."""
     return sorted(folder for folder, process in _folders(home) if not runs(process))
+
+
+def erase_lines(home: Path, person: PersonMention) -> dict[Path, int]:
+    """Remove the lines that name a person from all log files; return how many by file.
+
+    A file is changed in place, as a process that runs appends to it. What it writes within the
+    moment between the last look and the new end may be lost.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    erased: dict[Path, int] = {}
+    for folder, _ in sorted(_folders(home)):
+        for path in sorted(folder.glob("*.log*")):
+            with open(path, "r+b", buffering=0) as log:
+                before = log.readall()
+                lines = before.splitlines(keepends=True)
+                kept = [line for line in lines if not person.is_in(line.decode(errors="replace"))]
+                if len(kept) == len(lines):
+                    continue
+                text = b"".join(kept) + log.readall()
+                log.seek(0)
+                log.write(text)
+                log.truncate(len(text))
+                erased[path] = len(lines) - len(kept)
+    return erased
 
 
 def is_running(process: int) -> bool:
