@@ -13,8 +13,8 @@ import socket
 import stat
 import tempfile
 import time
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
@@ -23,7 +23,14 @@ from bt_agents_core.private_files import make_private_folder, open_private
 FIRST, LAST = 40, 100
 """Domains for private use on every platform, with ports below the ephemeral ones of Linux."""
 
+MOST_JOINING = 4
+"""Commands that join a domain at the same time."""
+
+JOIN_LIMIT_S = 30.0
+"""Longest wait of a command for its turn to join a domain [s]."""
+
 _LONGEST_NAME = 300
+_TURN_POLL_S = 0.2
 _FIRST_PORT, _PORTS_OF_A_DOMAIN = 7410, 250
 """Port of the first participant of domain 0, and the ports of a domain, as RTPS has it."""
 
@@ -127,6 +134,40 @@ def holder(domain: int) -> str:
         return ""
     finally:
         os.close(lock)
+
+
+@contextmanager
+def turn_to_join(domain: int, limit_s: float = JOIN_LIMIT_S) -> Iterator[None]:
+    """Join a domain when less than :data:`MOST_JOINING` commands of this user are joining it.
+
+    Each process that joins is told of every other: many at once would keep the machine busy with
+    each other. After ``limit_s`` it is joined anyway.
+
+    Raises:
+        BtAgentsError: As in :func:`runtime_folder`.
+    """
+    folder = runtime_folder()
+    end = time.monotonic() + limit_s
+    lock = -1
+    while lock < 0:
+        for turn in range(MOST_JOINING):
+            path = folder / f"bt-agents-join-{domain}-{turn}.lock"
+            lock = open_private(path, os.O_RDWR | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                os.close(lock)
+                lock = -1
+        else:
+            if time.monotonic() >= end:
+                break
+            time.sleep(_TURN_POLL_S)
+    try:
+        yield
+    finally:
+        if lock >= 0:
+            os.close(lock)
 
 
 def _lock_file(domain: int) -> Path:

@@ -7,6 +7,8 @@ import os
 import socket
 import subprocess
 import sys
+import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -14,10 +16,12 @@ import pytest
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.launcher.domain_lock import (
     FIRST,
+    MOST_JOINING,
     hold_domain,
     holder,
     reserve_domain,
     runtime_folder,
+    turn_to_join,
 )
 
 HOLD = """
@@ -124,3 +128,17 @@ def test_a_domain_that_somebody_uses_without_a_lock_is_not_reserved() -> None:
                 continue
             break
         assert reserve_domain() != first
+
+
+def test_so_many_commands_join_a_domain_at_once_and_no_more() -> None:
+    with ExitStack() as joining:
+        for _ in range(MOST_JOINING):
+            joining.enter_context(turn_to_join(7))
+        begin = time.monotonic()
+        with turn_to_join(7, limit_s=0.2):
+            assert time.monotonic() - begin >= 0.2, "it waits for its turn, and not for ever"
+        begin = time.monotonic()
+        with turn_to_join(8, limit_s=60.0):
+            assert time.monotonic() - begin < 30.0, "another domain has turns of its own"
+    with turn_to_join(7, limit_s=60.0):
+        pass

@@ -436,3 +436,8 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BtAgentsError, match="set XDG_STATE_HOME"):
         Supervisor(tmp_path / "file" / "logs").start(Component(name="n", module="m"))
+
+
+def test_a_discovery_range_in_which_nobody_is_found_is_refused_in_words() -> None:
+    with pytest.raises(BtAgentsError, match="no process of the system finds another; unset it"):
+        set_local_discovery({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"})
