@@ -17,6 +17,7 @@ from itertools import count
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.private_files import make_private_file, make_private_folder, tighten
 from bt_agents_core.trees_folder import is_installed, is_trees
 
 ID_FILE = ".bt-agents-id"
@@ -135,13 +136,21 @@ def find_state(trees: Path, explicit: str = "", home: Path | None = None) -> Sta
 def claim_state(trees: Path, explicit: str = "", home: Path | None = None) -> StateFolder:
     """Make the state folder of a trees folder, and write down which folder it belongs to.
 
+    Nobody but its owner can read what is in it. A folder that somebody has named, and that held
+    other files before, keeps its rights.
+
     Raises:
         BtAgentsError: As in :func:`find_state`, or it cannot be written.
     """
     found = find_state(trees, explicit, home)
     try:
-        found.path.mkdir(parents=True, exist_ok=True)
+        home = None if explicit else home or state_home()
+        is_ours = not found.is_new or not found.path.exists() or not any(found.path.iterdir())
+        make_private_folder(found.path, within=home or (found.path if is_ours else None))
         owner = found.path / _OWNER_FILE
+        make_private_file(owner)
+        for file in (found.ledger, found.tunings, found.orders, found.memory):
+            tighten(file)
         if _owner_of(found.path) != found.trees:
             owner.write_text(f"{found.trees}\n", encoding="utf-8", errors="surrogateescape")
     except OSError as error:

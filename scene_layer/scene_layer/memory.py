@@ -13,6 +13,7 @@ from typing import Any
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.person_facts import Fact, fact, facts, has_type
+from bt_agents_core.private_files import make_private_file, make_private_folder
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 
 MOST_KNOWN = 1000
@@ -411,9 +412,40 @@ def save_memory(
     Raises:
         OSError: It cannot be written; the old one is still there.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch(mode=0o600)
+    make_private_folder(path.parent)
+    make_private_file(path)
     write_atomically(path, to_text(persons, places))
+
+
+def forget_in_file(path: Path, person: str) -> bool:
+    """Forget a person in a file that no scene layer has open; return whether any was known.
+
+    Raises:
+        DamagedMemoryError: It is one of ours, and damaged.
+        OSError: It cannot be read or written; the old one is still there.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return False
+    except UnicodeDecodeError as error:
+        raise DamagedMemoryError(f"{path} is not text: {error}") from None
+    if not text.strip():
+        return False
+    try:
+        document = json.loads(text)
+        known = document["persons"].pop(person, None) is not None
+        places = document["places"]
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise DamagedMemoryError(
+            f"{path} is not a memory of the scene layer, or damaged: remove it, or name another "
+            "one with --memory"
+        ) from None
+    if known:
+        rest = f"{_HEAD}{_json(document['persons'])}{_MIDDLE}{_json(places)}}}\n"
+        make_private_file(path)
+        write_atomically(path, rest)
+    return known
 
 
 def set_aside(path: Path) -> Path:

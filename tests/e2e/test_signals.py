@@ -21,7 +21,8 @@ from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from bt_agents_ros.signals import block_sigint
 from bt_agents_tools.launcher import components as system
-from bt_agents_tools.launcher.supervisor import Component, LogFile, spawn
+from bt_agents_tools.launcher.log_files import LogFile
+from bt_agents_tools.launcher.supervisor import Component, spawn
 from graph import Ros, fresh_graph
 from processes import write_trees
 from programs import HANG_S

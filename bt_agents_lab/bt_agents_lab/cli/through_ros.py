@@ -22,6 +22,7 @@ from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.formatting import progress_bar
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
+from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_local_discovery
 from marketplace_node.settings import Settings
 
@@ -52,7 +53,7 @@ def through_ros(
         prepared.write_text(_prepared(spec, space), encoding="utf-8")
         market = components.market(path, strategy=settings.strategy)
         ranking: dict[str, str | float] = {"tie_break": settings.tie_break, **settings.options}
-        supervisor = Supervisor(components.new_log_folder())
+        supervisor = Supervisor(new_log_folder())
         interrupt = Interrupt()
         try:
             supervisor.start(

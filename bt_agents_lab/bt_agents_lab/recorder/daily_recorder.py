@@ -13,6 +13,7 @@ from datetime import date
 from pathlib import Path
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
+from bt_agents_core.private_files import make_private_folder
 from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, Write
 
 MOST_WAITING = 32_000_000
@@ -60,7 +61,7 @@ class DailyRecorder:
         self._bytes = 0
         self._trouble = ""
         self._date = today()
-        self._lock = _locked(folder)
+        self._lock = lock_folder(folder)
         try:
             self._file = self._open()
         except BaseException:
@@ -200,9 +201,13 @@ def _names(folder: Path) -> list[re.Match[str]]:
     return sorted(filter(None, matches), key=lambda match: match[0])
 
 
-def _locked(folder: Path) -> int:
-    """Return a lock of a folder, which lasts until it is closed or its process ends."""
-    folder.mkdir(parents=True, exist_ok=True)
+def lock_folder(folder: Path) -> int:
+    """Return a lock of a folder, which lasts until it is closed or its process ends.
+
+    Raises:
+        Refused: ``IN_USE``; a journal writes into the folder.
+    """
+    make_private_folder(folder)
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

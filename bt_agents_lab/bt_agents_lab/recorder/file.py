@@ -16,6 +16,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.private_files import make_private_folder, open_private
 
 LIBRARY = "bt-agents"
 """Name of the writer in the header of a file."""
@@ -81,8 +82,8 @@ class JournalFile:
         self._writer.start(profile="ros2", library=LIBRARY)
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[RecordedTopic, int] = {}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        make_private_folder(path.parent)
+        self._file = open_private(path, os.O_RDWR | os.O_EXCL)
         try:
             self._write_out()
         except BaseException:

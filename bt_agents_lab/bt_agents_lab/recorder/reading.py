@@ -65,6 +65,22 @@ class JournalEntry:
             ) from None
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StoredMessage:
+    """One message of a file with all that the file says of it.
+
+    Attributes:
+        is_ours: A journal has written the file, so that sequences count the messages of a topic.
+        decoder: As that of :class:`JournalEntry`.
+    """
+
+    channel: Channel
+    schema: Schema
+    message: Message
+    is_ours: bool
+    decoder: Callable[[bytes], Any]
+
+
 @dataclass(kw_only=True, slots=True)
 class Counted:
     """Count of the messages of one topic that were not returned.
@@ -128,13 +144,13 @@ class JournalReader:
                     found.append(entry)
         return sorted(found, key=lambda entry: entry.sent_ns)
 
-    def _of_file(self, path: Path, types: Collection[str] | None) -> Iterator[JournalEntry]:
+    def stored(self, path: Path) -> Iterator[StoredMessage]:
+        """Yield the messages of one of the files as they are stored, duplicates too."""
         with path.open("rb") as file:
             schemas, channels = _summary(file)
             unknown = 0
             factory = DecoderFactory()
             ours = False
-            sequences: dict[int, int] = {}
             for record in self._records(path, file):
                 match record:
                     case Header():
@@ -150,17 +166,11 @@ class JournalReader:
                         if schema is None:
                             unknown += 1
                             continue
-                        lost = _lost_before(record, sequences) if ours else 0
-                        if types is not None and schema.name not in types:
-                            counted = self.counted.setdefault(channel.topic, Counted())
-                            counted.add(record.publish_time, lost)
-                            continue
-                        yield JournalEntry(
-                            topic=channel.topic,
-                            type=schema.name,
-                            sent_ns=record.publish_time,
-                            lost=lost,
-                            data=record.data,
+                        yield StoredMessage(
+                            channel=channel,
+                            schema=schema,
+                            message=record,
+                            is_ours=ours,
                             decoder=partial(_decoded, factory, channel, schema),
                         )
                     case Message():
@@ -169,6 +179,23 @@ class JournalReader:
                 self.problems.append(
                     f"{path} holds {unknown} messages of which the topic cannot be read"
                 )
+
+    def _of_file(self, path: Path, types: Collection[str] | None) -> Iterator[JournalEntry]:
+        sequences: dict[int, int] = {}
+        for one in self.stored(path):
+            lost = _lost_before(one.message, sequences) if one.is_ours else 0
+            if types is not None and one.schema.name not in types:
+                counted = self.counted.setdefault(one.channel.topic, Counted())
+                counted.add(one.message.publish_time, lost)
+                continue
+            yield JournalEntry(
+                topic=one.channel.topic,
+                type=one.schema.name,
+                sent_ns=one.message.publish_time,
+                lost=lost,
+                data=one.message.data,
+                decoder=one.decoder,
+            )
 
     def _records(self, path: Path, file: BinaryIO) -> Iterator[McapRecord]:
         """Yield the records of a file up to where it cannot be read any more.

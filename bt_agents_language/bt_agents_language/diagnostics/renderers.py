@@ -18,6 +18,9 @@ MAX_COLLECTED = 500
 MAX_SHOWN = 100
 """So many problems of one file are shown as text; more help nobody."""
 
+MOST_IMPORTS = 2
+"""So many problems of imports that say the same are shown as text, of all files together."""
+
 _EXCERPT_WIDTH = 96
 _SEVERITY_COLOURS = {Severity.ERROR: "31;1", Severity.WARNING: "33;1"}
 _BOLD, _DIM, _GREEN = "1", "2", "32"
@@ -63,12 +66,12 @@ def as_block(diagnostic: Diagnostic, colour: bool = False) -> str:
 
 
 def as_text(diagnostics: Iterable[Diagnostic], colour: bool = False) -> str:
-    """Return problems as text for a terminal, of one file no more than help."""
+    """Return problems as text for a terminal, of one file and of one import no more than help."""
     return "\n".join(_limited(diagnostics, as_block, colour))
 
 
 def as_lines(diagnostics: Iterable[Diagnostic]) -> tuple[str, ...]:
-    """Return problems one line each, of one file no more than help."""
+    """Return problems one line each, of one file and of one import no more than help."""
     return tuple(_limited(diagnostics, as_line, False))
 
 
@@ -150,11 +153,35 @@ def visible(text: str) -> str:
 def _limited(
     diagnostics: Iterable[Diagnostic], render: Callable[[Diagnostic, bool], str], colour: bool
 ) -> Iterable[str]:
-    for file, of_file in groupby(diagnostics, key=lambda one: one.position.file):
+    folded: dict[str, list[Diagnostic]] = {}
+    shown = [one for one in diagnostics if not _is_folded(one, folded)]
+    for file, of_file in groupby(shown, key=lambda one: one.position.file):
         every = list(of_file)
         yield from (render(one, colour) for one in every[:MAX_SHOWN])
         if len(every) > MAX_SHOWN:
             yield f"{visible(file)}: … and {len(every) - MAX_SHOWN} or more other problems"
+    for cause, alike in folded.items():
+        if more := alike[MOST_IMPORTS:]:
+            where = visible(more[0].position.file)
+            others = f" and {len(more) - 1} more places" if len(more) > 1 else ""
+            yield f"… the same in {where}{others}: {cause}"
+
+
+def _is_folded(diagnostic: Diagnostic, folded: dict[str, list[Diagnostic]]) -> bool:
+    """Return whether enough problems before one say the same of an import.
+
+    A broken import is never the cause, but follows from what is wrong in another file.
+    """
+    match diagnostic.code:
+        case "broken-import":
+            cause = "an import has errors itself"
+        case "bad-import":
+            cause = visible(diagnostic.message)
+        case _:
+            return False
+    alike = folded.setdefault(cause, [])
+    alike.append(diagnostic)
+    return len(alike) > MOST_IMPORTS
 
 
 def _excerpt(diagnostic: Diagnostic, colour: bool) -> list[str]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import loading
-from bt_agents_tools.launcher.domain_lock import holder
+from bt_agents_tools.launcher.domain_lock import holder, turn_to_join
 from bt_agents_tools.launcher.supervisor import set_local_discovery
 
 if TYPE_CHECKING:
@@ -36,15 +36,16 @@ def connect() -> Iterator[Observer]:
         NoSystemError: There is none on this ROS domain, or it does not answer.
     """
     set_local_discovery(os.environ)
-    with loading():
-        from bt_agents_tools.client.observer import Observer
+    domain = int(os.environ.get("ROS_DOMAIN_ID") or "0")
+    with ExitStack() as connected:
+        with turn_to_join(domain):
+            with loading():
+                from bt_agents_tools.client.observer import Observer
 
-    observer = Observer()
-    try:
-        wait_for_market(observer, int(os.environ.get("ROS_DOMAIN_ID") or "0"))
+            observer = Observer()
+            connected.callback(observer.close)
+            wait_for_market(observer, domain)
         yield observer
-    finally:
-        observer.close()
 
 
 def wait_for_market(observer: Observer, domain: int) -> None:

@@ -22,6 +22,7 @@ from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.formatting import print_line
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import hold_domain
+from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.supervisor import (
     Component,
     Supervisor,
@@ -88,7 +89,7 @@ def run_system(
         console.print(broken.error.report, markup=False, highlight=False, soft_wrap=True)
     if not folder.agents:
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
-    supervisor = Supervisor(logs or components.new_log_folder())
+    supervisor = Supervisor(logs or new_log_folder())
     printer = EventPrinter(console, folder.scene.space)
     observer = Observer(printer)
     observer.watch_heartbeats(supervisor.on_heartbeat)

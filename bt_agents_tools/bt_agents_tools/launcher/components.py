@@ -3,18 +3,9 @@
 
 from __future__ import annotations
 
-import os
-import time
 from pathlib import Path
 
-from bt_agents_core.state_folder import state_home
 from bt_agents_tools.launcher.supervisor import Component
-
-
-def new_log_folder(state: str = "") -> Path:
-    """Return the path of a log folder for this start, in a state folder; nothing is made."""
-    home = Path(state).expanduser().resolve() if state else state_home()
-    return home / "logs" / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
 
 
 def market(
@@ -43,8 +34,13 @@ def scene_layer(
     return Component(name="scene_layer", module="scene_layer.node", parameters=parameters)
 
 
-def selector(trees: Path, base_url: str, model: str, key_variable: str = "") -> Component:
-    """Return the selector, which asks a language model how to rank bids."""
+def selector(
+    trees: Path, base_url: str, model: str, key_variable: str = "", key: str = ""
+) -> Component:
+    """Return the selector, which asks a language model how to rank bids.
+
+    It alone gets the key of the server, in the variable of its environment.
+    """
     return Component(
         name="selector",
         module="marketplace_node.node.selector",
@@ -54,6 +50,7 @@ def selector(trees: Path, base_url: str, model: str, key_variable: str = "") -> 
             "model": model,
             "key_variable": key_variable,
         },
+        environment={key_variable: key} if key else {},
     )
 
 

@@ -13,18 +13,18 @@ import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_ros.signals import block_sigint
+from bt_agents_tools.launcher.log_files import LogFile, make_log_folder
 
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
-RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
+RANGES = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
 LAST_DOMAIN = 232
 
 FIRST_LIMIT_S = 1.2
@@ -42,11 +42,9 @@ _STALL_S = 1.0
 _POLL_S = 0.01
 _FAILURE_LINES = 15
 _RESTART_LINES = 3
-_LOG_BYTES = 16_384
-_LONGEST_LINE = 500
 _FIRST_WAIT_S = 0.5
 _LONGEST_WAIT_S = 30.0
-_STEADY_LIFE_S = 60.0
+_STEADY_LIFE_S = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +57,7 @@ class Component:
         parameters: ROS parameters by name; they override those of the file.
         stops_first: True when it is stopped before the others, which it needs for a clean end.
         restarts: True when it is started again if it ends after it was up.
+        environment: Variables that no other process of the system gets, such as a key.
     """
 
     name: str
@@ -67,6 +66,7 @@ class Component:
     file: Path | None = None
     stops_first: bool = False
     restarts: bool = True
+    environment: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def command(self) -> list[str]:
         """Return the command line of the process."""
@@ -102,6 +102,11 @@ def set_local_discovery(environment: MutableMapping[str, str]) -> None:
             "between, as in /robot1"
         )
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", RANGES[0])
+    if reach == "OFF":
+        raise BtAgentsError(
+            "ROS_AUTOMATIC_DISCOVERY_RANGE is 'OFF': then no process of the system finds another; "
+            "unset it, or set it to LOCALHOST, for this machine only"
+        )
     if reach not in RANGES:
         raise BtAgentsError(
             f"ROS_AUTOMATIC_DISCOVERY_RANGE is '{reach}', expected one of {', '.join(RANGES)}"
@@ -120,46 +125,21 @@ def discovery_text(environment: Mapping[str, str]) -> str:
 
 
 class Backoff:
-    """Exponential back-off between restarts, which begins anew after a long enough life."""
+    """Exponential back-off between restarts, which begins anew after a long enough life.
+
+    It is for what fails at once again and again, not for what is killed now and then.
+    """
 
     def __init__(self) -> None:
         self._next_s = _FIRST_WAIT_S
 
     def next_wait(self, lived_s: float) -> float:
-        """Return the time to wait before the next start of a process that lived so long [s]."""
+        """Return the time to wait before the next start of a process that was up so long [s]."""
         if lived_s >= _STEADY_LIFE_S:
             self._next_s = _FIRST_WAIT_S
         wait_s = self._next_s
         self._next_s = min(2 * wait_s, _LONGEST_WAIT_S)
         return wait_s
-
-
-class LogFile:
-    """Log file of a component, to which every start is appended; only its end is read."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._begin = 0
-
-    def open(self, start: int) -> BinaryIO:
-        """Return the file for the output of a start of the process, the first being 1."""
-        log = self.path.open("ab")
-        if start > 1:
-            log.write(f"--- start {start}, {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
-            log.flush()
-        self._begin = log.tell()
-        return log
-
-    def tail(self, lines: int) -> list[str]:
-        """Return the last lines since the last start, however large the file is."""
-        try:
-            with self.path.open("rb") as log:
-                size = log.seek(0, os.SEEK_END)
-                log.seek(max(self._begin, size - _LOG_BYTES))
-                text = log.read(_LOG_BYTES).decode(errors="replace")
-        except OSError as error:
-            return [f"(the log cannot be read: {error.strerror})"]
-        return [line[:_LONGEST_LINE] for line in text.splitlines()[-lines:]]
 
 
 @dataclass(eq=False)
@@ -168,7 +148,7 @@ class _Supervised:
 
     Attributes:
         ready: Pipe on which the process reports that it is up; -1 once that is known.
-        started_at: Time of the last start.
+        up_at: Time at which the last start was up; None while it is not.
         been_up: True once any start of it was up.
         last_heartbeat: Time of the last heartbeat of this start; None before the first.
         ended_at: Time at which its end was noticed; None while it runs.
@@ -179,7 +159,7 @@ class _Supervised:
     log: LogFile
     process: subprocess.Popen[bytes]
     ready: int
-    started_at: float
+    up_at: float | None = None
     backoff: Backoff = field(default_factory=Backoff)
     starts: int = 1
     been_up: bool = False
@@ -187,7 +167,7 @@ class _Supervised:
     ended_at: float | None = None
     restart_at: float | None = None
 
-    def poll_ready(self) -> bool:
+    def poll_ready(self, now: float) -> bool:
         """Return True once, when the process reports that it is up."""
         if self.ready < 0:
             return False
@@ -196,7 +176,8 @@ class _Supervised:
         except BlockingIOError:
             return False
         self.close()
-        self.been_up = self.been_up or up
+        if up:
+            self.been_up, self.up_at = True, now
         return up
 
     def close(self) -> None:
@@ -218,7 +199,7 @@ class Supervisor:
     def start(self, *components: Component) -> None:
         """Start processes, each in its own session, so that a Ctrl-C reaches only this process."""
         try:
-            self._logs.mkdir(parents=True, exist_ok=True)
+            make_log_folder(self._logs)
         except OSError as error:
             raise BtAgentsError(
                 f"no place for the logs: {self._logs} ({error.strerror}); set XDG_STATE_HOME to a "
@@ -227,7 +208,7 @@ class Supervisor:
         for component in components:
             log = LogFile(self.log(component.name))
             process, ready = spawn(component, log, 1)
-            started = _Supervised(component, log, process, ready, self._clock())
+            started = _Supervised(component, log, process, ready)
             self._components[component.name] = started
 
     def log(self, name: str) -> Path:
@@ -248,12 +229,14 @@ class Supervisor:
         # A late one of an earlier start may come while the next start is being loaded.
         if one is None or one.restart_at is not None or one.ended_at is not None:
             return
-        one.poll_ready()
+        one.poll_ready(self._clock())
         if one.been_up:
             one.last_heartbeat = self._clock()
 
     def poll(self) -> list[str]:
         """Kill what hangs and restart what has ended when its time has come; never blocks.
+
+        Log files that have become too large are rotated.
 
         Returns:
             Events since the last call, in lines for a terminal.
@@ -269,6 +252,7 @@ class Supervisor:
             if stalled and one.last_heartbeat is not None:
                 # This process was suspended, and has handled no heartbeat meanwhile.
                 one.last_heartbeat = now
+            one.log.rotate()
             events += self._poll_one(one)
         return events
 
@@ -278,7 +262,7 @@ class Supervisor:
         name = one.component.name
         # Polled first: what the process wrote before its end is in the pipe then.
         code = one.process.poll() if one.restart_at is None else None
-        if one.poll_ready() and one.ended_at is not None:
+        if one.poll_ready(now) and one.ended_at is not None:
             events.append(f"{name} is back after {now - one.ended_at:.1f} s")
             one.ended_at = None
         if code is not None:
@@ -298,7 +282,7 @@ class Supervisor:
         one.close()
         one.last_heartbeat = None
         one.ended_at = one.ended_at if one.ended_at is not None else now
-        wait_s = one.backoff.next_wait(now - one.started_at)
+        wait_s = one.backoff.next_wait(0.0 if one.up_at is None else now - one.up_at)
         one.restart_at = now + wait_s
         name = one.component.name
         text = f"{name} {_end_text(code)}: starting it again in {wait_s:g} s (log: {one.log.path})"
@@ -306,7 +290,7 @@ class Supervisor:
 
     def _restart(self, one: _Supervised, now: float) -> list[str]:
         one.starts += 1
-        one.started_at = now
+        one.up_at = None
         try:
             one.process, one.ready = spawn(one.component, one.log, one.starts)
         except OSError as error:
@@ -351,6 +335,7 @@ def spawn(component: Component, log: LogFile, start: int) -> tuple[subprocess.Po
     os.set_blocking(ready, False)
     environment = {
         **os.environ,
+        **component.environment,
         SUPERVISED: str(os.getpid()),
         READY: str(write_end),
         "RCUTILS_COLORIZED_OUTPUT": "0",

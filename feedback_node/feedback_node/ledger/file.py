@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import os
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing, suppress
@@ -14,6 +15,7 @@ from typing import TextIO
 from urllib.parse import quote
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
+from bt_agents_core.private_files import make_private_database, make_private_folder, open_private
 from feedback_node.ledger.check import LedgerCheck, check, is_out_of_reach
 from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 
@@ -28,6 +30,7 @@ _REPAIR = (
     "profiles of the agents' files"
 )
 _FULL = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE, sqlite3.SQLITE_IOERR_SHMSIZE}
+_WRITTEN_TWICE = {sqlite3.SQLITE_CONSTRAINT_UNIQUE, sqlite3.SQLITE_CONSTRAINT_PRIMARYKEY}
 _FULL_ERRNO = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -42,8 +45,8 @@ def lock_file(path: Path) -> TextIO:
         LedgerError: ``LEDGER_UNREADABLE`` or ``LEDGER_IN_USE``.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = path.with_name(path.name + ".lock").open("w")
+        make_private_folder(path.parent)
+        lock = os.fdopen(open_private(path.with_name(path.name + ".lock"), os.O_WRONLY), "w")
     except OSError as error:
         raise LedgerError(
             "LEDGER_UNREADABLE",
@@ -79,13 +82,15 @@ def open_database(path: str) -> sqlite3.Connection:
     if path != MEMORY and _has_content(path) and (problems := inspect(path).problems):
         raise damaged(path, problems)
     try:
+        if path != MEMORY:
+            make_private_database(Path(path))
         database = connect(path, "memory" if path == MEMORY else "rwc")
         try:
             _set_up(database)
         except BaseException:
             database.close()
             raise
-    except sqlite3.Error as error:
+    except (OSError, sqlite3.Error) as error:
         raise unreadable(path, error) from error
     return database
 
@@ -216,6 +221,15 @@ def is_full(error: Exception) -> bool:
     return getattr(error, "sqlite_errorcode", None) in _FULL
 
 
+def _is_of_another_writer(error: Exception) -> bool:
+    """Return True for what happens only while a second process writes the file.
+
+    There is a revision that this one has not written, or the other is in the middle of one.
+    """
+    code = getattr(error, "sqlite_errorcode", 0)
+    return code in _WRITTEN_TWICE or code & 0xFF == sqlite3.SQLITE_BUSY
+
+
 def failed(path: str, error: Exception) -> LedgerError:
     """Return the error for something that was not recorded."""
     if is_full(error):
@@ -223,6 +237,12 @@ def failed(path: str, error: Exception) -> LedgerError:
             STORAGE_FULL,
             f"{path}: {error}: the disk takes no more, nothing was recorded; make room, what is "
             "given after that is recorded again",
+        )
+    if _is_of_another_writer(error):
+        return LedgerError(
+            "LEDGER_IN_USE",
+            f"{path}: somebody else writes it, too ({error}), probably a second feedback node, as "
+            f"its lock {path}.lock was removed; nothing was recorded. End both, and start one",
         )
     return LedgerError(
         "LEDGER_FAILED",

@@ -12,6 +12,7 @@ from pathlib import Path
 from rclpy.node import Node
 
 from bt_agents_core.atomic_file import write_atomically
+from bt_agents_core.private_files import make_private_file, make_private_folder
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_ros.timers import FuturePoller
 
@@ -78,8 +79,8 @@ class StateFile:
         self._worker.shutdown()
 
     def _write(self, text: str) -> None:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._path.touch()
+        make_private_folder(self._path.parent)
+        make_private_file(self._path)
         write_atomically(self._path, text, durable=not self._at_once)
 
     def _touch(self) -> None:

@@ -220,9 +220,14 @@ class Ranked:
     def change(self) -> Counterfactual | None:
         """Smallest change by which the runner-up would have won; None where none is searched for.
 
-        It is searched for when it is first asked for, so that no award waits for it.
+        It is searched for when it is first asked for, so that no award waits for it. A search
+        that fails is an obstacle: the decision is announced without it.
         """
-        return self.find_change() if self.find_change is not None else None
+        try:
+            return self.find_change() if self.find_change is not None else None
+        except Exception as error:
+            # Whatever arithmetic, or a strategy of another package, makes of unusual numbers.
+            return Counterfactual(obstacle=f"the search for it failed ({type(error).__name__})")
 
 
 @dataclass(frozen=True, kw_only=True)

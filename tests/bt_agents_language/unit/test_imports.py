@@ -6,14 +6,17 @@ from __future__ import annotations
 import os
 import shutil
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_language.diagnostics.renderers import as_text
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_symbols, read_trees
 from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.tools.folder_check import check_folder
 from tree_harness import TREES
 
 AGENT = """
@@ -134,6 +137,19 @@ def test_a_forgotten_import_in_a_library_makes_no_circle_of_the_libraries(folder
     assert "error[broken-import]" in broken["second.yaml"]
 
 
+def test_a_chain_of_a_thousand_imports_is_told_on_one_screen(folder):
+    for number in range(1000):
+        following = f"imports: [libraries/l{number + 1}.yaml]\n" if number < 999 else ""
+        library(
+            folder, f"l{number}", f"{following}subtrees: {{s{number}: {{tree: {{say: hi}}}}}}\n"
+        )
+    found = check_folder(folder, None).problems
+    assert len(found) > 900
+    lines = as_text(found).splitlines()
+    assert len(lines) <= 24
+    assert any(line.endswith("places: imports are nested more than 16 deep") for line in lines)
+
+
 def test_a_library_can_bring_skills(folder):
     library(
         folder,
@@ -218,3 +234,12 @@ def test_a_broken_library_breaks_those_that_import_it_and_no_other(folder):
 def test_a_library_that_nobody_imports_is_read_all_the_same(folder):
     library(folder, "bad", "subtrees: {greet: {tree: {sya: x}}}\n")
     assert [broken.file.name for broken in read_trees(folder).broken] == ["bad.yaml"]
+
+
+def test_a_tree_of_8000_nodes_is_checked_in_less_than_a_second_of_computing(folder):
+    tree = "{sequence: [" + ", ".join(f"{{say: Word {number}.}}" for number in range(8000)) + "]}"
+    (folder / "agents" / "a.yaml").write_text(AGENT.format(tree=tree, imports=""))
+    begin = time.process_time()
+    checked = check_folder(folder, None)
+    assert time.process_time() - begin < 1.0
+    assert checked.agents == ("a",)

@@ -4,14 +4,25 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
+import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.launcher.domain_lock import hold_domain, holder
+from bt_agents_tools.launcher.domain_lock import (
+    FIRST,
+    MOST_JOINING,
+    hold_domain,
+    holder,
+    reserve_domain,
+    runtime_folder,
+    turn_to_join,
+)
 
 HOLD = """
 import sys
@@ -24,8 +35,8 @@ sys.stdin.read()
 
 @pytest.fixture(autouse=True)
 def private_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("tempfile.tempdir", None)
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     return tmp_path
 
 
@@ -69,3 +80,65 @@ def test_a_lock_file_that_is_a_link_to_something_else_is_not_touched(private_fol
     with pytest.raises(BtAgentsError, match=r"bt-agents-system-5\.lock cannot be opened"):
         hold_domain(5, "me")
     assert precious.read_text() == "mine"
+
+
+def test_the_lock_lies_in_the_runtime_folder_of_the_user(private_folder: Path) -> None:
+    hold_domain(11, "me")
+    [lock] = private_folder.iterdir()
+    assert lock.name == "bt-agents-system-11.lock"
+    assert lock.stat().st_mode & 0o777 == 0o600
+
+
+def test_without_a_runtime_folder_there_is_one_for_temporary_files_that_is_private(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    if Path(f"/run/user/{os.getuid()}").is_dir():
+        pytest.skip("the login of this user has made one")
+    for environment in ({}, {"XDG_RUNTIME_DIR": ""}, {"XDG_RUNTIME_DIR": "relative"}):
+        found = runtime_folder(environment)
+        assert found == tmp_path / f"bt-agents-{os.getuid()}"
+        assert found.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_that_others_can_write_or_that_is_a_link_holds_no_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    if Path(f"/run/user/{os.getuid()}").is_dir():
+        pytest.skip("the login of this user has made one")
+    fallback = tmp_path / f"bt-agents-{os.getuid()}"
+    fallback.mkdir()
+    fallback.chmod(0o777)
+    with pytest.raises(BtAgentsError, match="is not a folder that only you can write"):
+        runtime_folder({"XDG_RUNTIME_DIR": str(fallback)})
+    fallback.rmdir()
+    (tmp_path / "elsewhere").mkdir()
+    fallback.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BtAgentsError, match="is not a folder that only you can write"):
+        runtime_folder({})
+
+
+def test_a_domain_that_somebody_uses_without_a_lock_is_not_reserved() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        for first in range(FIRST, FIRST + 60):
+            try:
+                other.bind(("127.0.0.1", 7410 + 250 * first))
+            except OSError:
+                continue
+            break
+        assert reserve_domain() != first
+
+
+def test_so_many_commands_join_a_domain_at_once_and_no_more() -> None:
+    with ExitStack() as joining:
+        for _ in range(MOST_JOINING):
+            joining.enter_context(turn_to_join(7))
+        begin = time.monotonic()
+        with turn_to_join(7, limit_s=0.2):
+            assert time.monotonic() - begin >= 0.2, "it waits for its turn, and not for ever"
+        begin = time.monotonic()
+        with turn_to_join(8, limit_s=60.0):
+            assert time.monotonic() - begin < 30.0, "another domain has turns of its own"
+    with turn_to_join(7, limit_s=60.0):
+        pass

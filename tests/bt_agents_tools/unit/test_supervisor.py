@@ -19,7 +19,6 @@ from bt_agents_tools.launcher.supervisor import (
     LOOPBACK_PROFILE,
     Backoff,
     Component,
-    LogFile,
     Supervisor,
     discovery_text,
     set_local_discovery,
@@ -32,12 +31,13 @@ HANG_S = 30.0
     ("lives", "waits"),
     [
         ([0.0] * 9, [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0]),
-        ([59.9, 59.9, 59.9], [0.5, 1.0, 2.0]),
-        ([0.0, 0.0, 60.0, 0.0], [0.5, 1.0, 0.5, 1.0]),
+        ([9.9, 9.9, 9.9], [0.5, 1.0, 2.0]),
+        ([10.0, 15.0, 40.0], [0.5, 0.5, 0.5]),
+        ([0.0, 0.0, 10.0, 0.0], [0.5, 1.0, 0.5, 1.0]),
         ([0.0] * 8 + [3600.0, 3600.0], [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 0.5, 0.5]),
     ],
 )
-def test_the_wait_doubles_up_to_half_a_minute_and_begins_anew_after_a_minute_of_life(
+def test_the_wait_doubles_up_to_half_a_minute_and_begins_anew_after_a_life_of_ten_seconds(
     lives: list[float], waits: list[float]
 ) -> None:
     backoff = Backoff()
@@ -133,13 +133,14 @@ def test_a_killed_component_is_started_again_after_a_wait_that_doubles(watched: 
     ]
 
 
-def test_after_a_minute_of_life_the_wait_is_short_again(watched: Watched) -> None:
+def test_after_a_life_of_ten_seconds_the_wait_is_short_again(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     assert "again in 0.5 s" in watched.end("agents", watched.up("agents"))[0]
     watched.now += 0.5
     watched.until(lambda events: bool(events))
     pid = watched.up("agents", 2)
-    watched.now += 60.0
+    watched.supervisor.poll()
+    watched.now += 10.0
     assert "again in 0.5 s" in watched.end("agents", pid)[0]
 
 
@@ -216,8 +217,8 @@ def test_a_component_that_is_up_and_gone_while_it_is_polled_has_been_up(
     [one] = watched.supervisor._components.values()
     poll_ready = one.poll_ready
 
-    def polled_just_before() -> bool:
-        up = poll_ready()
+    def polled_just_before(now: float) -> bool:
+        up = poll_ready(now)
         (tmp_path / "go").touch()
         one.process.wait(HANG_S)
         return up
@@ -252,32 +253,55 @@ def test_what_was_up_once_is_tried_for_ever_even_when_it_cannot_start(watched: W
     assert back == "agents is back after 120.0 s"
 
 
+def test_the_time_a_process_needs_to_come_up_is_no_life(watched: Watched) -> None:
+    component = watched.write("agents", UP_FOR_EVER)
+    watched.supervisor.start(component)
+    watched.now += 40.0
+    pid = watched.up("agents")
+    watched.supervisor.poll()
+    watched.now += 9.0
+    assert "starting it again in 0.5 s" in watched.end("agents", pid)[0]
+    watched.now += 5.0
+    pid = watched.up("agents", 2)
+    watched.supervisor.poll()
+    watched.now += 9.0
+    assert "starting it again in 1 s" in watched.end("agents", pid)[0]
+
+
+def test_a_process_that_lives_ten_seconds_between_kills_is_never_waited_for_longer(
+    watched: Watched,
+) -> None:
+    watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
+    for start in range(1, 4):
+        pid = watched.up("agents", start)
+        watched.supervisor.poll()
+        watched.now += 11.0
+        assert "starting it again in 0.5 s" in watched.end("agents", pid)[0]
+        watched.now += 0.5
+        watched.supervisor.poll()
+
+
+def test_a_key_is_in_the_environment_of_one_process_only(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("RANKER_KEY", raising=False)
+    shown = UP_FOR_EVER.replace('"pid"', 'os.environ.get("RANKER_KEY"), "pid"')
+    selector = replace(watched.write("selector", shown), environment={"RANKER_KEY": "s3cret"})
+    watched.supervisor.start(selector, watched.write("agents", shown))
+    watched.up("selector")
+    watched.up("agents")
+    assert "s3cret" in watched.said("selector")
+    assert "s3cret" not in watched.said("agents")
+    assert "s3cret" not in repr(selector)
+    assert "s3cret" not in " ".join(selector.command())
+
+
 def test_a_component_that_does_not_restart_is_an_error_when_it_ends(watched: Watched) -> None:
     component = watched.write("visitors", UP_FOR_EVER)
     watched.supervisor.start(replace(component, restarts=False))
     pid = watched.up("visitors")
     with pytest.raises(BtAgentsError, match=r"visitors ended .killed by signal 9."):
         watched.end("visitors", pid)
-
-
-def test_only_the_end_of_a_huge_log_is_read_and_nothing_of_an_earlier_start(
-    tmp_path: Path,
-) -> None:
-    log = LogFile(tmp_path / "log")
-    with log.open(1) as file:
-        file.write(b"of the first start\n")
-    with log.open(2) as file:
-        assert log.tail(5) == []
-        file.write(b"x" * 1000 + b"\nsecond\n")
-        file.flush()
-        assert log.tail(1) == ["second"]
-        assert log.tail(5)[0] == "x" * 500
-        file.truncate(10**11)  # a hundred gigabytes of nothing
-        file.seek(0, os.SEEK_END)
-        file.write(b"\nlast\n")
-    begin = time.monotonic()
-    assert log.tail(1) == ["last"]
-    assert time.monotonic() - begin < 1.0
 
 
 def test_a_process_that_ends_by_itself_is_named_with_the_end_of_its_log(tmp_path: Path) -> None:
@@ -412,3 +436,8 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BtAgentsError, match="set XDG_STATE_HOME"):
         Supervisor(tmp_path / "file" / "logs").start(Component(name="n", module="m"))
+
+
+def test_a_discovery_range_in_which_nobody_is_found_is_refused_in_words() -> None:
+    with pytest.raises(BtAgentsError, match="no process of the system finds another; unset it"):
+        set_local_discovery({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"})

@@ -201,6 +201,46 @@ def test_a_second_writer_is_kept_out_until_the_first_closes(tmp_path):
     Ledger(path).close()
 
 
+def test_two_writers_whose_lock_was_removed_are_told_of_each_other(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with Ledger(path) as first:
+        first.enter({"guide": {"age": 1.0}})
+        first.append("guide", {"age": 2.0}, cause("1"))
+        (tmp_path / "ledger.sqlite.lock").unlink()
+        with Ledger(path) as second:
+            second.append("guide", {"age": 3.0}, cause("2"))
+            with pytest.raises(LedgerError) as conflict:
+                first.append("guide", {"age": 4.0}, cause("3"))
+        other = sqlite3.connect(path, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(LedgerError) as busy:
+            first.append("guide", {"age": 4.0}, cause("3"))
+        other.close()
+        assert [row["age"] for row in profiles(first)] == [1.0, 2.0, 3.0]
+    for error in (conflict, busy):
+        assert error.value.code == "LEDGER_IN_USE"
+        assert f"as its lock {path}.lock was removed" in error.value.reason
+        assert "disk" not in error.value.reason
+
+
+def test_a_ledger_is_private_with_its_logs_and_its_lock_and_an_old_one_is_tightened(tmp_path):
+    path = tmp_path / "state" / "ledger.sqlite"
+    for _ in range(2):
+        with Ledger(path) as ledger:
+            ledger.enter({"guide": {"age": 1.0}})
+            files = sorted(path.parent.iterdir())
+            assert [file.suffix for file in files] == [
+                ".sqlite",
+                ".sqlite-shm",
+                ".sqlite-wal",
+                ".lock",
+            ]
+            assert {file.stat().st_mode & 0o777 for file in files} == {0o600}
+            assert path.parent.stat().st_mode & 0o777 == 0o700
+            for file in files:
+                file.chmod(0o644)
+
+
 def test_a_file_that_is_no_database_is_named_and_left_alone(tmp_path):
     path = tmp_path / "ledger.sqlite"
     path.write_bytes(b"this is no database, but long enough to look at" * 50)

@@ -13,7 +13,7 @@ import pytest
 from market_harness import Driver, scene
 from marketplace_node.effects import PublishAuction, SendGoal
 from marketplace_node.round import counterfactual, round_model
-from marketplace_node.round.decision import Counterfactual, External
+from marketplace_node.round.decision import Counterfactual, External, Ranked
 from marketplace_node.round.ranking import decide
 from marketplace_node.round.round_model import scored as measured
 from marketplace_node.strategies import STRATEGIES, RoundArrays, Scores, StrategySpec
@@ -79,6 +79,16 @@ def test_it_is_said_why_there_is_no_change(
     found = change(values, (2.0, 2.0, 2.0), (2.0, 2.0, 2.0), **changes)
 
     assert (found.names, found.obstacle) == ((), words)
+
+
+@pytest.mark.parametrize("error", [IndexError("5"), FloatingPointError(), AssertionError()])
+def test_a_search_that_fails_is_an_obstacle_and_nothing_else(error: Exception) -> None:
+    def fail() -> Counterfactual:
+        raise error
+
+    found = Ranked(find_change=fail).change
+    assert found is not None
+    assert found.obstacle == f"the search for it failed ({type(error).__name__})"
 
 
 @pytest.mark.parametrize("strategy", ["euclidean", "expected_manhattan", "rules"])

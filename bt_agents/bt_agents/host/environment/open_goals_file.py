@@ -13,6 +13,7 @@ from pathlib import Path
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.open_goals import MOST_OPEN_GOALS, OpenGoal
+from bt_agents_core.private_files import make_private_folder, open_private
 
 _RECORD_BYTES = 128 * 1024
 
@@ -32,8 +33,8 @@ class OpenGoalsFile:
     """
 
     def __init__(self, path: Path) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        make_private_folder(path.parent)
+        self._file = open_private(path, os.O_RDWR)
         self._sequence = 0
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)

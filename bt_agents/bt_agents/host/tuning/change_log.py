@@ -29,6 +29,7 @@ from bt_agents.host.tuning.history import (
 )
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.private_files import make_private_database, make_private_folder
 
 FORMAT = 1
 APPLICATION = 0x6274_4C67
@@ -113,7 +114,7 @@ class ChangeLog:
         self._flushing: Job[None] = Job()
         self._flushing.set_result(None)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_private_folder(path.parent)
             try:
                 self._db, self.history = self._open()
             except _DamagedError as damaged:
@@ -184,6 +185,7 @@ class ChangeLog:
             self._db.close()
 
     def _open(self) -> tuple[sqlite3.Connection, TuningHistory]:
+        make_private_database(self._path)
         db = sqlite3.connect(self._path, timeout=0, isolation_level=None, check_same_thread=False)
         try:
             db.execute("PRAGMA locking_mode = EXCLUSIVE")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.private_files import make_private_file
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.tools.formatting.scalar_style import quoted
@@ -103,7 +104,7 @@ class Presets:
     def _write(self, presets: dict[str, Preset]) -> None:
         if self._file is not None:
             try:
-                self._file.touch()
+                make_private_file(self._file)
                 write_atomically(self._file, presets_text(presets))
             except OSError as error:
                 raise Refused(

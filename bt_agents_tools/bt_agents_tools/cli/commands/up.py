@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from bt_agents_tools.cli.run_system import journal_components, journal_option, r
 from bt_agents_tools.cli.trees_choice import state_option, take_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.former_state import adopt_former_state
+from bt_agents_tools.launcher.log_files import new_log_folder
 
 
 @click.command()
@@ -90,7 +92,7 @@ def up(
     memory = str(kept.memory) if memory == "" else memory or ""
     if memory and Path(memory).resolve() == Path(profiles).resolve():
         raise click.UsageError("--memory names the ledger; it needs a file of its own")
-    logs = components.new_log_folder(state)
+    logs = new_log_folder(state)
     processes = [
         components.market(
             trees,
@@ -104,7 +106,9 @@ def up(
         components.feedback(trees, ledger=profiles),
     ]
     if selector:
-        processes.append(components.selector(trees, selector, model, key_variable))
+        # The other processes inherit the environment of this one.
+        key = os.environ.pop(key_variable, "")
+        processes.append(components.selector(trees, selector, model, key_variable, key))
         if strategy not in ("", "external"):
             click.echo(f"{strategy} ranks; 'bt-agents strategy external' has the selector asked")
     if robot:

@@ -15,6 +15,7 @@ from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.connection import connect, find_hosts
 from bt_agents_tools.cli.decisions import SOON_S, end_text, names_of_scenes
 from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.supervisor import Supervisor
 
 _POLL_S = 0.2
@@ -37,7 +38,7 @@ def visit(script: Path) -> None:
         ends, auctions = observer.received("scene_ends"), observer.received("auctions")
         observer.spin_until(lambda: False, SOON_S)
         came, ended = 0, len(ends)
-        supervisor = Supervisor(components.new_log_folder())
+        supervisor = Supervisor(new_log_folder())
         interrupt = Interrupt()
         try:
             supervisor.start(components.visitors(trees, script.resolve(), pace=1.0))

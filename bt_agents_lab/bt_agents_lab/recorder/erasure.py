@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Erasure of a person from journals: of all that names them, and of their rounds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.person_mention import PersonMention
+from bt_agents_lab.recorder.daily_recorder import lock_folder, newest_files
+from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, RecordedTopic
+from bt_agents_lab.recorder.reading import JournalReader, StoredMessage
+
+_FLUSHED = 1000
+
+Round = tuple[str, int]
+"""Epoch of a market, and number of a round in it."""
+
+
+@dataclass(kw_only=True)
+class ErasedJournals:
+    """What was erased from the journals of a folder.
+
+    Attributes:
+        messages: Number of messages that are gone.
+        files: The files they were in.
+        in_use: File that is being written and holds some still; None for none.
+        problems: What could not be read, and is not in the new files.
+    """
+
+    messages: int = 0
+    files: tuple[Path, ...] = ()
+    in_use: Path | None = None
+    problems: tuple[str, ...] = ()
+
+
+def erase_from_journals(folder: Path, person: PersonMention) -> ErasedJournals:
+    """Write the files of a folder anew without what is about a person.
+
+    That is each message that names the person, and each of a round or a run in which one does.
+    A file of which nothing is left is deleted. Sequences keep their gaps, so that a replay says
+    what is missing.
+
+    Raises:
+        BtAgentsError: A file cannot be read or written; it is as it was then.
+    """
+    paths = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
+    if not paths:
+        return ErasedJournals()
+    lock, open_file = -1, None
+    try:
+        lock = lock_folder(folder)
+    except Refused:
+        open_file = newest_files(folder)[-1]
+    try:
+        return _erase(paths, open_file, person)
+    except OSError as error:
+        raise BtAgentsError(
+            f"the journal in {folder} cannot be written ({error.strerror}); make room, or look at "
+            "its rights, and try again"
+        ) from None
+    finally:
+        if lock >= 0:
+            os.close(lock)
+
+
+def _erase(paths: list[Path], open_file: Path | None, person: PersonMention) -> ErasedJournals:
+    reader = JournalReader(paths)
+    rounds = {
+        of
+        for path in paths
+        for one in reader.stored(path)
+        if _names(one, person) and (of := _round_of(_decoded(one)))
+    }
+    found = ErasedJournals(problems=tuple(reader.problems))
+    for path in paths:
+        number = sum(_is_about(one, person, rounds) for one in reader.stored(path))
+        if not number:
+            continue
+        if path == open_file:
+            found.in_use = path
+            continue
+        _rewrite(reader, path, person, rounds)
+        found.messages += number
+        found.files += (path,)
+    return found
+
+
+def _rewrite(reader: JournalReader, path: Path, person: PersonMention, rounds: set[Round]) -> None:
+    new = path.with_name(f".{path.name}.new")
+    with suppress(FileNotFoundError):
+        new.unlink()
+    file = JournalFile(new)
+    kept = 0
+    try:
+        try:
+            for one in reader.stored(path):
+                if _is_about(one, person, rounds):
+                    continue
+                file.add(_recorded(one), one.message.sequence)
+                kept += 1
+                if kept % _FLUSHED == 0:
+                    file.flush()
+            file.flush()
+        finally:
+            file.close()
+        if kept:
+            os.replace(new, path)
+        else:
+            path.unlink()
+    finally:
+        with suppress(FileNotFoundError):
+            new.unlink()
+
+
+def _recorded(one: StoredMessage) -> RecordedMessage:
+    return RecordedMessage(
+        topic=RecordedTopic(
+            name=one.channel.topic, type=one.schema.name, definition=one.schema.data.decode()
+        ),
+        data=one.message.data,
+        sent_ns=one.message.publish_time,
+        received_ns=one.message.log_time,
+    )
+
+
+def _is_about(one: StoredMessage, person: PersonMention, rounds: set[Round]) -> bool:
+    return _names(one, person) or (bool(rounds) and _round_of(_decoded(one)) in rounds)
+
+
+def _names(one: StoredMessage, person: PersonMention) -> bool:
+    if not person.may_be_in(one.message.data):
+        return False
+    message = _decoded(one)
+    # What cannot be decoded cannot be looked at, and may name the person.
+    return message is None or any(map(person.is_in, _texts(message)))
+
+
+def _decoded(one: StoredMessage) -> Any:
+    """Return the message with its fields as attributes; None for one that is damaged."""
+    try:
+        return one.decoder(one.message.data)
+    except Exception:
+        # Whatever a decoder makes of broken bytes.
+        return None
+
+
+def _round_of(message: Any) -> Round | None:
+    epoch, number = getattr(message, "epoch", ""), getattr(message, "round", 0)
+    return (epoch, number) if epoch and number else None
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield all texts in a message, those of nested messages and lists too."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list | tuple):
+        for one in value:
+            yield from _texts(one)
+    elif hasattr(value, "__slots__"):
+        for name in value.__slots__:
+            yield from _texts(getattr(value, name))
+    elif hasattr(value, "__dict__"):
+        for one in vars(value).values():
+            yield from _texts(one)

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command `bt-agents forget`: removal of a person from everything that is kept."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.person_mention import PersonMention
+from bt_agents_core.profile_layers import PERSON, checked_layer
+from bt_agents_core.state_folder import StateFolder
+from bt_agents_tools.cli.commands.tune import user
+from bt_agents_tools.cli.connection import NoSystemError, connect
+from bt_agents_tools.cli.formatting import counted
+from bt_agents_tools.cli.trees_choice import kept_state, state_option
+from bt_agents_tools.launcher.log_files import erase_lines, log_home
+
+_FORGOTTEN_CODES = ("UNKNOWN_LAYER",)
+"""Codes of an answer that says that there is nothing to forget."""
+
+
+@click.command()
+@click.argument("person")
+@state_option
+@click.option("--ledger", default="", help="Another file of the learned profiles.")
+@click.option("--memory", default="", help="Another file of what is remembered of persons.")
+@click.option("--journal", default="", metavar="FOLDER", help="Another folder of the journal.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.option("--author", default=user, show_default="you", help="Who asks.")
+def forget(
+    person: str, state: str, ledger: str, memory: str, journal: str, yes: bool, author: str
+) -> None:
+    """Remove a PERSON from memory, learned profiles, journals and logs of the trees folder here.
+
+    For example: bt-agents forget anna. It cannot be undone, and says what it has removed where.
+    Exports, copies and backups are not reached. Exit code 1 means that something is left.
+    """
+    layer = checked_layer(f"{PERSON}/{person.removeprefix(f'{PERSON}/')}")
+    mention = PersonMention(layer.partition("/")[2])
+    kept = kept_state(state)
+    if not yes:
+        click.confirm(f"remove {mention.name} from all that is kept, for ever?", abort=True)
+    runs, left = _ask_system(layer, author)
+    places: dict[str, Callable[[], str]] = {
+        "ledger": lambda: _from_ledger(Path(ledger or kept.ledger), layer, author, runs),
+        "memory": lambda: _from_memory(Path(memory or kept.memory), mention.name),
+        "journals": lambda: _from_journals(Path(journal or kept.journal), mention),
+        # Last, as the nodes write into them whom they have forgotten.
+        "logs": lambda: _from_logs(kept, state, mention),
+    }
+    for place, erase in places.items():
+        try:
+            click.echo(f"{place}: {erase()}")
+        except (BtAgentsError, OSError) as error:
+            click.echo(f"{place}: not done: {error}", err=True)
+            left = True
+    sys.exit(1 if left else 0)
+
+
+def _ask_system(layer: str, author: str) -> tuple[bool, bool]:
+    """Have the nodes of a running system forget; return whether there is one, and what is left."""
+    try:
+        with connect() as observer:
+            asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
+            answers = {
+                "feedback node": observer.ask("feedback/manage", **asked),
+                "scene layer": observer.ask("scene_layer/manage", **asked),
+            }
+    except NoSystemError:
+        return False, False
+    left = False
+    for node, answer in answers.items():
+        if answer is None:
+            click.echo(f"{node}: not done: it does not answer; try again", err=True)
+            left = True
+        elif answer.accepted or answer.code in _FORGOTTEN_CODES:
+            click.echo(f"{node}: {answer.message}")
+        else:
+            click.echo(f"{node}: not done: {Refused(answer.code, answer.message)}", err=True)
+            left = True
+    return True, left
+
+
+def _from_ledger(file: Path, layer: str, author: str, runs: bool) -> str:
+    from feedback_node.ledger import Ledger
+
+    if not file.exists():
+        return f"nothing was learned yet, there is no {file}"
+    try:
+        with Ledger(file) as ledger:
+            agents = [
+                agent
+                for agent in ledger.agents()
+                if any(one.layer == layer for one in ledger.layers(agent))
+            ]
+            delayed = ledger.forget([(agent, layer) for agent in agents], source=author)
+    except Refused as refused:
+        if runs and refused.code == "LEDGER_IN_USE":
+            return "the feedback node has it, see above"
+        raise
+    if delayed:
+        raise BtAgentsError(f"traces stay in free parts of {file}: {delayed}; try again")
+    return f"{counted(len(agents), 'profile')} removed from {file}"
+
+
+def _from_memory(file: Path, person: str) -> str:
+    from scene_layer.memory import forget_in_file
+
+    found = forget_in_file(file, person)
+    return f"{person} is removed from {file}" if found else f"nothing is known in {file}"
+
+
+def _from_journals(folder: Path, person: PersonMention) -> str:
+    if not any(folder.glob("*.mcap")):
+        return f"there is none in {folder}"
+    try:
+        # The journal is an extra that need not be installed.
+        lab = import_module("bt_agents_lab.recorder.erasure")
+    except ModuleNotFoundError as error:
+        raise BtAgentsError(
+            f"a journal needs the package {error.name}; install it with "
+            "pip install 'bt-agents[lab]'"
+        ) from None
+    found = lab.erase_from_journals(folder, person)
+    for problem in found.problems:
+        click.echo(f"journals: {problem}", err=True)
+    done = (
+        f"{counted(found.messages, 'message')} removed from {counted(len(found.files), 'file')} "
+        f"in {folder}"
+    )
+    if found.in_use is not None:
+        raise BtAgentsError(
+            f"{done}, but {found.in_use.name} is being written; end that system and try again"
+        )
+    return done
+
+
+def _from_logs(kept: StateFolder, state: str, person: PersonMention) -> str:
+    home = log_home(str(kept.path) if state else "")
+    erased = erase_lines(home, person)
+    lines, files = sum(erased.values()), len(erased)
+    return f"{counted(lines, 'line')} removed from {counted(files, 'file')} in {home}"

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Forgetting of a person: what is removed from the files of a state folder, and what stays."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents_core.person_mention import PersonMention
+from bt_agents_core.state_folder import StateFolder, claim_state
+from bt_agents_lab.recorder.erasure import erase_from_journals
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_tools.cli.connection import NoSystemError
+from bt_agents_tools.cli.main import bt_agents
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.rows import LAYER, RevisionCause
+from journal_fixture import Town, index_of
+from market_harness import scene
+from scene_layer.memory import KnownPerson, save_memory
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StateFolder:
+    """Return a state folder in which carla and dora are known everywhere."""
+
+    @contextmanager
+    def nobody() -> Iterator[None]:
+        raise NoSystemError("no running system")
+        yield
+
+    monkeypatch.setattr("bt_agents_tools.cli.commands.forget.connect", nobody)
+    town = Town(tmp_path / "trees")
+    monkeypatch.chdir(tmp_path / "trees")
+    state = claim_state(tmp_path / "trees", str(tmp_path / "state"))
+    with Ledger(state.ledger) as ledger:
+        ledger.enter({"anna": {"age": 1.0}, "bert": {"age": 4.0}})
+        for name in ("carla", "dora"):
+            layer = f"person/{name}"
+            for agent in ("anna", "bert"):
+                ledger.append(agent, {"age": 2.0}, RevisionCause(cause=LAYER), layer=layer)
+    known = KnownPerson(visits=2)
+    save_memory(state.memory, {"carla": known, "dora": known}, {"lobby": known})
+    for name in ("dora", "carla", "dora"):
+        somebody = replace(scene(f"s of {name}", 4.0, 2.0, 3.0), person_id=name)
+        agent = town.round(somebody)
+        town.run(agent, somebody)
+    town.write(state.journal / "journal-2026-05-04_001.mcap")
+    logs = state.path / "logs" / f"2026-05-04-100000-{2**22 + 1}"
+    logs.mkdir(parents=True)
+    (logs / "scene_layer.log").write_text("carla comes\ndora comes\ncarlas car\n")
+    (logs / "scene_layer.log.1").write_text("hello\n'carla' goes\n")
+    return state
+
+
+def forget(kept: StateFolder, *arguments: str, answer: str = "") -> Result:
+    command = ["forget", "carla", "--state", str(kept.path), *arguments]
+    return CliRunner().invoke(bt_agents, command, input=answer)
+
+
+def places(kept: StateFolder, name: str) -> list[str]:
+    """Return the files that name somebody."""
+    person = PersonMention(name)
+    return sorted(
+        path.name
+        for path in kept.path.rglob("*")
+        if path.is_file() and person.is_in(content(path).decode("latin-1"))
+    )
+
+
+def content(path: Path) -> bytes:
+    """Return what a file holds, unpacked."""
+    if path.suffix == ".mcap":
+        return b"".join(entry.data for entry in JournalReader([path]).entries())
+    return path.read_bytes()
+
+
+def test_a_person_is_removed_from_every_file_and_it_is_said_from_which(kept: StateFolder) -> None:
+    assert len(places(kept, "carla")) == 5
+    others = places(kept, "dora")
+    result = forget(kept, "--yes")
+    assert result.exit_code == 0, result.output
+    assert places(kept, "carla") == []
+    assert places(kept, "dora") == others
+    said = dict(line.split(": ", 1) for line in result.stdout.splitlines())
+    assert said["ledger"] == f"2 profiles removed from {kept.ledger}"
+    assert said["memory"] == f"carla is removed from {kept.memory}"
+    assert said["journals"].endswith(f"messages removed from 1 file in {kept.journal}")
+    assert said["logs"] == f"2 lines removed from 2 files in {kept.path / 'logs'}"
+    again = forget(kept, "--yes")
+    assert again.exit_code == 0
+    assert [line.split(": ")[1].split()[0] for line in again.stdout.splitlines()] == [
+        "0",
+        "nothing",
+        "0",
+        "0",
+    ]
+
+
+def test_the_journal_keeps_the_rounds_of_others_and_counts_what_is_gone(kept: StateFolder) -> None:
+    [path] = kept.journal.glob("*.mcap")
+    before = index_of(path)
+    found = erase_from_journals(kept.journal, PersonMention("carla"))
+    after = index_of(path)
+    assert [one.auction.round for one in before.rounds] == [1, 2, 3]
+    assert [one.auction.round for one in after.rounds] == [1, 3]
+    assert found.messages == sum(before.counts.values()) - sum(after.counts.values())
+    # Also what only belongs to the round of the person: ticks, and what its tree was told.
+    decoded = [entry.decode() for entry in JournalReader([path]).entries()]
+    assert 2 not in {getattr(message, "round", 0) for message in decoded}
+    assert after.lost["/auctions"] == 1
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert [one.name for one in kept.journal.iterdir()] == [path.name]
+
+
+def test_without_a_yes_nothing_is_removed(kept: StateFolder) -> None:
+    before = places(kept, "carla")
+    assert forget(kept, answer="n\n").exit_code == 1
+    assert places(kept, "carla") == before
+
+
+def test_a_journal_that_is_being_written_is_left_and_named(kept: StateFolder) -> None:
+    lock = os.open(kept.journal, os.O_RDONLY)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    try:
+        result = forget(kept, "--yes")
+    finally:
+        os.close(lock)
+    assert result.exit_code == 1
+    assert "journal-2026-05-04_001.mcap is being written; end that system" in result.stderr
+    assert places(kept, "carla") == ["journal-2026-05-04_001.mcap"]
+
+
+def test_a_ledger_that_a_node_has_open_is_left_and_the_rest_is_removed(kept: StateFolder) -> None:
+    with Ledger(kept.ledger):
+        result = forget(kept, "--yes")
+    assert result.exit_code == 1
+    assert "ledger: not done: LEDGER_IN_USE" in result.stderr
+    assert places(kept, "carla") == ["ledger.sqlite"]
+
+
+def test_a_file_of_which_nothing_is_left_is_deleted(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    town.published.clear()
+    town.round(replace(scene("s", 4.0, 2.0, 3.0), person_id="carla"))
+    town.write(tmp_path / "journal" / "journal-2026-05-04_001.mcap")
+    erase_from_journals(tmp_path / "journal", PersonMention("carla"))
+    assert list((tmp_path / "journal").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "is_named"),
+    [
+        ("anna", "person/anna is forgotten", True),
+        ("anna", "'anna'", True),
+        ("anna", "annabel, hanna and anna_2", False),
+        ("Änne", '{"person_id": "\\u00c4nne"}', True),
+        ("Änne", "für Änne", True),
+        ("7", "7", True),
+        ("7", "person/7 is forgotten", True),
+        ("7", "7 bids in 0.7 s, round 7", False),
+        ("a.b", "aXb", False),
+    ],
+)
+def test_a_person_is_named_by_a_whole_word(name: str, text: str, is_named: bool) -> None:
+    assert PersonMention(name).is_in(text) == is_named

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A system that has nothing to do is quiet, and whoever joins late finds it soon."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from programs import HANG_S, ROOT, Program
+
+pytestmark = pytest.mark.e2e
+
+AT_ONCE = 20
+
+
+def namespaces_allowed() -> bool:
+    """Return whether this user may make a network namespace."""
+    if shutil.which("unshare") is None or shutil.which("ip") is None:
+        return False
+    made = subprocess.run(["unshare", "-rn", "ip", "link", "set", "lo", "up"], check=False)
+    return made.returncode == 0
+
+
+@pytest.mark.skipif(not namespaces_allowed(), reason="needs a network namespace of its own")
+def test_an_idle_system_sends_few_datagrams_and_is_found_at_once(
+    environment: dict[str, str], trees: Path
+) -> None:
+    measured = subprocess.run(
+        ["unshare", "-rn", sys.executable, str(ROOT / "tests/harness/idle_traffic.py"), trees],
+        stdout=subprocess.PIPE,
+        env={key: value for key, value in environment.items() if key != "ROS_DOMAIN_ID"},
+        timeout=3 * HANG_S,
+        check=True,
+    )
+    found = json.loads(measured.stdout)
+    assert found["sent"] <= 200.0
+    assert found["unheard"] < 1.0
+    # Median, as single processes wait for a core on a busy machine.
+    assert statistics.median(found["joined"]) <= 0.5, found["joined"]
+
+
+def test_many_commands_at_once_are_all_answered(
+    start: Callable[..., Program], environment: dict[str, str]
+) -> None:
+    up = start("up", "--no-voice")
+    up.until("ready")
+    asking = [start("status") for _ in range(AT_ONCE)]
+    for one in asking:
+        assert one.wait() == 0, one.output
+    assert all("attentive_guide" in one.output for one in asking)
+    assert up.stop()[0] == 0

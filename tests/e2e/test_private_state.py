@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a session leaves behind: nobody but its owner can read it."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from programs import Program
+
+pytestmark = pytest.mark.e2e
+
+
+@pytest.fixture
+def for_everybody() -> Iterator[None]:
+    """Take nothing of what is made away from others, as some users have it."""
+    before = os.umask(0)
+    yield
+    os.umask(before)
+
+
+@pytest.mark.usefixtures("for_everybody")
+def test_every_file_of_a_session_is_private_while_it_runs_and_after(
+    start: Callable[..., Program], ask: Callable[..., str], tmp_path: Path
+) -> None:
+    kept = tmp_path / "kept"
+    up = start("up", "--no-voice", "--state", str(kept), "--memory", "--journal")
+    up.until("ready")
+    ask("trigger", "age=4.5", "familiarity=1", "mood=3")
+    up.until("starts")
+    ask("feedback", "positive", "--reason", "kind")
+    ask("tune", "attentive_guide.patience=9")
+    ask("preset", "save", "morning")
+    ask("veto", "silent_text")
+    assert "scene layer: " in ask("forget", "anna", "--yes", "--state", str(kept))
+    shared = {path: mode for path, mode in modes(kept).items() if mode not in (0o700, 0o600)}
+    assert shared == {}
+    names = {path.name for path in modes(kept)}
+    assert {"ledger.sqlite-wal", "tunings.sqlite-wal", "agents.log"} <= names
+    assert up.stop()[0] == 0
+    found = modes(kept)
+    assert {mode for path, mode in found.items() if path.is_dir()} == {0o700}
+    assert {mode for path, mode in found.items() if path.is_file()} == {0o600}
+    names = {path.name for path in found}
+    assert {
+        "ledger.sqlite", "tunings.sqlite", "presets.yaml", "orders.json", "people.json",
+        "trees-folder", "journal", "agents.log",
+    } <= names  # fmt: skip
+
+
+def modes(folder: Path) -> dict[Path, int]:
+    """Return the rights of a folder and of all that is in it."""
+    found = {}
+    for path in (folder, *folder.rglob("*")):
+        try:
+            found[path] = stat.S_IMODE(path.stat().st_mode)
+        except FileNotFoundError:
+            # A file that was replaced meanwhile.
+            continue
+    return found

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Traffic of an idle system: run as ``unshare -rn python idle_traffic.py TREES``.
+
+Prints a line of JSON: how many datagrams a second are sent, how many of them to ports that nobody
+listens on, and after which time each of some late processes has heard of the system [s].
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+SETTLE_S = 10.0
+WINDOW_S = 5.0
+JOINERS = 7
+HANG_S = 60.0
+
+JOIN = """
+import sys, time
+import rclpy
+from rclpy.qos import QoSProfile
+from bt_agents_interfaces.msg import MarketStatus
+from bt_agents_interfaces.srv import Analyze, CollectFeedback
+from bt_agents_ros import qos
+rclpy.init()
+begin = time.monotonic()
+node = rclpy.create_node("late")
+heard = []
+node.create_subscription(MarketStatus, "market", heard.append, qos.FACT)
+clients = [
+    node.create_client(Analyze, "scene_layer/analyze"),
+    node.create_client(CollectFeedback, "feedback/collect"),
+]
+while not (heard and all(one.service_is_ready() for one in clients)):
+    rclpy.spin_once(node, timeout_sec=0.01)
+    if time.monotonic() - begin > 20:
+        break
+print(time.monotonic() - begin)
+"""
+
+
+def main() -> None:
+    """Measure, and print the result."""
+    subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
+    # As for all commands: with the profile of the launcher.
+    from bt_agents_tools.launcher.supervisor import set_local_discovery
+
+    environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    command = [sys.executable, "-m", "bt_agents_tools.cli", "up", sys.argv[1], "--no-voice"]
+    up = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    try:
+        assert up.stdout is not None
+        for line in up.stdout:
+            if line.startswith("ready"):
+                break
+        time.sleep(SETTLE_S)
+        before, begin = _counts(), time.monotonic()
+        time.sleep(WINDOW_S)
+        after, duration_s = _counts(), time.monotonic() - begin
+        set_local_discovery(environment)
+        joined = [
+            float(
+                subprocess.run(
+                    [sys.executable, "-c", JOIN],
+                    stdout=subprocess.PIPE,
+                    check=True,
+                    env=environment,
+                    timeout=HANG_S,
+                ).stdout
+            )
+            for _ in range(JOINERS)
+        ]
+    finally:
+        up.send_signal(signal.SIGINT)
+        up.wait(HANG_S)
+    found = {
+        "sent": (after["OutDatagrams"] - before["OutDatagrams"]) / duration_s,
+        "unheard": (after["NoPorts"] - before["NoPorts"]) / duration_s,
+        "joined": joined,
+    }
+    print(json.dumps(found))
+
+
+def _counts() -> dict[str, int]:
+    """Return the counters of UDP in this network namespace by name."""
+    lines = Path("/proc/net/snmp").read_text().splitlines()
+    names, values = (line.split()[1:] for line in lines if line.startswith("Udp:"))
+    return dict(zip(names, map(int, values), strict=True))
+
+
+if __name__ == "__main__":
+    main()
