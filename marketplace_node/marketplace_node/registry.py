@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.liveness import extended_after_stall
@@ -23,10 +23,17 @@ FIRST_HEARTBEAT_S = 3.0
 The middleware takes its time to connect the market to the heartbeat of a host that is new.
 """
 
+AWARD_KEY_BYTES = 16
+"""Length of an award key, as in ``RegisterHost.srv``."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Registration:
-    """Request of a host to enter its agents; fields as in ``RegisterHost.srv``."""
+    """Request of a host to enter its agents; fields as in ``RegisterHost.srv``.
+
+    Attributes:
+        participant: The process it is from, as the middleware says; empty where it does not.
+    """
 
     host: str
     instance: str
@@ -34,17 +41,39 @@ class Registration:
     heartbeat: str
     parameters: tuple[str, ...]
     agents: tuple[str, ...]
+    participant: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HostEntry:
-    """Registered host; ``agents`` maps each of its agents to its id."""
+    """Registered host; ``agents`` maps each of its agents to its id.
+
+    Attributes:
+        participant: The process that has registered it, which alone speaks for it.
+        award_key: Secret of the market and this host, by which the host knows its goals.
+    """
 
     host: str
     instance: str
     run_action: str
     heartbeat: str
     agents: Mapping[str, int]
+    participant: str = ""
+    award_key: bytes = field(default=b"", repr=False)
+
+    def check_sender(self, participant: str) -> None:
+        """Check that what is sent in the name of this host is from its process.
+
+        Raises:
+            Refused: ``OTHER_PARTICIPANT``.
+        """
+        if participant != self.participant:
+            raise Refused(
+                "OTHER_PARTICIPANT",
+                f"in the name of {self.host} by the DDS participant {participant or '(unknown)'}, "
+                f"expected {self.participant or '(unknown)'}, which has registered it; a host "
+                "speaks for itself, from one process",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +84,7 @@ class RegistrationAnswer:
     agent_ids: tuple[int, ...]
     reasons: tuple[str, ...]
     message: str
+    award_key: bytes = field(default=b"", repr=False)
 
 
 class Registry:
@@ -62,11 +92,14 @@ class Registry:
 
     Ids count from 1 and stay with an agent's name for the life of the market. A host is alive for
     ``lease_s`` after its last heartbeat or registration [s]; see :data:`FIRST_HEARTBEAT_S` for one
-    without any heartbeat yet.
+    without any heartbeat yet. Each start of a host gets an award key from ``new_key``.
     """
 
-    def __init__(self, parameters: tuple[str, ...], lease_s: float) -> None:
+    def __init__(
+        self, parameters: tuple[str, ...], lease_s: float, new_key: Callable[[], bytes]
+    ) -> None:
         self.lease_s = lease_s
+        self._new_key = new_key
         self._parameters = parameters
         self._entries: dict[str, HostEntry] = {}
         self._seen: dict[str, float] = {}
@@ -99,12 +132,21 @@ class Registry:
             ids.append(agents[name])
             reasons.append("")
         self._take_from_the_dead(agents, registration.host)
+        held = self._entries.get(registration.host)
+        is_refresh = (
+            held is not None
+            and held.instance == registration.instance
+            and held.participant == registration.participant
+        )
+        award_key = held.award_key if held is not None and is_refresh else self._new_key()
         self._entries[registration.host] = HostEntry(
             host=registration.host,
             instance=registration.instance,
             run_action=registration.run_action,
             heartbeat=registration.heartbeat,
             agents=agents,
+            participant=registration.participant,
+            award_key=award_key,
         )
         self._agents = None
         known = self._heartbeat_of.get(registration.host) == registration.instance
@@ -114,7 +156,11 @@ class Registry:
         if refused_count:
             message += f"; {refused_count} refused"
         return RegistrationAnswer(
-            accepted=True, agent_ids=tuple(ids), reasons=tuple(reasons), message=message
+            accepted=True,
+            agent_ids=tuple(ids),
+            reasons=tuple(reasons),
+            message=message,
+            award_key=award_key,
         )
 
     def replaceable(self, now: float) -> str:
@@ -131,11 +177,16 @@ class Registry:
         self._seen.pop(host, None)
         self._heartbeat_of.pop(host, None)
 
-    def heartbeat(self, host: str, instance: str, now: float) -> bool:
-        """Take a heartbeat; return False when it is not from a registered start of a host."""
+    def heartbeat(self, host: str, instance: str, now: float, participant: str = "") -> bool:
+        """Take a heartbeat; return False when it is not from a registered start of a host.
+
+        Raises:
+            Refused: ``OTHER_PARTICIPANT``.
+        """
         entry = self._entries.get(host)
         if entry is None or entry.instance != instance:
             return False
+        entry.check_sender(participant)
         self._seen[host] = now
         self._heartbeat_of[host] = instance
         return True
@@ -208,11 +259,11 @@ class Registry:
                 f"{', '.join(self._parameters)}; both must read the same scene.yaml",
             )
         held = self._entries.get(registration.host)
-        if (
-            held is not None
-            and held.instance != registration.instance
-            and self.is_live(held.host, held.instance, now)
-        ):
+        if held is None:
+            return
+        if held.instance == registration.instance:
+            held.check_sender(registration.participant)
+        elif self.is_live(held.host, held.instance, now):
             raise Refused(
                 "HOST_EXISTS",
                 f"another {registration.host} is alive (instance {held.instance}); "

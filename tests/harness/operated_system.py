@@ -511,7 +511,7 @@ class _MarketStart:
         self.alive = True
         epoch = f"e{system.next_number()}"
         rules = market_of(system.folder, system.space)
-        self.market = Market(system.space, epoch, system.settings, rules)
+        self.market = Market(system.space, epoch, system.settings, rules, new_key=bytes)
         self.orders = orders
         self.execute(self.market.tick(system.now))
         if orders:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import secrets
 import time
 import uuid
 from collections import deque
@@ -32,6 +33,7 @@ from bt_agents_ros.outbox import Outbox
 from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import OneShot, steady_timer
+from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from marketplace_node.effects import (
     Alarm,
     AnnounceEarlierRun,
@@ -69,7 +71,7 @@ from marketplace_node.node.messages import (
 )
 from marketplace_node.node.operator_services import OperatorServices, OverridesFile
 from marketplace_node.node.parameters import declare_settings, watch_settings
-from marketplace_node.registry import HostEntry
+from marketplace_node.registry import AWARD_KEY_BYTES, HostEntry
 from marketplace_node.round.decision import External
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
@@ -117,7 +119,13 @@ class MarketplaceNode(BaseNode):
         self._decided = self.get_clock().now()
         self._executing = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
-        self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
+        self._market = Market(
+            space,
+            epoch or uuid.uuid4().hex[:12],
+            declare_settings(self),
+            rules,
+            new_key=lambda: secrets.token_bytes(AWARD_KEY_BYTES),
+        )
         self._hosts = HostConnections(self, self._market, space, self._execute)
         watch_settings(self, lambda: self._market.settings, self._configure)
         self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
@@ -143,8 +151,8 @@ class MarketplaceNode(BaseNode):
         steady_timer(self, _HEARTBEAT_S, self._publish_heartbeat)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bid_decoder = BidDecoder(self._market.epoch, self._hosts.reaches)
-        self._bids = self.create_subscription(
-            BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
+        self._bids = create_identified_subscription(
+            self, BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
         )
         self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
         self._execute(self._market.tick(self._ticked))
@@ -198,9 +206,9 @@ class MarketplaceNode(BaseNode):
             return
         self._execute(self._market.scene(scene, time.monotonic()))
 
-    def _take_bids(self, message: bytes) -> None:
+    def _take_bids(self, message: bytes, participant: str) -> None:
         try:
-            bids = self._bid_decoder.read(message)
+            bids = self._bid_decoder.read(message, participant)
         except Refused as refused:
             self._execute([Note(message=str(refused)[:_SHOWN])])
             return
