@@ -826,7 +826,9 @@ class OperatedSystem:
         if table != self._table:
             self._table = table
             self.publish(
-                "/profiles", table_to_msg(table, (), self.space), latched=("feedback", "/profiles")
+                "/profiles",
+                table_to_msg(table, (), (), self.space),
+                latched=("feedback", "/profiles"),
             )
 
     def _record(self, message: RecordedMessage) -> None:

@@ -14,8 +14,8 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from bt_agents_interfaces.msg import Auction, Bids, Heartbeat
-from bt_agents_interfaces.srv import RegisterHost
+from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profiles
+from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from bt_agents_ros.workarounds.sender_identity import (
@@ -25,7 +25,9 @@ from bt_agents_ros.workarounds.sender_identity import (
     create_identified_subscription,
 )
 from fake_market import Market, folder, make_host
-from market_harness import EXPRESS, GUIDE
+from feedback_node.ledger import Ledger
+from feedback_node.node import FeedbackNode
+from market_harness import EXPRESS, GUIDE, SPACE
 from market_node_harness import FakeHost, Stage
 
 WAITER = """
@@ -244,6 +246,39 @@ def test_a_goal_without_the_key_of_the_market_is_refused(
     assert not market.send(market.goal(host, award_key=list(key))).accepted
     assert "NOT_THE_MARKET" in capfd.readouterr().err
     assert market.send(market.goal(host)).accepted
+
+
+def profile(revision: int, value: float = 5.0) -> SetProfile.Request:
+    return SetProfile.Request(agent="talker", values=[value, 3.0, 3.0], revision=revision)
+
+
+def test_a_revision_from_the_future_makes_no_host_deaf(
+    ros: Any, tmp_path: Path, stranger: Stranger
+) -> None:
+    market = Market(ros)
+    host = ros.add(make_host(folder(tmp_path, WAITER)))
+    market.open()
+    ros.until(lambda: host.registered)
+    # While there is no feedback node, a host cannot tell who may set a profile.
+    assert stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1)).accepted
+    member = host.registry.members["talker"]
+    assert (member.profile[0], member.revision) == (5.0, 2**32 - 1)
+
+    published: list[Profiles] = ros.collect(Profiles, "profiles", qos.FACT)
+    ros.add(FeedbackNode(SPACE, Ledger(":memory:")))
+    ros.until(lambda: (member.profile[0], member.revision) == (3.0, 0))
+    ros.until(lambda: published and not published[-1].differing)
+
+    refused = stranger.call(ros, SetProfile, "agents/set_profile", profile(2**32 - 1))
+    assert (refused.accepted, refused.code) == (False, "OTHER_PARTICIPANT")
+    teaching = ros.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE)
+    lesson = GiveFeedback.Request(
+        agent="talker", kind=Feedback.DIRECT, values=[5.0, 5.0, 5.0], source="anna"
+    )
+    answer = ros.call(teaching, lesson)
+    assert answer.accepted, answer.message
+    ros.until(lambda: member.revision == answer.feedback.revision)
+    assert 3.0 < member.profile[0] < 5.0
 
 
 def test_a_market_without_a_key_sends_no_goals(ros: Any, tmp_path: Path) -> None:
