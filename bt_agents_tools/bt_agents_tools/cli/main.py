@@ -56,6 +56,7 @@ COMMANDS: Mapping[str, str] = {
     "reload": "reload",
     "versions": "reload",
     "roll-back": "reload",
+    "security": "security",
 }
 """Command → its module in ``bt_agents_tools.cli.commands``.
 
