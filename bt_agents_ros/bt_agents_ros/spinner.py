@@ -18,7 +18,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.errors import NodeMustEnd
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_ros.signals import Interrupt, Interrupted
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
@@ -39,10 +39,6 @@ class Stopping(Protocol):
 
     def stopped(self) -> bool:
         """Return True when nothing is under way any more."""
-
-
-class NodeMustEnd(BtAgentsError):
-    """Reason for which a node ends by itself; a callback that raises it is not survived."""
 
 
 NodeT = TypeVar("NodeT", bound=Node)

@@ -11,10 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import rclpy
-from rclpy.node import Node
-
-from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.errors import NodeMustEnd, ReadError, Refused
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import join_first
@@ -34,9 +31,8 @@ from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg
 from bt_agents_ros.outbox import Outbox
 from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
-from bt_agents_ros.spinner import NodeMustEnd, run
+from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import OneShot, steady_timer
-from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from marketplace_node.effects import (
     Alarm,
@@ -75,7 +71,12 @@ from marketplace_node.node.messages import (
 )
 from marketplace_node.node.operator_services import OperatorServices, OverridesFile
 from marketplace_node.node.parameters import declare_settings, watch_settings
-from marketplace_node.other_market import OtherMarket, StartCheck
+from marketplace_node.node.second_market import (
+    MARKET_HEARTBEAT,
+    another_market_text,
+    refuse_second_market,
+)
+from marketplace_node.other_market import OtherMarket
 from marketplace_node.registry import AWARD_KEY_BYTES, HostEntry
 from marketplace_node.round.decision import External
 from marketplace_node.settings import RULES, Settings
@@ -89,7 +90,6 @@ OVERRIDES_FILE = StartParameter(
 
 _POLL_S = 0.02  # between two polls for hosts that are just starting
 _HEARTBEAT_S = 0.1
-_HEARTBEAT_TOPIC = "marketplace/heartbeat"  # where hosts listen, whatever this node is called
 _NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
 _SHOWN = 200  # characters of what is malformed
 _CALL_WAITS = 0.5  # at most this part of the bid deadline, for hosts that are just connecting
@@ -157,7 +157,7 @@ class MarketplaceNode(BaseNode):
         steady_timer(self, _HEARTBEAT_S, self._publish_heartbeat)
         self._other_market = OtherMarket(self._market.epoch)
         create_identified_subscription(
-            self, MarketHeartbeat, _HEARTBEAT_TOPIC, self._take_market_heartbeat, qos.SENSOR
+            self, MarketHeartbeat, MARKET_HEARTBEAT, self._take_market_heartbeat, qos.SENSOR
         )
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bid_decoder = BidDecoder(self._market.epoch, self._hosts.reaches)
@@ -275,7 +275,7 @@ class MarketplaceNode(BaseNode):
         if self._other_market.gives_way(
             heartbeat.epoch, heartbeat.sequence, self._heartbeats_sent
         ):
-            raise NodeMustEnd(_another_runs(self, heartbeat.epoch[:_SHOWN], participant))
+            raise NodeMustEnd(another_market_text(self, heartbeat.epoch[:_SHOWN], participant))
 
     def _execute(self, effects: list[Effect]) -> None:
         self._due.extend(effects)
@@ -440,54 +440,6 @@ def make_market(
     for problem in problems:
         node.get_logger().warning(problem)
     return node
-
-
-def refuse_second_market() -> None:
-    """Refuse to start beside another market that is alive; listens for it first.
-
-    Raises:
-        Refused: ``SECOND_MARKET``, with its epoch and its node.
-    """
-    listener = rclpy.create_node(
-        "marketplace", start_parameter_services=False, enable_rosout=False
-    )
-    executor = CachedExecutor()
-    executor.add_node(listener)
-    check = StartCheck(time.monotonic())
-    senders: list[str] = []
-
-    def take(heartbeat: MarketHeartbeat, participant: str) -> None:
-        check.on_heartbeat(heartbeat.epoch[:_SHOWN], time.monotonic())
-        senders.append(participant)
-
-    try:
-        create_identified_subscription(
-            listener, MarketHeartbeat, _HEARTBEAT_TOPIC, take, qos.SENSOR
-        )
-        while not check.is_over(
-            now := time.monotonic(),
-            is_on_graph=bool(listener.get_publishers_info_by_topic(_HEARTBEAT_TOPIC)),
-        ):
-            executor.spin_once(_POLL_S)
-        if check.is_refused(now):
-            raise Refused("SECOND_MARKET", _another_runs(listener, check.alive, senders[-1]))
-    finally:
-        executor.shutdown()
-        listener.destroy_node()
-
-
-def _another_runs(node: Node, epoch: str, participant: str) -> str:
-    """Return that another market is alive and which one it is, as a text."""
-    nodes = {
-        f"{end.node_namespace.rstrip('/')}/{end.node_name}"
-        for end in node.get_publishers_info_by_topic(_HEARTBEAT_TOPIC)
-        if bytes(end.endpoint_gid).hex().startswith(participant)
-    }
-    return (
-        f"another marketplace is alive here: epoch '{shown(epoch)}', node "
-        f"{', '.join(sorted(nodes)) or '(unknown)'}, DDS participant {participant or '(unknown)'};"
-        " end one of the two, or set ROS_DOMAIN_ID or ROS_NAMESPACE to another value for this one"
-    )
 
 
 def _make_node() -> MarketplaceNode:
