@@ -11,6 +11,10 @@ class BtAgentsError(Exception):
     """Root of every error that this project raises on purpose."""
 
 
+class NodeMustEnd(BtAgentsError):
+    """Reason for which a node ends by itself; a callback that raises it is not survived."""
+
+
 STORAGE_FULL = "STORAGE_FULL"
 """Code of a refusal because the disk takes no more; the same is taken when there is room."""
 

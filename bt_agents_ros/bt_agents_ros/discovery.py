@@ -9,8 +9,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
-_GUID_PREFIX = 12
-"""Leading bytes of an endpoint's GID that are the same for all of its process."""
+from bt_agents_ros.workarounds.sender_identity import PREFIX
 
 
 def is_matched(
@@ -23,14 +22,15 @@ def is_matched(
     """
     subscriptions = node.get_subscriptions_info_by_topic(publisher.topic_name)
     publishers = node.get_publishers_info_by_topic(subscription.topic_name)
-    partners = _processes(node.get_publishers_info_by_topic(partner))
+    partners = participants(node.get_publishers_info_by_topic(partner))
     return (
-        partners <= _processes(subscriptions)
-        and partners <= _processes(publishers)
+        partners <= participants(subscriptions)
+        and partners <= participants(publishers)
         and publisher.get_subscription_count() >= len(subscriptions)
         and subscription.get_publisher_count() >= len(publishers)
     )
 
 
-def _processes(endpoints: list[Any]) -> set[bytes]:
-    return {bytes(endpoint.endpoint_gid[:_GUID_PREFIX]) for endpoint in endpoints}
+def participants(endpoints: list[Any]) -> set[str]:
+    """Return the participants of endpoints that the graph shows, as callbacks are told them."""
+    return {bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints}

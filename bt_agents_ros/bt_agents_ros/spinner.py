@@ -18,6 +18,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from bt_agents_core.errors import NodeMustEnd
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_ros.signals import Interrupt, Interrupted
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
@@ -52,10 +53,14 @@ class Spinner:
         self.executor.add_node(node)
 
     def spin_once(self, timeout_s: float = _POLL_S) -> None:
-        """Wait up to ``timeout_s`` seconds for work and do one piece of it."""
+        """Wait up to ``timeout_s`` seconds for work and do one piece of it.
+
+        Raises:
+            NodeMustEnd: A callback has found that the node has to end.
+        """
         try:
             self.executor.spin_once(timeout_sec=timeout_s)
-        except ExternalShutdownException:
+        except (ExternalShutdownException, NodeMustEnd):
             raise
         except Exception:
             if not self.node.context.ok():
@@ -87,7 +92,7 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
     ``make_node`` is called after ``rclpy.init``; if it raises, the process ends with one line.
 
     Returns:
-        Exit code: 0 after a clean stop, 1 when the node could not be created.
+        Exit code: 0 after a clean stop, 1 when the node could not be created or had to end.
     """
     interrupt = Interrupt()
     _die_with_parent()
@@ -102,20 +107,25 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
             print(f"error: {error}", file=sys.stderr)
             return 1
         spinner = Spinner(node)
+        code = 0
         try:
             _report_ready()
-            while not interrupt and rclpy.ok():
-                spinner.spin_once()
+            try:
+                while not interrupt and rclpy.ok():
+                    spinner.spin_once()
+            except NodeMustEnd as reason:
+                print(f"error: {reason}", file=sys.stderr)
+                code = 1
             if hasattr(node, "request_stop") and rclpy.ok():
                 node.request_stop()
                 spinner.spin_until(node.stopped, STOP_LIMIT_S)
                 # The executor still has to send the results of what has just ended.
                 spinner.spin_until(lambda: False, _LAST_RESULTS_S)
-        except ExternalShutdownException:
+        except (ExternalShutdownException, NodeMustEnd):
             pass
         finally:
             spinner.close()
-        return 0
+        return code
     finally:
         rclpy.try_shutdown()
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
@@ -60,6 +60,7 @@ class Market:
         epoch: Name of this instance of the market; unique over restarts.
         settings: Replaceable by :meth:`configure`.
         rules: Of the strategy ``rules``.
+        new_key: Returns another award key each time, which nobody can guess.
 
     Attributes:
         late_bids: How many answers came after their round was closed.
@@ -71,10 +72,12 @@ class Market:
         epoch: str,
         settings: Settings | None = None,
         rules: tuple[MarketRule, ...] = (),
+        *,
+        new_key: Callable[[], bytes],
     ) -> None:
         self.epoch = epoch
         self.late_bids = 0
-        self._market_state = MarketState(space, epoch, settings or Settings(), rules)
+        self._market_state = MarketState(space, epoch, settings or Settings(), rules, new_key)
         self._interaction: Interaction | None = None
         self._admission = SceneAdmission(self._market_state)
         self._operator_commands = OperatorCommands(self._market_state, self._admission)
@@ -163,10 +166,21 @@ class Market:
         return self._check_host(now)
 
     def heartbeat(
-        self, host: str, instance: str, epoch: str, round_number: int, now: float
+        self,
+        host: str,
+        instance: str,
+        epoch: str,
+        round_number: int,
+        now: float,
+        participant: str = "",
     ) -> list[Effect]:
         """Take the heartbeat of a host with the run that it is busy with; round 0 means none."""
-        if self._market_state.registry.heartbeat(host, instance, now):
+        try:
+            is_known = self._market_state.registry.heartbeat(host, instance, now, participant)
+        except Refused as refused:
+            self._note(f"heartbeat refused: {refused}")
+            return self._settle(now)
+        if is_known:
             under_way = None if self.state is State.COLLECTING else self.goal
             self._market_state.heartbeat(host, epoch, round_number, under_way, now)
             self._inherited.on_heartbeat(host, epoch, round_number, now)

@@ -71,13 +71,18 @@ class MarketState:
     """
 
     def __init__(
-        self, space: SceneSpace, epoch: str, settings: Settings, rules: tuple[MarketRule, ...] = ()
+        self,
+        space: SceneSpace,
+        epoch: str,
+        settings: Settings,
+        rules: tuple[MarketRule, ...],
+        new_key: Callable[[], bytes],
     ) -> None:
         self.space = space
         self.epoch = epoch
         self._undecided: tuple[UndecidedRule, ...] = ()
         self.settings = settings
-        self.registry = Registry(space.names, settings.host_lease_s)
+        self.registry = Registry(space.names, settings.host_lease_s, new_key)
         self.overrides = OperatorOverrides()
         self.effects: list[Effect] = []
         self.record = MarketStatistics()

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.liveness import extended_after_stall
@@ -18,16 +18,26 @@ _MAX_NAME = 180
 MOST_HOSTS = 100
 """Hosts that are known; a new one takes the place of the one that is gone for longest."""
 
+SILENCE_S = 0.3
+"""A host has three heartbeats in this time [s]."""
+
 FIRST_HEARTBEAT_S = 3.0
 """A start of a host that was never heard is alive for so long beyond its lease [s].
 
 The middleware takes its time to connect the market to the heartbeat of a host that is new.
 """
 
+AWARD_KEY_BYTES = 16
+"""Length of an award key, as in ``RegisterHost.srv``."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Registration:
-    """Request of a host to enter its agents; fields as in ``RegisterHost.srv``."""
+    """Request of a host to enter its agents; fields as in ``RegisterHost.srv``.
+
+    Attributes:
+        participant: The process it is from, as the middleware says; empty where it does not.
+    """
 
     host: str
     instance: str
@@ -35,17 +45,39 @@ class Registration:
     heartbeat: str
     parameters: tuple[str, ...]
     agents: tuple[str, ...]
+    participant: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HostEntry:
-    """Registered host; ``agents`` maps each of its agents to its id."""
+    """Registered host; ``agents`` maps each of its agents to its id.
+
+    Attributes:
+        participant: The process that has registered it, which alone speaks for it.
+        award_key: Secret of the market and this host, by which the host knows its goals.
+    """
 
     host: str
     instance: str
     run_action: str
     heartbeat: str
     agents: Mapping[str, int]
+    participant: str = ""
+    award_key: bytes = field(default=b"", repr=False)
+
+    def check_sender(self, participant: str) -> None:
+        """Check that what is sent in the name of this host is from its process.
+
+        Raises:
+            Refused: ``OTHER_PARTICIPANT``.
+        """
+        if participant != self.participant:
+            raise Refused(
+                "OTHER_PARTICIPANT",
+                f"in the name of {self.host} by the DDS participant {participant or '(unknown)'}, "
+                f"expected {self.participant or '(unknown)'}, which has registered it; a host "
+                "speaks for itself, from one process",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +88,7 @@ class RegistrationAnswer:
     agent_ids: tuple[int, ...]
     reasons: tuple[str, ...]
     message: str
+    award_key: bytes = field(default=b"", repr=False)
 
 
 class Registry:
@@ -63,15 +96,21 @@ class Registry:
 
     Ids count from 1 and stay with an agent's name for the life of the market. A host is alive for
     ``lease_s`` after its last heartbeat or registration [s]; see :data:`FIRST_HEARTBEAT_S` for one
-    without any heartbeat yet.
+    without any heartbeat yet. Each start of a host gets an award key from ``new_key``.
     """
 
-    def __init__(self, parameters: tuple[str, ...], lease_s: float) -> None:
+    def __init__(
+        self, parameters: tuple[str, ...], lease_s: float, new_key: Callable[[], bytes]
+    ) -> None:
         self.lease_s = lease_s
+        self._new_key = new_key
         self._parameters = parameters
         self._entries: dict[str, HostEntry] = {}
         self._seen: dict[str, float] = {}
         self._heartbeat_of: dict[str, str] = {}
+        # The last heartbeat, or when this process could hear again; not renewed as a lease is.
+        self._heard: dict[str, float] = {}
+        self._back_since: dict[str, float] = {}
         self._ids: dict[str, int] = {}
         self._agents: dict[str, HostEntry] | None = None
 
@@ -100,12 +139,21 @@ class Registry:
             ids.append(agents[name])
             reasons.append("")
         self._take_from_the_dead(agents, registration.host)
+        held = self._entries.get(registration.host)
+        is_refresh = (
+            held is not None
+            and held.instance == registration.instance
+            and held.participant == registration.participant
+        )
+        award_key = held.award_key if held is not None and is_refresh else self._new_key()
         self._entries[registration.host] = HostEntry(
             host=registration.host,
             instance=registration.instance,
             run_action=registration.run_action,
             heartbeat=registration.heartbeat,
             agents=agents,
+            participant=registration.participant,
+            award_key=award_key,
         )
         self._agents = None
         known = self._heartbeat_of.get(registration.host) == registration.instance
@@ -115,7 +163,11 @@ class Registry:
         if refused_count:
             message += f"; {refused_count} refused"
         return RegistrationAnswer(
-            accepted=True, agent_ids=tuple(ids), reasons=tuple(reasons), message=message
+            accepted=True,
+            agent_ids=tuple(ids),
+            reasons=tuple(reasons),
+            message=message,
+            award_key=award_key,
         )
 
     def replaceable(self, now: float) -> str:
@@ -131,13 +183,22 @@ class Registry:
         self._agents = None
         self._seen.pop(host, None)
         self._heartbeat_of.pop(host, None)
+        self._heard.pop(host, None)
+        self._back_since.pop(host, None)
 
-    def heartbeat(self, host: str, instance: str, now: float) -> bool:
-        """Take a heartbeat; return False when it is not from a registered start of a host."""
+    def heartbeat(self, host: str, instance: str, now: float, participant: str = "") -> bool:
+        """Take a heartbeat; return False when it is not from a registered start of a host.
+
+        Raises:
+            Refused: ``OTHER_PARTICIPANT``.
+        """
         entry = self._entries.get(host)
         if entry is None or entry.instance != instance:
             return False
-        self._seen[host] = now
+        entry.check_sender(participant)
+        if now - self._heard.get(host, now) >= SILENCE_S:
+            self._back_since[host] = now
+        self._seen[host] = self._heard[host] = now
         self._heartbeat_of[host] = instance
         return True
 
@@ -150,16 +211,23 @@ class Registry:
             valid = since - seen < self.lease_s
             renewed = extended_after_stall(seen, self.lease_s, since, now)
             self._seen[host] = renewed if valid else seen + now - since
+            if valid and host in self._heard:
+                self._heard[host] = now
 
     def gone_s(self, host: str, now: float) -> float:
         """Return for how long the lease of a registered host has run out [s]; 0 or less if not."""
         return now - self._seen[host] - self.lease_s
 
-    def silent_s(self, host: str, now: float) -> float:
-        """Return the time since the last heartbeat of this start of a host, infinite for none."""
+    def was_silent(self, host: str, since: float, now: float) -> bool:
+        """Return whether a host had no heartbeats for a while that ended after a time, or lasts.
+
+        That is :data:`SILENCE_S`, or all the time when that is shorter.
+        """
         entry = self._entries.get(host)
-        heard = entry is not None and self._heartbeat_of.get(host) == entry.instance
-        return now - self._seen[host] if heard else math.inf
+        if entry is None or self._heartbeat_of.get(host) != entry.instance:
+            return True
+        is_silent = now - self._heard[host] > min(now - since, SILENCE_S)
+        return is_silent or self._back_since.get(host, -math.inf) >= since
 
     def entries(self) -> tuple[HostEntry, ...]:
         """Return all registered hosts, dead or alive, in the order of their registration."""
@@ -224,11 +292,11 @@ class Registry:
                 f"{', '.join(self._parameters)}; both must read the same scene.yaml",
             )
         held = self._entries.get(registration.host)
-        if (
-            held is not None
-            and held.instance != registration.instance
-            and self.is_live(held.host, held.instance, now)
-        ):
+        if held is None:
+            return
+        if held.instance == registration.instance:
+            held.check_sender(registration.participant)
+        elif self.is_live(held.host, held.instance, now):
             raise Refused(
                 "HOST_EXISTS",
                 f"another {registration.host} is alive (instance {held.instance}); "

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents_interfaces.msg import Run
+from bt_agents_interfaces.msg import MarketHeartbeat, Run
+from bt_agents_ros import qos
 from processes import BEATS_A_SECOND, NodeProcess, System, write_trees
 
 pytestmark = pytest.mark.e2e
@@ -120,3 +121,56 @@ def test_a_market_that_hangs_longer_than_its_lease_loses_the_run_and_goes_on(
     old_person(system, "s2")
     assert system.until_end_of("s2").code == "SUCCEEDED"
     assert len(system.ends_of("s1")) == 1
+
+
+def test_a_second_market_is_refused_and_told_which_one_is_there(
+    system: System, tmp_path: Path
+) -> None:
+    trees = write_trees(tmp_path / "trees", leo=(3.0, "wait: 0 s"))
+    first = system.market(trees)
+    system.until(lambda: system.epoch, "the first market")
+    epoch = system.epoch
+    second = system.market(trees)
+    second.expect_end()
+    system.until(lambda: second.exit_code is not None, "the end of the second market")
+    assert second.exit_code == 1
+    assert f"another marketplace is alive here: epoch '{epoch}'" in second.said
+    assert "node /marketplace, DDS participant 01" in second.said
+    assert first.exit_code is None
+
+
+def test_a_market_that_was_killed_does_not_hinder_the_next_one(
+    system: System, tmp_path: Path
+) -> None:
+    trees = write_trees(tmp_path / "trees", leo=(3.0, "wait: 0 s"))
+    market = system.market(trees)
+    system.until(lambda: system.epoch, "the first market")
+    for _ in range(3):
+        before = system.kill_market(market)
+        market.start()
+        system.until(lambda b=before: system.epoch != b, "the next market")
+    assert "SECOND_MARKET" not in market.said
+
+
+def test_a_market_that_hung_while_another_took_its_place_gives_way(
+    system: System, tmp_path: Path
+) -> None:
+    trees = write_trees(tmp_path / "trees", leo=(3.0, "wait: 0 s"))
+    beats = system.ros.collect(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)
+    first = system.market(trees)
+    system.until(lambda: beats, "the first market")
+    first.hang()
+    old = beats[-1]
+    second = system.market(trees)
+
+    def is_older() -> bool:
+        return beats[-1].epoch != old.epoch and beats[-1].sequence > beats[0].sequence + 20
+
+    system.until(is_older, "a second market that is the older one")
+    epoch = beats[-1].epoch
+    first.expect_end()
+    first.go_on()
+    system.until(lambda: first.exit_code is not None, "the end of the first market")
+    assert first.exit_code == 1
+    assert f"another marketplace is alive here: epoch '{epoch}', node /marketplace" in first.said
+    assert second.exit_code is None

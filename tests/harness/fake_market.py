@@ -21,12 +21,16 @@ from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
 from tree_harness import TREES, scene
 
+AWARD_KEY = list(range(1, 17))
+"""What hosts know the goals of this market by."""
+
 
 class Market:
     """A probe that does what a marketplace does, one message at a time.
 
     Attributes:
         epoch: Its name; another one is a market that was started anew.
+        key: What it gives hosts to know its goals by.
         requests: Registrations so far.
         refuse: Names of agents that it refuses → why.
         refuses_host: Why it refuses every host; empty to take them.
@@ -39,6 +43,7 @@ class Market:
         self.ros = ros
         node = ros.node
         self.epoch = "e1"
+        self.key = bytes(AWARD_KEY)
         self.requests: list[Any] = []
         self.refuse: dict[str, str] = {}
         self.refuses_host = ""
@@ -70,6 +75,7 @@ class Market:
         response.accepted = not self.refuses_host
         response.message = self.refuses_host
         response.epoch = self.epoch
+        response.award_key = list(self.key)
         response.reasons = [self.refuse.get(name, "") for name in request.agents]
         response.agent_ids = [
             0 if reason else index for index, reason in enumerate(response.reasons, start=1)
@@ -121,6 +127,7 @@ class Market:
             host_instance=host.instance,
             agent=agent,
             agent_id=member.agent_id if member else 1,
+            award_key=AWARD_KEY,
             scene=scene_to_msg(scene(age=3, familiarity=3, mood=3)),
         )
         for name, value in changes.items():

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import count
 from typing import Any, TypeVar
 
 from bt_agents_core.errors import Refused
@@ -25,7 +26,7 @@ from marketplace_node.effects import (
 from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.market import Market
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
-from marketplace_node.registry import Registration, RegistrationAnswer
+from marketplace_node.registry import AWARD_KEY_BYTES, Registration, RegistrationAnswer
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
 
@@ -78,7 +79,10 @@ class Driver:
     def __init__(self, rules: tuple[MarketRule, ...] = (), **settings: Any) -> None:
         self.now = 100.0
         settings = {"strategy": "manhattan"} | settings
-        self.market = Market(SPACE, "epoch", Settings(**settings), rules)
+        keys = (bytes([number]) * AWARD_KEY_BYTES for number in count(1))
+        self.market = Market(
+            SPACE, "epoch", Settings(**settings), rules, new_key=lambda: next(keys)
+        )
         self.effects: list[Effect] = []
         self.ids: dict[str, dict[str, int]] = {}
         self.busy: dict[str, int] = {}

@@ -512,7 +512,7 @@ class _MarketStart:
         self.alive = True
         epoch = f"e{system.next_number()}"
         rules = market_of(system.folder, system.space)
-        self.market = Market(system.space, epoch, system.settings, rules)
+        self.market = Market(system.space, epoch, system.settings, rules, new_key=bytes)
         self.orders = orders
         self.scenes = scenes
         self.execute(self.market.tick(system.now))
@@ -832,7 +832,9 @@ class OperatedSystem:
         if table != self._table:
             self._table = table
             self.publish(
-                "/profiles", table_to_msg(table, (), self.space), latched=("feedback", "/profiles")
+                "/profiles",
+                table_to_msg(table, (), (), self.space),
+                latched=("feedback", "/profiles"),
             )
 
     def _record(self, message: RecordedMessage) -> None:

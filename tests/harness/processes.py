@@ -143,6 +143,15 @@ class NodeProcess:
         """Whether its process is over."""
         return self._process.poll() is not None
 
+    @property
+    def exit_code(self) -> int | None:
+        """The code with which it has ended; None while it lives."""
+        return self._process.poll()
+
+    def expect_end(self) -> None:
+        """Do not take it for a crash when it ends."""
+        self._killed = True
+
     def kill(self) -> None:
         """End it as a crash does; nothing when it has ended."""
         self._killed = True

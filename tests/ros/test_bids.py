@@ -86,10 +86,10 @@ def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -
         for of in (epoch, "of somebody else")
     ]
     for message in said:
-        assert hearing.read(serialize_message(message)) == bids_from_msg(message)
+        assert hearing.read(serialize_message(message), "p") == bids_from_msg(message, "p")
     hearing.forget("/agents")
     hearing.forget("/nobody")
-    assert hearing.read(serialize_message(said[0])) == bids_from_msg(said[0])
+    assert hearing.read(serialize_message(said[0]), "q") == bids_from_msg(said[0], "q")
 
 
 def test_an_answer_in_another_order_of_bytes_is_not_compared() -> None:
@@ -104,5 +104,5 @@ def test_bytes_that_are_no_answer_are_refused(cut: int) -> None:
     whole = serialize_message(Bids(epoch="0123456789ab", host="/agents", agents=["a"] * 99))
     hearing = BidDecoder("0123456789ab", "/agents".__eq__)
     with pytest.raises(Refused, match="MALFORMED"):
-        hearing.read(whole[:cut])
-    assert hearing.read(whole).agents == ("a",) * 99
+        hearing.read(whole[:cut], "p")
+    assert hearing.read(whole, "p").agents == ("a",) * 99

@@ -72,6 +72,7 @@ class FakeHost:
         self.agents = {"guide": [4.0, 1.5, 3.0], "express": [2.0, 4.5, 3.0]}
         self.revisions = dict.fromkeys(self.agents, 0)
         self.told: list[SetProfile.Request] = []
+        self.current: dict[str, Any] = {}
         self.cards = ros.node.create_publisher(HostCard, "cards", qos.FACT)
         if answers:
             ros.node.create_service(
@@ -80,6 +81,8 @@ class FakeHost:
 
     def _set(self, request: Any, response: Any) -> Any:
         self.told.append(request)
+        if not request.layer:
+            self.current[request.agent] = request.values
         response.accepted = True
         return response
 
@@ -88,7 +91,7 @@ class FakeHost:
             AgentCard(
                 name=name,
                 profile=profile,
-                current=profile,
+                current=self.current.get(name, profile) if self.revisions[name] else profile,
                 revision=self.revisions[name],
                 learning_rate=0.5,
                 rules=rules,

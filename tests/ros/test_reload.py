@@ -39,6 +39,7 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
+from fake_market import AWARD_KEY
 from marketplace_node.node import MarketplaceNode
 from reload_harness import SKILLS, agent, new_folder, write
 
@@ -75,6 +76,7 @@ class Market:
         self.registered.append(list(request.agents))
         response.accepted = True
         response.epoch = "e1"
+        response.award_key = AWARD_KEY
         response.reasons = [""] * len(request.agents)
         response.agent_ids = [
             self._ids.setdefault(name, len(self._ids) + 1) for name in request.agents
@@ -92,6 +94,7 @@ class Market:
             host_instance=host.instance,
             agent=name,
             agent_id=host.registry.members[name].agent_id,
+            award_key=AWARD_KEY,
             scene=scene_to_msg(awarded),
         )
         future = self._action.send_goal_async(goal)

@@ -213,6 +213,7 @@ def test_bad_scenes_in_goals_are_refused_by_name(system: System) -> None:
                 host_instance=system.host.instance,
                 agent="waiter",
                 agent_id=system.host.registry.members["waiter"].agent_id,
+                award_key=list(system.host._runs._award_key),
                 scene=scene_of(BAD[key], "s"),
             )
             future = client.send_goal_async(goal)

@@ -215,9 +215,17 @@ class AgentRegistry:
         return HostBids(bidders=some[1], declined=declined)
 
     def set_profile(
-        self, name: str, values: Iterable[float], revision: int, layer: str = ""
+        self,
+        name: str,
+        values: Iterable[float],
+        revision: int,
+        layer: str = "",
+        *,
+        of_ledger: bool = False,
     ) -> HostedAgent:
         """Give an agent a new profile, for all or for a person or a place; return the agent.
+
+        One of the ledger replaces any other, also one of a higher revision.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``BAD_LAYER``, ``TOO_MANY_LAYERS``, ``STALE_REVISION``, or
@@ -232,7 +240,7 @@ class AgentRegistry:
                 "TOO_MANY_LAYERS",
                 f"{name} has profiles for {MOST_LAYERS} persons and places already",
             )
-        if held is not None and revision < held[1]:
+        if held is not None and revision < held[1] and not of_ledger:
             raise Refused(
                 "STALE_REVISION",
                 f"{name} has revision {held[1]}{whose} already, {revision} is older",

@@ -286,7 +286,7 @@ class MarketRegistration:
             self._apply_registration(names, [0] * len(names), refused, changed=before)
             return
         self.epoch = answer.epoch
-        self._runs.open()
+        self._runs.open(bytes(answer.award_key))
         if self._runs.busy and self._runs.goal.epoch != answer.epoch:
             self._runs.cancel("its market is gone", cause=StopCause.MARKET_LOST)
         # A market does not take over its own runs.

@@ -29,12 +29,13 @@ from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.bid_encoding import BidEncoder
-from bt_agents_ros.discovery import is_matched
+from bt_agents_ros.discovery import is_matched, participants
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_from_msg, seconds
 from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.workarounds.sender_identity import UNKNOWN, create_identified_service
 
 HEARTBEAT_S = 0.1
 _NAMES_SHOWN = 20
@@ -86,8 +87,8 @@ class HostNode(BaseNode):
             set_rate=self._runs.set_rate,
             tunings=tunings,
         )
-        self.create_service(
-            SetProfile, "~/set_profile", self._set_profile, qos_profile=qos.SERVICE
+        create_identified_service(
+            self, SetProfile, "~/set_profile", self._set_profile, qos.SERVICE
         )
         self._calls = self.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
         self._registration = MarketRegistration(
@@ -239,15 +240,18 @@ class HostNode(BaseNode):
             self.executor.create_task(self._host_card.card)
 
     def _set_profile(
-        self, request: SetProfile.Request, response: SetProfile.Response
+        self, request: SetProfile.Request, response: SetProfile.Response, sender: str
     ) -> SetProfile.Response:
         agent, layer = request.agent, request.layer
         try:
+            of_ledger = self._check_feedback_node(sender)
             if request.remove:
                 self.registry.remove_layer(agent, layer)
                 response.message = f"{agent or 'everybody here'} has no {layer or 'layers'} now"
             else:
-                self.registry.set_profile(agent, request.values, request.revision, layer)
+                self.registry.set_profile(
+                    agent, request.values, request.revision, layer, of_ledger=of_ledger
+                )
                 whose = f" for {layer}" if layer else ""
                 response.message = f"{agent} bids with revision {request.revision}{whose}"
         except Refused as refused:
@@ -258,6 +262,21 @@ class HostNode(BaseNode):
             # The feedback node waits for the answer, nobody for the card.
             self.executor.create_task(self._host_card.card)
         return response
+
+    def _check_feedback_node(self, sender: str) -> bool:
+        """Return whether a request is from the feedback node; False where nobody knows it.
+
+        Raises:
+            Refused: ``OTHER_PARTICIPANT``.
+        """
+        known = participants(self.get_publishers_info_by_topic("profiles"))
+        if sender in known or not known or sender == UNKNOWN:
+            return sender in known
+        raise Refused(
+            "OTHER_PARTICIPANT",
+            f"it is from the DDS participant {sender}, expected the feedback node, which "
+            "publishes 'profiles'; 'bt-agents feedback' changes a profile there",
+        )
 
     def _beat(self) -> None:
         self._beats += 1

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hmac
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -125,9 +126,14 @@ class RunServer:
         # It is set anew for each tick: a timer that is late makes up for nothing.
         self._timer = steady_timer(node, self._period_s, self._tick, running=False)
         self._server: QuietActionServer | None = None
+        self._award_key = b""
 
-    def open(self) -> None:
-        """Open the action; two servers of one name would each take every goal."""
+    def open(self, award_key: bytes) -> None:
+        """Open the action; two servers of one name would each take every goal.
+
+        Goals without the key of the market that has registered the host are refused.
+        """
+        self._award_key = award_key if any(award_key) else b""
         self._withdrawing = False
         if self._server is None:
             self._server = QuietActionServer(
@@ -277,6 +283,13 @@ class RunServer:
             raise Refused(
                 "WRONG_INSTANCE",
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
+            )
+        if not hmac.compare_digest(bytes(goal.award_key), self._award_key):
+            raise Refused(
+                "NOT_THE_MARKET",
+                "it has not the award key of the market that has registered this host, which "
+                "alone sends it goals; 'bt-agents trigger' announces a scene there, and "
+                "'bt-agents award' names the agent for it",
             )
         if self._award_monitor.is_over(RunKey.of(goal)):
             raise Refused("OVER", f"the market has gone on from round {goal.round} already")

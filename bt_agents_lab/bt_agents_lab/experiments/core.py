@@ -58,7 +58,7 @@ class Core:
         self.space = folder.scene.space
         self._feedback = spec.feedback
         self._on_result = on_result
-        self._market = Market(self.space, "core", settings)
+        self._market = Market(self.space, "core", settings, new_key=bytes)
         self._agents = AgentRegistry(self.space, folder.agents)
         self.ledger = Ledger(MEMORY)
         self._controller = FeedbackController(

@@ -57,6 +57,7 @@ COMMANDS: Mapping[str, str] = {
     "reload": "reload",
     "versions": "reload",
     "roll-back": "reload",
+    "security": "security",
 }
 """Command → its module in ``bt_agents_tools.cli.commands``.
 

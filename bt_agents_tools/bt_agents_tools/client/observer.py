@@ -240,10 +240,7 @@ class Observer:
             (Profiles, "profiles", self._on_profiles, qos.FACT),
         ):
             self.node.create_subscription(kind, topic, handle, profile)
-        self._services = [
-            self.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE),
-            self.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE),
-        ]
+        self._services: list[Any] = []
         if listener is not None:
             self._notify(listener)
 
@@ -318,7 +315,15 @@ class Observer:
         return sorted({end.node_namespace for end in ends})
 
     def services_ready(self) -> bool:
-        """Return True when the services of scene layer and feedback node are discovered."""
+        """Return True when the services of scene layer and feedback node are discovered.
+
+        Whoever may only watch has no right to either, so their clients are made here.
+        """
+        if not self._services:
+            self._services = [
+                self.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE),
+                self.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE),
+            ]
         return all(service.service_is_ready() for service in self._services)
 
     def is_recorded(self) -> bool:

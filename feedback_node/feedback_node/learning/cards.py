@@ -41,6 +41,7 @@ class AgentEntry:
     """Agent of a card, unchecked but for its mood rules; see ``AgentCard.msg``.
 
     Attributes:
+        current: Profile that it bids with; empty where the card does not say.
         rules: Mood rules that could be read.
         invalid_rules: Why the others could not.
     """
@@ -49,6 +50,7 @@ class AgentEntry:
     profile: tuple[float, ...]
     revision: int
     learning_rate: float
+    current: tuple[float, ...] = ()
     learning: LearningEntry = LearningEntry()
     rules: tuple[MoodRule, ...] = ()
     invalid_rules: tuple[Refused, ...] = ()

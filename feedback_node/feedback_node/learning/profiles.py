@@ -39,6 +39,7 @@ class Profiles:
         self._starts: dict[str, str] = {}
         self._current: dict[tuple[str, str], ProfileRevision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
+        self._differing: set[str] = set()
         self._recent: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
 
     def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
@@ -69,6 +70,7 @@ class Profiles:
         for name, known in list(self._agents.items()):
             if known.host == card.host and name not in listed:
                 del self._agents[name]
+                self._differing.discard(name)
                 for key in [key for key in self._current if key[0] == name]:
                     del self._current[key]
         fresh = self._starts.get(card.host) != card.instance
@@ -87,17 +89,39 @@ class Profiles:
                 )
             self._agents[agent.name] = agent
             revision = self._current[agent.name, ""].revision
+            self._differing.discard(agent.name)
             if agent.entry.revision < revision:
                 deliveries.append(self.delivery(agent.name))
             elif agent.entry.revision > revision:
                 more.append(
                     f"STALE_LEDGER: {agent.host} holds revision {agent.entry.revision} of "
-                    f"'{agent.name}', the ledger ends at {revision}; restart the host, or put its "
-                    "ledger back"
+                    f"'{agent.name}', the ledger ends at {revision}; it is given that profile. "
+                    "Put the newer ledger back if there is one, else somebody has set the profile "
+                    "past the feedback node"
                 )
+            elif self._bids_otherwise(agent):
+                more.append(
+                    f"OTHER_PROFILE: {agent.host} bids for '{agent.name}' with other values than "
+                    f"those of revision {revision} in the ledger; it is given them"
+                )
+            else:
+                continue
+            if agent.entry.revision >= revision:
+                deliveries.append(self.delivery(agent.name))
+                self._differing.add(agent.name)
         if not fresh:
             deliveries += [d for d in self.layers_at(card.host) if d.agent in entered]
         return tuple(deliveries), (*problems, *more)
+
+    @property
+    def differing(self) -> tuple[str, ...]:
+        """The known agents whose host bids with another profile than that of the ledger."""
+        return tuple(sorted(self._differing))
+
+    def not_delivered(self, name: str) -> None:
+        """Note that the host of an agent has not taken its profile, until a card has it."""
+        if name in self._agents:
+            self._differing.add(name)
 
     def agent(self, name: str) -> Agent:
         """Return a known agent.
@@ -126,6 +150,12 @@ class Profiles:
         return self.space.clamp(
             [values.get(key, own) for key, own in zip(self.space.names, authored, strict=True)]
         )
+
+    def _bids_otherwise(self, agent: Agent) -> bool:
+        """Return whether the card of an agent has other values than the ledger."""
+        ledger = self.profile(agent.name)
+        bid = agent.entry.current
+        return len(bid) == len(ledger) and not all(map(math.isclose, bid, ledger))
 
     def delivery(self, name: str, layer: str = "") -> Delivery:
         """Return the delivery of a known agent's current profile to its host."""

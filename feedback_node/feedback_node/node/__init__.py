@@ -97,11 +97,11 @@ class FeedbackNode(BaseNode):
         self._cards_until = time.monotonic() + CARDS_S
         self._card_awaited: list[Future] = []
         self._calls = Calls(self)
-        self._hosts = HostProfiles(self, self._calls, self._profiles)
+        self._hosts = HostProfiles(self, self._calls, self._profiles, self._publish_table)
         self._trees: dict[str, Subscription[TreeStatus]] = {}
         self._problems: dict[str, tuple[str, ...]] = {}
         self._pending_cards: dict[str, HostCard] = {}
-        self._published: tuple[Table, Sequence[tuple[str, str]]] = ((), ())
+        self._published: tuple[Table, Sequence[tuple[str, str]], Sequence[str]] = ((), (), ())
         self._live: SceneMsg | None = None
         self._polled_at = -math.inf
         self._stops = CancelRequests(self, self._calls, self._controller.is_running)
@@ -347,7 +347,8 @@ class FeedbackNode(BaseNode):
         self._traces = self.create_publisher(MoodTrace, "mood_traces", qos.HISTORY)
 
     def _publish_table(self) -> None:
-        published = (self._profiles.table(), self._controller.undecided)
+        undecided, differing = self._controller.undecided, self._profiles.differing
+        published = (self._profiles.table(), undecided, differing)
         if published != self._published:
             self._published = published
             self._current.publish(table_to_msg(*published, self._profiles.space))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 from rclpy.client import Client
 from rclpy.node import Node
@@ -21,10 +22,20 @@ _MOST_UNDER_WAY = 200
 
 
 class HostProfiles:
-    """Delivers profiles; one that its host has not answered is delivered again."""
+    """Delivers profiles; one that its host has not answered is delivered again.
 
-    def __init__(self, node: Node, calls: Calls, profiles: Profiles) -> None:
+    Args:
+        node: The feedback node.
+        calls: Its calls.
+        profiles: What is delivered.
+        refused: Called after a host has not taken an agent's profile.
+    """
+
+    def __init__(
+        self, node: Node, calls: Calls, profiles: Profiles, refused: Callable[[], None]
+    ) -> None:
         self._node = node
+        self._refused = refused
         self._calls = calls
         self._profiles = profiles
         self._clients: dict[str, Client] = {}
@@ -44,6 +55,9 @@ class HostProfiles:
             if problem and delivery.agent not in self._reported:
                 self._reported.add(delivery.agent)
                 self._node.get_logger().warning(f"{_text(delivery)} not delivered: {problem}")
+            if problem and not delivery.layer:
+                self._profiles.not_delivered(delivery.agent)
+                self._refused()
             if answer is not None:
                 answer.set_result(problem)
             self._deliver_next(delivery.host)

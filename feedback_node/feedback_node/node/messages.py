@@ -72,6 +72,7 @@ def _agent_from_msg(message: AgentCard, space: SceneSpace) -> AgentEntry:
         profile=tuple(message.profile),
         revision=message.revision,
         learning_rate=message.learning_rate,
+        current=tuple(message.current),
         learning=_learning_from_msg(message.learning),
         rules=tuple(rules),
         invalid_rules=tuple(invalid_rules),
@@ -191,14 +192,15 @@ def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: floa
 
 
 def table_to_msg(
-    table: Table, undecided: Iterable[tuple[str, str]], space: SceneSpace
+    table: Table, undecided: Iterable[tuple[str, str]], differing: Iterable[str], space: SceneSpace
 ) -> ProfilesMsg:
-    """Return the message of all current profiles, and of agents' rules that are undecided."""
+    """Return the message of all current profiles, of undecided rules, and of who differs."""
     return ProfilesMsg(
         parameters=space.names,
         agents=[name for name, _, _, _ in table],
         layers=[layer for _, layer, _, _ in table],
         revisions=[revision for _, _, revision, _ in table],
         vectors=[value for _, _, _, vector in table for value in vector],
+        differing=list(differing),
         problems=[FileProblem(agent=agent, message=reason) for agent, reason in undecided],
     )

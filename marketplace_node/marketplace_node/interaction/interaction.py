@@ -33,9 +33,6 @@ _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 NO_BIDS = "NO_BIDS"
 NOT_TAKEN = "NOT_TAKEN"
 
-_QUIET_S = 0.3
-"""A host has three heartbeats in this time [s]."""
-
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
 
 
@@ -309,9 +306,9 @@ class Interaction:
     def _close(self, by: ClosedBy, now: float, *, stop: StopRequest | None = None) -> None:
         assert self.open_round is not None, "only an open round can be closed"
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
-        self.silent = {
-            host for host in decision.silent_hosts if self._is_quiet(host, decision, now)
-        }
+        called = now - decision.duration_s
+        was_silent = self._market_state.registry.was_silent
+        self.silent = {one for one in decision.silent_hosts if was_silent(one, called, now)}
         reason_fn = partial(reason_of, decision)
         self.open_round = None
         if decision.outcome is AuctionOutcome.AWARDED:
@@ -321,11 +318,6 @@ class Interaction:
             self._finish(stop.code if stop else NO_BIDS, reason_fn())
         # Last, as the winner must not wait for words.
         self._market_state.publish(decision, reason_fn)
-
-    def _is_quiet(self, host: str, decision: Decision, now: float) -> bool:
-        """Return whether a host that has not answered was perhaps not there."""
-        silent_s = self._market_state.registry.silent_s(host, now)
-        return silent_s >= min(decision.duration_s, _QUIET_S)
 
     def _award_next(self, decision: Decision, now: float) -> None:
         while self._next_rank < len(decision.ranking):

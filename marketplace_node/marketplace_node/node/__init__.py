@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import secrets
 import time
 import uuid
 from collections import deque
@@ -10,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.errors import NodeMustEnd, ReadError, Refused
 from bt_agents_core.open_goals import name_goals
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import StoppedBy
@@ -33,6 +34,7 @@ from bt_agents_ros.outbox import Outbox
 from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import OneShot, steady_timer
+from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from marketplace_node.effects import (
     Alarm,
     AnnounceEarlierRun,
@@ -73,8 +75,14 @@ from marketplace_node.node.messages import (
 from marketplace_node.node.open_goals import OpenGoalsSubscription
 from marketplace_node.node.operator_services import OperatorServices
 from marketplace_node.node.parameters import declare_settings, watch_settings
+from marketplace_node.node.second_market import (
+    MARKET_HEARTBEAT,
+    another_market_text,
+    refuse_second_market,
+)
 from marketplace_node.node.state_file import StateFile
-from marketplace_node.registry import HostEntry
+from marketplace_node.other_market import OtherMarket
+from marketplace_node.registry import AWARD_KEY_BYTES, HostEntry
 from marketplace_node.round.decision import External
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
@@ -131,7 +139,13 @@ class MarketplaceNode(BaseNode):
         self._decided = self.get_clock().now()
         self._executing = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
-        self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
+        self._market = Market(
+            space,
+            epoch or uuid.uuid4().hex[:12],
+            declare_settings(self),
+            rules,
+            new_key=lambda: secrets.token_bytes(AWARD_KEY_BYTES),
+        )
         self._hosts = HostConnections(self, self._market, space, self._execute)
         self._open_goals = OpenGoalsSubscription(self, self._market, self._execute)
         watch_settings(self, lambda: self._market.settings, self._configure)
@@ -163,10 +177,14 @@ class MarketplaceNode(BaseNode):
         self._deadline = OneShot(self, self._tick)
         self._poll = steady_timer(self, _POLL_S, self._tick, running=False)
         steady_timer(self, _HEARTBEAT_S, self._publish_heartbeat)
+        self._other_market = OtherMarket(self._market.epoch)
+        create_identified_subscription(
+            self, MarketHeartbeat, MARKET_HEARTBEAT, self._take_market_heartbeat, qos.SENSOR
+        )
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bid_decoder = BidDecoder(self._market.epoch, self._hosts.reaches)
-        self._bids = self.create_subscription(
-            BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
+        self._bids = create_identified_subscription(
+            self, BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
         )
         self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
         self._execute(self._market.tick(self._ticked))
@@ -238,9 +256,9 @@ class MarketplaceNode(BaseNode):
             return
         self._execute(self._market.scene(scene, time.monotonic()))
 
-    def _take_bids(self, message: bytes) -> None:
+    def _take_bids(self, message: bytes, participant: str) -> None:
         try:
-            bids = self._bid_decoder.read(message)
+            bids = self._bid_decoder.read(message, participant)
         except Refused as refused:
             self._execute([Note(message=str(refused)[:_SHOWN])])
             return
@@ -292,6 +310,12 @@ class MarketplaceNode(BaseNode):
             )
         )
         self._tick()
+
+    def _take_market_heartbeat(self, heartbeat: MarketHeartbeat, participant: str) -> None:
+        if self._other_market.gives_way(
+            heartbeat.epoch, heartbeat.sequence, self._heartbeats_sent
+        ):
+            raise NodeMustEnd(another_market_text(self, heartbeat.epoch[:_SHOWN], participant))
 
     def _execute(self, effects: list[Effect]) -> None:
         self._due.extend(effects)
@@ -471,6 +495,7 @@ def make_market(
 
 def _make_node() -> MarketplaceNode:
     def make(values: Mapping[str, str]) -> MarketplaceNode:
+        refuse_second_market()
         overrides, scenes = (
             Path(values[one.name]) if values[one.name] else None
             for one in (OVERRIDES_FILE, SCENES_FILE)

@@ -19,6 +19,10 @@ from bt_agents_interfaces.msg import Heartbeat
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.messages import seconds
+from bt_agents_ros.workarounds.sender_identity import (
+    create_identified_service,
+    create_identified_subscription,
+)
 from marketplace_node.effects import Execute, RunGoal, SendGoal
 from marketplace_node.interaction.market_failover import MAX_RUNS
 from marketplace_node.market import Market
@@ -74,7 +78,7 @@ class HostConnections:
         self._execute = execute
         self._links: dict[str, _Link] = {}
         self._goals: dict[RunGoal, _Sending] = {}
-        node.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
+        create_identified_service(node, RegisterHost, "~/register", self._register, qos.SERVICE)
 
     @property
     def is_polling(self) -> bool:
@@ -104,8 +108,8 @@ class HostConnections:
                         kind, f"{entry.run_action}/_action/{name}", qos_profile=qos.SERVICE
                     )
                 )
-            heartbeat = self._node.create_subscription(
-                Heartbeat, entry.heartbeat, self._take_heartbeat, qos.EVENTS
+            heartbeat = create_identified_subscription(
+                self._node, Heartbeat, entry.heartbeat, self._take_heartbeat, qos.EVENTS
             )
         except Exception as error:
             # The names come from outside; rclpy has no common root for what it makes of bad ones.
@@ -144,7 +148,7 @@ class HostConnections:
             return
         request = RunAgent.Impl.SendGoalService.Request()
         request.goal_id.uuid = list(uuid.uuid4().bytes)
-        request.goal = goal_to_msg(effect, self._market.epoch)
+        request.goal = goal_to_msg(effect, self._market.epoch, link.entry.award_key)
         self._goals[goal] = _Sending(link=link, request=request)
         self.send_waiting()
 
@@ -186,9 +190,9 @@ class HostConnections:
             link.cancels.call_async(CancelGoal.Request())
 
     def _register(
-        self, request: RegisterHost.Request, response: RegisterHost.Response
+        self, request: RegisterHost.Request, response: RegisterHost.Response, participant: str
     ) -> RegisterHost.Response:
-        registration = registration_from_msg(request)
+        registration = registration_from_msg(request, participant)
         answer, effects = self._market.register(registration, time.monotonic())
         self._execute(effects)
         response.epoch = self._market.epoch
@@ -205,6 +209,7 @@ class HostConnections:
             )
             response.reasons = [response.message] * len(request.agents)
         if response.accepted:
+            response.award_key = list(answer.award_key)
             self._take_unreported(request)
         else:
             self._node.get_logger().warning(f"host '{request.host}' refused: {response.message}")
@@ -229,10 +234,15 @@ class HostConnections:
             )
         self._execute(self._market.unreported(request.host, runs, time.monotonic()))
 
-    def _take_heartbeat(self, message: Heartbeat) -> None:
+    def _take_heartbeat(self, message: Heartbeat, participant: str) -> None:
         self._execute(
             self._market.heartbeat(
-                message.host, message.host_instance, message.epoch, message.round, time.monotonic()
+                message.host,
+                message.host_instance,
+                message.epoch,
+                message.round,
+                time.monotonic(),
+                participant,
             )
         )
 

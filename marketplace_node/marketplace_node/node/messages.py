@@ -57,8 +57,8 @@ class BidDecoder:
         self._is_known = is_known
         self._last: dict[str, tuple[bytes, Bids]] = {}
 
-    def read(self, message: bytes) -> Bids:
-        """Return the answer in a serialised message; the auction checks it.
+    def read(self, message: bytes, participant: str) -> Bids:
+        """Return the answer in a participant's serialised message; the auction checks it.
 
         Raises:
             Refused: ``MALFORMED``.
@@ -66,9 +66,9 @@ class BidDecoder:
         for last, bids in self._last.values():
             number = bid_encoding.round_of(message, last, self._epoch)
             if number is not None:
-                return replace(bids, round=number)
+                return replace(bids, round=number, participant=participant)
         try:
-            bids = bids_from_msg(deserialize_message(message, BidsMsg))
+            bids = bids_from_msg(deserialize_message(message, BidsMsg), participant)
         except Exception as error:
             raise Refused("MALFORMED", f"bids that are no message: {error}") from None
         if bids.epoch == self._epoch and self._is_known(bids.host):
@@ -80,7 +80,7 @@ class BidDecoder:
         self._last.pop(host, None)
 
 
-def bids_from_msg(message: BidsMsg) -> Bids:
+def bids_from_msg(message: BidsMsg, participant: str) -> Bids:
     """Return a host's answer; the auction checks it."""
     return Bids(
         epoch=message.epoch,
@@ -94,10 +94,11 @@ def bids_from_msg(message: BidsMsg) -> Bids:
         declined=tuple(message.declined),
         decline_reasons=tuple(message.decline_reasons),
         unmet=tuple(message.unmet),
+        participant=participant,
     )
 
 
-def registration_from_msg(request: RegisterHost.Request) -> Registration:
+def registration_from_msg(request: RegisterHost.Request, participant: str) -> Registration:
     """Return a host's registration; the registry checks it."""
     return Registration(
         host=request.host,
@@ -106,6 +107,7 @@ def registration_from_msg(request: RegisterHost.Request) -> Registration:
         heartbeat=request.heartbeat,
         parameters=tuple(request.parameters),
         agents=tuple(request.agents),
+        participant=participant,
     )
 
 
@@ -173,7 +175,7 @@ def call_to_msg(effect: OpenCall, epoch: str, space: SceneSpace, stamp: Any) -> 
     )
 
 
-def goal_to_msg(effect: SendGoal, epoch: str) -> RunAgent.Goal:
+def goal_to_msg(effect: SendGoal, epoch: str, award_key: bytes) -> RunAgent.Goal:
     """Return the message of a goal."""
     goal = effect.goal
     return RunAgent.Goal(
@@ -182,6 +184,7 @@ def goal_to_msg(effect: SendGoal, epoch: str) -> RunAgent.Goal:
         host_instance=goal.instance,
         agent=goal.agent,
         agent_id=goal.agent_id,
+        award_key=list(award_key),
         scene=scene_to_msg(effect.scene),
     )
 

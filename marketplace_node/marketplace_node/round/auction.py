@@ -130,6 +130,7 @@ class Auction:
                 "UNREGISTERED",
                 f"'{bids.host}' was not asked in round {self.terms.round}; a host registers first",
             )
+        entry.check_sender(bids.participant)
         if bids.instance != entry.instance:
             raise Refused(
                 "WRONG_INSTANCE",

@@ -40,7 +40,11 @@ class RoundKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Bids:
-    """Answer of one host before any check; fields as in ``Bids.msg``."""
+    """Answer of one host before any check; fields as in ``Bids.msg``.
+
+    Attributes:
+        participant: The process it is from, as the middleware says; empty where it does not.
+    """
 
     epoch: str
     round: int
@@ -53,6 +57,7 @@ class Bids:
     declined: tuple[str, ...] = ()
     decline_reasons: tuple[str, ...] = ()
     unmet: tuple[str, ...] = ()
+    participant: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

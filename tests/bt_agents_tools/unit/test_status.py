@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace as Message
 
-from bt_agents_tools.cli.commands.status import rule_problems
+from bt_agents_tools.cli.commands.status import differing_agents, rule_problems
 
 OF_MARKET = Message(agent="", file="market.yaml", line=4, message="rule 1 cannot be decided")
 OF_MOOD = Message(agent="guide", file="", line=0, message="the mood rule cannot be decided")
@@ -15,3 +15,8 @@ def test_rules_that_cannot_be_decided_are_told_of_the_market_and_of_the_feedback
     market, profiles = Message(problems=[OF_MARKET]), Message(problems=[OF_MOOD])
     assert rule_problems(market, profiles) == [OF_MARKET, OF_MOOD]
     assert rule_problems(market, None) == [OF_MARKET]
+
+
+def test_agents_whose_host_bids_with_another_profile_are_told_where_anybody_knows() -> None:
+    assert differing_agents(Message(differing=["guide"])) == ["guide"]
+    assert differing_agents(None) == ()

@@ -176,11 +176,35 @@ def test_an_agent_at_a_second_host_is_reported_and_learns_there():
     assert known.delivery("guide").host == "/others"
 
 
-def test_a_host_that_holds_more_than_the_ledger_is_reported():
-    known = Profiles(SPACE, Ledger(":memory:"))
-    deliveries, problems = known.register_card(card(replace(GUIDE, revision=12)))
-    assert deliveries == ()
-    assert [problem.split(":")[0] for problem in problems] == ["STALE_LEDGER"]
+@pytest.mark.parametrize(
+    ("held", "problem"),
+    [({"revision": 12}, "STALE_LEDGER"), ({"current": (5.0, 5.0)}, "OTHER_PROFILE")],
+)
+def test_a_host_that_bids_with_another_profile_is_named_until_it_has_that_of_the_ledger(
+    held, problem
+):
+    known = profiles(GUIDE)
+    assert known.differing == ()
+    deliveries, problems = known.register_card(card(replace(GUIDE, **held)))
+    assert deliveries == (known.delivery("guide"),)
+    assert [problem.split(":")[0] for problem in problems] == [problem]
+    assert known.differing == ("guide",)
+
+    mended = replace(GUIDE, current=known.profile("guide"))
+    assert known.register_card(card(mended)) == ((), ())
+    assert known.differing == ()
+
+
+def test_an_agent_whose_host_has_not_taken_its_profile_is_named_until_its_card_has_it():
+    known = profiles(GUIDE)
+    known.not_delivered("nobody")
+    known.not_delivered("guide")
+    assert known.differing == ("guide",)
+    known.register_card(card(replace(GUIDE, current=known.profile("guide"))))
+    assert known.differing == ()
+    known.not_delivered("guide")
+    known.register_card(card())
+    assert known.differing == ()
 
 
 def test_the_same_id_is_applied_once_and_returns_the_recorded_change():

@@ -60,7 +60,7 @@ class AnyLine(RuleBasedStateMachine):
         self.markets += 1
         self.driver = Driver()
         self.driver.now, self.seen = now, 0
-        self.driver.market = Market(SPACE, self.epoch, self.settings)
+        self.driver.market = Market(SPACE, self.epoch, self.settings, new_key=bytes)
         self.driver.do(self.driver.market.tick(now))
         if self.stored:
             self.driver.do(self.driver.market.restore_scenes(self.stored, away_s, now)[1])

@@ -306,7 +306,7 @@ def restarted(market: Driver, away_s: float = 1.0, *, host: bool = True) -> Driv
     after = Driver()
     after.now = market.now + away_s
     stored = market.all(StoreScenes)[-1]
-    after.market = type(after.market)(SPACE, "next", after.market.settings)
+    after.market = type(after.market)(SPACE, "next", after.market.settings, new_key=bytes)
     _, effects = after.market.restore_scenes(format_scenes(stored), away_s, after.now)
     after.do(effects)
     if host:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, registration
 from marketplace_node.effects import Disconnect
 from marketplace_node.registry import FIRST_HEARTBEAT_S, MOST_HOSTS, Registry
@@ -14,7 +15,7 @@ from marketplace_node.registry import FIRST_HEARTBEAT_S, MOST_HOSTS, Registry
 
 @pytest.fixture
 def registry() -> Registry:
-    return Registry(SPACE.names, 1.0)
+    return Registry(SPACE.names, 1.0, new_key=bytes)
 
 
 def test_ids_count_from_one_and_stay_with_the_name(registry: Registry) -> None:
@@ -178,3 +179,30 @@ def test_a_host_too_many_takes_the_place_of_the_one_that_is_gone_for_longest() -
 
     assert market.register("/more", "more").accepted
     assert market.all(Disconnect) == [Disconnect(host="/h7")]
+
+
+def test_only_the_process_that_registered_a_host_speaks_for_it(registry: Registry) -> None:
+    assert registry.register(registration(participant="p"), 0.0).accepted
+    assert registry.heartbeat("/agents", "first", 0.5, "p")
+    with pytest.raises(Refused, match="OTHER_PARTICIPANT"):
+        registry.heartbeat("/agents", "first", 1.2, "q")
+    assert not registry.is_live("/agents", "first", 1.6)
+
+    stolen = registry.register(registration(participant="q", run_action="/q/run"), 9.0)
+    assert not stolen.accepted
+    assert stolen.award_key == b""
+    entry = registry.get("/agents")
+    assert entry is not None
+    assert entry.run_action == "/agents/run"
+    assert registry.register(registration(participant="q", instance="second"), 9.0).accepted
+
+
+def test_each_start_of_a_host_has_an_award_key_of_its_own_that_is_shown_nowhere() -> None:
+    keys = iter((b"key one of a host", b"key two of a host"))
+    registry = Registry(SPACE.names, 1.0, new_key=lambda: next(keys))
+    first = registry.register(registration(), 0.0)
+    again = registry.register(registration(agents=(GUIDE,)), 0.1)
+    second = registry.register(registration(instance="second"), 9.0)
+    assert first.award_key == again.award_key == b"key one of a host"
+    assert second.award_key == b"key two of a host"
+    assert "key two" not in repr((second, registry.entries()))

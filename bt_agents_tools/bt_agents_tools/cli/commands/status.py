@@ -39,6 +39,10 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _ENDS_SHOWN = 3
+_DIFFERS = (
+    "its host bids with another profile than that of the ledger, and has not taken that one so "
+    "far; the log of the feedback node says why"
+)
 
 
 @click.command()
@@ -62,6 +66,7 @@ def status(form: TableForm) -> None:
                 "hosts": cards,
                 "ended": ends[-_ENDS_SHOWN:],
                 "rule_problems": rule_problems(market, observer.profiles),
+                "differing": differing_agents(observer.profiles),
             }
             print_json({name: as_plain_data(one) for name, one in found.items()})
             return
@@ -97,6 +102,8 @@ def status(form: TableForm) -> None:
                     f"{profile}  (revision {agent.revision}, "
                     f"version {agent.version}{_version_text(agent)})",
                 )
+                if agent.name in differing_agents(observer.profiles):
+                    _print("  problem: ", f"{agent.name}: {_DIFFERS}")
             for problem in card.problems:
                 _print("  problem: ", problem_text(problem))
         for end in ends[-_ENDS_SHOWN:]:
@@ -114,6 +121,11 @@ def rule_problems(market: Any, profiles: Any) -> Sequence[Any]:
     The profiles are None where the feedback node has published none.
     """
     return [*market.problems, *(profiles.problems if profiles is not None else ())]
+
+
+def differing_agents(profiles: Any) -> Sequence[str]:
+    """Return the agents whose host bids with another profile than that of the ledger."""
+    return profiles.differing if profiles is not None else ()
 
 
 def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bool) -> str:

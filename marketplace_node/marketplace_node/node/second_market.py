@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Refusal of a second market, which is heard by its heartbeat, in the words of its node."""
+
+from __future__ import annotations
+
+import time
+
+import rclpy
+from rclpy.node import Node
+
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.msg import MarketHeartbeat
+from bt_agents_ros import qos
+from bt_agents_ros.spinner import Spinner
+from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
+from marketplace_node.formatting import shown
+from marketplace_node.other_market import StartCheck
+
+MARKET_HEARTBEAT = "marketplace/heartbeat"
+"""Topic on which hosts listen for their market, whatever its node is called."""
+
+_POLL_S = 0.02
+_LONGEST_EPOCH = 200
+
+
+def refuse_second_market() -> None:
+    """Refuse to start beside another market that is alive; listens for it first.
+
+    Raises:
+        Refused: ``SECOND_MARKET``, with its epoch and its node.
+    """
+    listener = rclpy.create_node(
+        "marketplace", start_parameter_services=False, enable_rosout=False
+    )
+    spinner = Spinner(listener)
+    check = StartCheck(time.monotonic())
+    senders: list[str] = []
+
+    def take(heartbeat: MarketHeartbeat, participant: str) -> None:
+        check.on_heartbeat(heartbeat.epoch, time.monotonic())
+        senders[:] = [participant]
+
+    try:
+        create_identified_subscription(
+            listener, MarketHeartbeat, MARKET_HEARTBEAT, take, qos.SENSOR
+        )
+        while not check.is_over(
+            now := time.monotonic(),
+            is_on_graph=bool(listener.get_publishers_info_by_topic(MARKET_HEARTBEAT)),
+        ):
+            spinner.spin_once(_POLL_S)
+        if check.is_refused(now):
+            raise Refused("SECOND_MARKET", another_market_text(listener, check.alive, senders[0]))
+    finally:
+        spinner.close()
+
+
+def another_market_text(node: Node, epoch: str, participant: str) -> str:
+    """Return that another market is alive and which one it is, as a text."""
+    nodes = {
+        f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+        for end in node.get_publishers_info_by_topic(MARKET_HEARTBEAT)
+        if bytes(end.endpoint_gid).hex().startswith(participant)
+    }
+    return (
+        f"another marketplace is alive here: epoch '{shown(epoch[:_LONGEST_EPOCH])}', node "
+        f"{', '.join(sorted(nodes)) or '(unknown)'}, DDS participant {participant or '(unknown)'};"
+        " end one of the two, or set ROS_DOMAIN_ID or ROS_NAMESPACE to another value for this one"
+    )

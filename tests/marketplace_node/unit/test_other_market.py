@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two marketplaces of one name: the younger one ends, and one that is dead hinders nobody."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from marketplace_node.other_market import LEAVE_S, LISTEN_S, OtherMarket, StartCheck
+
+ages = st.integers(min_value=2, max_value=2**31)
+
+
+def end_of(check: StartCheck, beats_until: float, *, is_on_graph: bool = False) -> float:
+    now = 0.0
+    while not check.is_over(now, is_on_graph=is_on_graph):
+        if now < beats_until:
+            check.on_heartbeat("old", now)
+        now += 0.1
+    return now
+
+
+def test_a_market_that_hears_nothing_starts_soon() -> None:
+    check = StartCheck(0.0)
+    now = end_of(check, beats_until=0.0)
+    assert now <= LISTEN_S + 0.1
+    assert not check.is_refused(now)
+
+
+def test_a_market_that_is_just_ending_is_waited_for() -> None:
+    check = StartCheck(0.0)
+    now = end_of(check, beats_until=0.8)
+    assert not check.is_refused(now)
+
+
+def test_a_market_on_the_graph_is_listened_for_longer_and_in_vain_if_it_is_dead() -> None:
+    check = StartCheck(0.0)
+    now = end_of(check, beats_until=0.0, is_on_graph=True)
+    assert LISTEN_S < now <= LEAVE_S + 0.1
+    assert not check.is_refused(now)
+
+
+def test_beside_a_market_that_stays_none_starts() -> None:
+    check = StartCheck(0.0)
+    now = end_of(check, beats_until=9.0)
+    assert now <= LEAVE_S + 0.1
+    assert check.is_refused(now)
+    assert check.alive == "old"
+
+
+def test_a_market_does_not_give_way_to_itself_nor_to_a_last_heartbeat() -> None:
+    watch = OtherMarket("b")
+    assert not watch.gives_way("b", 50, 1)
+    assert not watch.gives_way("a", 100, 2)
+    assert not watch.gives_way("a", 100, 3)
+    assert watch.gives_way("a", 101, 4)
+
+
+@given(ages, ages)
+def test_of_two_markets_exactly_one_gives_way_and_it_is_the_younger(one: int, two: int) -> None:
+    here, there = OtherMarket("a"), OtherMarket("b")
+    here.gives_way("b", two - 1, one)
+    there.gives_way("a", one - 1, two)
+    ends = (here.gives_way("b", two, one), there.gives_way("a", one, two))
+    assert sum(ends) == 1
+    if abs(one - two) > 3:
+        assert ends == (one < two, two < one)

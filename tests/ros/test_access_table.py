@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rights of the security policies are those that the running nodes use, no more, no less."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rclpy.parameter import Parameter
+
+from bt_agents.host.node import HostNode
+from bt_agents_interfaces.msg import Feedback
+from bt_agents_interfaces.srv import GiveFeedback
+from bt_agents_lab.node import JournalNode
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_robot.robot import RobotNode
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_tools.security.access_table import ROLES, access_table
+from bt_agents_tools.security.dds_policies import dds_topics
+from checkout import ROOT
+from feedback_node.ledger import Ledger
+from feedback_node.node import FeedbackNode
+from marketplace_node.external_ranking.openai_protocol import Endpoint
+from marketplace_node.node import MarketplaceNode
+from marketplace_node.node.selector import SelectorNode
+from scene_layer.node import SceneLayerNode
+
+SPARED = {
+    # The market speaks to the action of a host by its services alone.
+    ("marketplace", "rt/agents/run/_action/feedback"),
+    ("marketplace", "rt/agents/run/_action/status"),
+    # No shipped agent remembers anything of a person by itself.
+    ("agents", "rq/scene_layer/rememberRequest"),
+    ("agents", "rr/scene_layer/rememberReply"),
+    # A topic that a tree waits for is subscribed to when it does.
+    ("agents", "rt/buttons/confirm"),
+}
+
+
+def used_by(node: Any, name: str) -> tuple[set[str], set[str]]:
+    """Return the DDS topics that a node of the graph writes and reads."""
+
+    def names(listed: Any) -> list[str]:
+        return [entry for entry, _ in listed(name, "/")]
+
+    served = names(node.get_service_names_and_types_by_node)
+    called = names(node.get_client_names_and_types_by_node)
+    written = {f"rt{topic}" for topic in names(node.get_publisher_names_and_types_by_node)}
+    read = {f"rt{topic}" for topic in names(node.get_subscriber_names_and_types_by_node)}
+    written |= {f"rr{one}Reply" for one in served} | {f"rq{one}Request" for one in called}
+    read |= {f"rq{one}Request" for one in served} | {f"rr{one}Reply" for one in called}
+    return written, read
+
+
+def test_every_endpoint_of_every_node_is_in_the_table_and_nothing_else(
+    ros: Any, tmp_path: Path
+) -> None:
+    trees = read_trees(ROOT / "trees", InstalledInterfaces())
+    space = trees.scene.space
+    for node in (
+        MarketplaceNode(space, "epoch"),
+        SceneLayerNode(trees.scene),
+        FeedbackNode(space, Ledger(":memory:")),
+        RobotNode(parameter_overrides=[Parameter("voice", value="off")]),
+        JournalNode(tmp_path),
+        SelectorNode(space, Endpoint(base_url="http://127.0.0.1:9/v1", model="none")),
+    ):
+        ros.add(node)
+    host = ros.add(HostNode(trees))
+    ros.until(lambda: host.registered)
+    lesson = GiveFeedback.Request(
+        agent=trees.agents[0].name, kind=Feedback.DIRECT, values=[4.0] * len(space), source="anna"
+    )
+    teaching = ros.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE)
+    assert ros.call(teaching, lesson).accepted
+
+    def differences() -> list[tuple[str, str, str]]:
+        found = []
+        for access in access_table(trees):
+            if access.name in ROLES:
+                continue
+            for allowed, used in zip(
+                dds_topics(access), used_by(ros.node, access.name), strict=True
+            ):
+                found += [(access.name, "not allowed", one) for one in used - allowed]
+                found += [
+                    (access.name, "not used", one)
+                    for one in allowed - used - {"ros_discovery_info"}
+                    if (access.name, one) not in SPARED
+                ]
+        return found
+
+    last: list[Any] = []
+
+    def agrees() -> bool:
+        last[:] = differences()
+        return not last
+
+    try:
+        ros.until(agrees, limit_s=10.0)
+    finally:
+        assert sorted(last) == []
