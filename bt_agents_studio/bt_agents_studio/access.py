@@ -50,7 +50,7 @@ class WebRequest:
     session: str
 
 
-class Access:
+class AccessControl:
     """Tokens, sessions and the rules for requests.
 
     Args:

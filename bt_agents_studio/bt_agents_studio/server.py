@@ -19,7 +19,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_studio.access import (
     COOKIE,
     LARGEST_BODY,
-    Access,
+    AccessControl,
     SessionRole,
     WebRequest,
     security_headers,
@@ -83,7 +83,7 @@ class Server:
     def __init__(
         self,
         studio: Studio,
-        access: Access,
+        access: AccessControl,
         caller: Caller,
         *,
         namespace: str = "/",

@@ -22,7 +22,7 @@ from aiohttp import web
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
-from bt_agents_studio.access import Access, SessionRole, is_loopback
+from bt_agents_studio.access import AccessControl, SessionRole, is_loopback
 from bt_agents_studio.node import NodeThread, StudioNode
 from bt_agents_studio.server import Server
 from bt_agents_studio.studio import Studio
@@ -156,7 +156,7 @@ async def _serve(
         port = _free_port(address)
         scheme = "https" if context is not None else "http"
         names = {address.host, *(("127.0.0.1", "localhost") if is_loopback(address.host) else ())}
-        access = Access(
+        access = AccessControl(
             frozenset(f"{name}:{port}" for name in names),
             scheme=scheme,
             random_bytes=secrets.token_bytes,

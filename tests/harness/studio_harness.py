@@ -14,7 +14,7 @@ from typing import Any
 from aiohttp import ClientSession, CookieJar, web
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_studio.access import Access, SessionRole
+from bt_agents_studio.access import AccessControl, SessionRole
 from bt_agents_studio.server import Server
 from bt_agents_studio.studio import Studio
 
@@ -52,7 +52,7 @@ class ServedStudio:
         self.studio = Studio("studio", space=SPACE)
         self.caller = RecordingCaller()
         self.port = 0
-        self.access: Access
+        self.access: AccessControl
         self.server: Server
 
     @property
@@ -87,7 +87,7 @@ def served(test: Callable[[ServedStudio], Awaitable[None]]) -> None:
     async def run() -> None:
         one = ServedStudio()
         hosts: set[str] = set()
-        one.access = Access(
+        one.access = AccessControl(
             hosts,  # filled when the port is known
             scheme="http",
             random_bytes=secrets.token_bytes,

@@ -50,7 +50,7 @@ _NODES = (
     Access(
         name="marketplace",
         publishes=("auctions", "calls", "market", "~/heartbeat", "runs", "scene_ends"),
-        subscribes=("bids", "marketplace/heartbeat", "scene", "{host}/heartbeat"),
+        subscribes=("bids", "marketplace/heartbeat", "open_goals", "scene", "{host}/heartbeat"),
         serves=("~/cancel", "~/operate", "~/preview", "~/register"),
         calls=("feedback/collect", "select"),
         sends_goals=("{host}/run",),
@@ -58,7 +58,7 @@ _NODES = (
     Access(
         name="scene_layer",
         publishes=("scene", "scene/live", "scene/persons"),
-        subscribes=("market", "runs", "~/trigger"),
+        subscribes=("market", "marketplace/heartbeat", "runs", "scene_ends", "~/trigger"),
         serves=("~/analyze", "~/manage", "~/remember"),
     ),
     Access(
@@ -71,8 +71,8 @@ _NODES = (
     Access(
         name=HOST,
         publishes=(
-            *("bids", "cards", "~/files", "~/heartbeat", "~/records", "~/status", "~/trees"),
-            *("~/tunables", "~/tunings"),
+            *("bids", "cards", "~/files", "~/heartbeat", "open_goals", "~/records", "~/status"),
+            *("~/trees", "~/tunables", "~/tunings"),
         ),
         subscribes=("calls", "market", "marketplace/heartbeat", "runs", "scene/live"),
         serves=("~/reload", "~/roll_back", "~/set_profile", "~/tune", "~/versions"),
@@ -84,7 +84,7 @@ _NODES = (
         publishes=(
             *("robot/heartbeat", "robot/open_questions", "robot/questions", "robot/transcript"),
         ),
-        subscribes=("answers", "sound"),
+        subscribes=("answers", "open_goals", "sound", "{host}/heartbeat"),
         serves=("set_light",),
         executes=("ask", "drive", "say", "show"),
     ),
@@ -96,6 +96,19 @@ _NODES = (
             *("profiles", "runs", "scene", "scene/live", "scene/persons", "scene_ends"),
             *("{host}/files", "{host}/records", "{host}/status", "{host}/trees"),
             *("{host}/tunables", "{host}/tunings"),
+        ),
+    ),
+    Access(
+        name="studio",
+        subscribes=(
+            *("auctions", "cards", "feedback", "market", "marketplace/heartbeat", "profiles"),
+            *("robot/heartbeat", "robot/open_questions", "robot/transcript", "runs", "scene"),
+            *("scene/live", "scene_ends", "{host}/files", "{host}/heartbeat", "{host}/status"),
+            *("{host}/trees", "{host}/tunables", "{host}/tunings"),
+        ),
+        calls=(
+            *("feedback/give", "feedback/manage", "marketplace/cancel", "marketplace/operate"),
+            *("scene_layer/analyze", "{host}/get_parameters", "{host}/tune"),
         ),
     ),
 )
@@ -143,7 +156,12 @@ def access_table(trees: Trees, hosts: Sequence[str] = ("agents",)) -> tuple[Acce
         hosts: Names of the hosts of its agents.
     """
     sources = _source_topics(trees)
-    extra = {"scene_layer": Access(name="", subscribes=sources), HOST: _skill_access(trees)}
+    skills = _skill_access(trees)
+    extra = {
+        "marketplace": _takeover_access(skills.sends_goals),
+        "scene_layer": Access(name="", subscribes=sources),
+        HOST: skills,
+    }
     nodes = [
         _joined(node.name, node, _EVERY_NODE, _PARAMETERS, extra.get(node.name, Access(name="")))
         for node in _NODES
@@ -158,6 +176,15 @@ def access_table(trees: Trees, hosts: Sequence[str] = ("agents",)) -> tuple[Acce
         _for_hosts(replace(access, name=access.name.replace(HOST, host)), hosts)
         for access in (*nodes, *roles)
         for host in (hosts if access.name == HOST else ("",))
+    )
+
+
+def _takeover_access(actions: Iterable[str]) -> Access:
+    """Return what cancels goals of hosts that are gone."""
+    return Access(
+        name="",
+        subscribes=tuple(f"{action}/_action/status" for action in actions),
+        calls=tuple(f"{action}/_action/cancel_goal" for action in actions),
     )
 
 

@@ -13,7 +13,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_studio.access import (
     MOST_SESSIONS,
     SESSION_S,
-    Access,
+    AccessControl,
     SessionRole,
     WebRequest,
     is_loopback,
@@ -35,9 +35,9 @@ def _bytes() -> Callable[[int], bytes]:
     return lambda length: next(numbers).to_bytes(length, "big")
 
 
-def _access(clock: _Clock | None = None) -> Access:
+def _access(clock: _Clock | None = None) -> AccessControl:
     hosts = frozenset({HOST, "localhost:8770"})
-    return Access(hosts, scheme="http", random_bytes=_bytes(), clock=clock or _Clock())
+    return AccessControl(hosts, scheme="http", random_bytes=_bytes(), clock=clock or _Clock())
 
 
 def _request(**fields: str) -> WebRequest:

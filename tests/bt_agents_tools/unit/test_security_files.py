@@ -53,18 +53,18 @@ def test_whoever_watches_changes_nothing(table: tuple[Access, ...]) -> None:
     assert written == READ_ONLY
 
 
-def test_only_authors_set_and_export_profiles_and_only_hosts_bid(
+def test_only_authors_and_the_studio_manage_profiles_and_only_hosts_bid(
     table: tuple[Access, ...],
 ) -> None:
     def writers(topic: str) -> set[str]:
         return {access.name for access in table if topic in dds_topics(access)[0]}
 
-    assert writers("rq/feedback/manageRequest") == {"author"}
+    assert writers("rq/feedback/manageRequest") == {"author", "studio"}
     assert writers("rq/agents/set_profileRequest") == {"feedback"}
     assert writers("rq/agents/run/_action/send_goalRequest") == {"marketplace"}
     assert writers("rt/bids") == {"agents", "more"}
     assert writers("rt/agents/heartbeat") == {"agents"}
-    assert writers("rq/marketplace/cancelRequest") == {"feedback", "operate", "author"}
+    assert writers("rq/marketplace/cancelRequest") == {"feedback", "operate", "author", "studio"}
     assert writers("rt/marketplace/heartbeat") == {"marketplace"}
 
 

@@ -29,7 +29,7 @@ WITHOUT_TABLE = {
     ),
     *("profile recover", "profile reset", "profile undo", "publish", "rehearse", "reload"),
     *("replay", "roll-back", "scene", "schema", "sense", "show", "test", "trigger", "unpin"),
-    *("studio", "up", "veto", "visit", "watch"),
+    *("security policies", "security tls", "studio", "up", "veto", "visit", "watch"),
 }
 """Commands whose output is no table: words, a document, a picture, a file.
 
