@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.text import printable
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_ros.signals import block_sigint
 
@@ -159,7 +160,7 @@ class LogFile:
                 text = log.read(_LOG_BYTES).decode(errors="replace")
         except OSError as error:
             return [f"(the log cannot be read: {error.strerror})"]
-        return [line[:_LONGEST_LINE] for line in text.splitlines()[-lines:]]
+        return [printable(line[:_LONGEST_LINE]) for line in text.splitlines()[-lines:]]
 
 
 @dataclass(eq=False)

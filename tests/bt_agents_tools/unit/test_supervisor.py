@@ -260,6 +260,14 @@ def test_a_component_that_does_not_restart_is_an_error_when_it_ends(watched: Wat
         watched.end("visitors", pid)
 
 
+def test_the_end_of_a_log_is_printable(tmp_path: Path) -> None:
+    log = LogFile(tmp_path / "log")
+    with log.open(1) as file:
+        file.write("a\x1b[2J\u202e\n".encode())
+        file.flush()
+    assert log.tail(3) == [r"a\x1b[2J\u202e"]
+
+
 def test_only_the_end_of_a_huge_log_is_read_and_nothing_of_an_earlier_start(
     tmp_path: Path,
 ) -> None:
