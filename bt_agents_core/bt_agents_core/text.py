@@ -60,8 +60,8 @@ def printable_lines(text: str) -> str:
 
 
 def printable_line(text: str) -> str:
-    """Return a text as of :func:`printable`, each run of blanks and line ends as one space."""
-    return printable(single_spaced(text))
+    """Return a text that is kept in one line, with blanks for what :func:`printable` shows."""
+    return single_spaced("".join(c if c.isprintable() else " " for c in text))
 
 
 def _is_written(before: str, one: str, after: str) -> bool:
