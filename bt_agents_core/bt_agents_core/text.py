@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from unicodedata import category
 
 EXCERPT = 40
 """Characters of a found text that a message shows."""
@@ -14,6 +15,8 @@ DIGITS = 4
 """Digits of values of scenes and profiles; more would tell people nothing."""
 
 _MOST_QUOTED = 5
+
+_JOINERS = "\u200c\u200d"
 
 
 def ellipsize(text: str, longest: int = EXCERPT) -> str:
@@ -32,9 +35,43 @@ def excerpt(text: str, longest: int) -> str:
     return flat if len(flat) <= longest else f"{flat[: longest - 1].rstrip()}…"
 
 
+def printable(text: str) -> str:
+    r"""Return a text from outside as terminals and logs may show it, in one line.
+
+    Control characters, the starts of escape sequences, line ends, marks of direction, invisible
+    characters and lone surrogates are shown by their numbers: ``\x1b``, ``\n``, ``\u202e``. Words
+    in any language stay as they are, and so does what is printable already.
+    """
+    if text.isprintable():
+        return text
+    around = zip(f" {text}", text, f"{text[1:]} ", strict=False)
+    return "".join(
+        one if one.isprintable() or _is_written(before, one, after) else ascii(one)[1:-1]
+        for before, one, after in around
+    )
+
+
+def printable_lines(text: str) -> str:
+    """Return a text of several lines, each as of :func:`printable`; tabs stay."""
+    if text.isprintable():
+        return text
+    lines = text.split("\n")
+    return "\n".join("\t".join(map(printable, line.split("\t"))) for line in lines)
+
+
 def printable_line(text: str) -> str:
-    """Return a text in one line without control characters, which terminals would obey."""
+    """Return a text that is kept in one line, with blanks for what :func:`printable` shows."""
     return single_spaced("".join(c if c.isprintable() else " " for c in text))
+
+
+def _is_written(before: str, one: str, after: str) -> bool:
+    """Return whether languages write a character that :meth:`str.isprintable` denies.
+
+    These are the blanks of other widths, and the joiners between letters and in emoji.
+    """
+    if one in _JOINERS:
+        return all(not near.isascii() and near.isprintable() for near in (before, after))
+    return category(one) == "Zs"
 
 
 def quote(text: str) -> str:

@@ -15,6 +15,7 @@ from rclpy.task import Future
 from std_msgs.msg import Empty, String
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.text import printable
 from bt_agents_interfaces.action import Ask as AskAction
 from bt_agents_interfaces.action import Drive as DriveAction
 from bt_agents_interfaces.action import Say as SayAction
@@ -302,9 +303,9 @@ class RobotNode(BaseNode):
     # Light, sound and answers
 
     def _report(self, line: str) -> None:
-        printable = "".join(c if c.isprintable() else "?" for c in line)
-        self.get_logger().info(f"robot {printable}")
-        self._transcript.publish(String(data=printable))
+        shown = printable(line)
+        self.get_logger().info(f"robot {shown}")
+        self._transcript.publish(String(data=shown))
 
     def _on_light(self, request: Any, response: Any) -> Any:
         colour = request.colour.strip().lower()

@@ -21,6 +21,8 @@ from bt_agents_core.local_time import local_time
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds import quick_logger
+from bt_agents_ros.workarounds.quick_logger import QuickLogger
+from hostile_texts import HOSTILE
 from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
@@ -69,6 +71,21 @@ def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: 
             == [*told, told[0]]
         )
     )
+
+
+def test_nothing_raw_reaches_the_log_and_no_further_line_passes_for_one(ros: Any) -> None:
+    lines = ros.collect(Log, "/rosout", qos.HISTORY)
+    logger = QuickLogger(ros.node.get_logger().name)
+    logger.info(HOSTILE)
+    logger.info(HOSTILE, once=True)
+    logger.get_child("guide").info(HOSTILE)
+    ros.until(lambda: sum("title" in line.msg for line in lines) == 3)
+    for line in lines:
+        if "title" in line.msg:
+            first, further = line.msg.split("\n")
+            assert first.isprintable()
+            assert further.startswith("    [FATAL] forged")
+            assert not {one for one in further if not one.isprintable()} - {"\t"}
 
 
 def test_the_local_time_is_that_of_the_clock_of_the_node(ros: Any) -> None:

@@ -306,7 +306,7 @@ def test_a_sound_is_heard_and_an_empty_one_is_not(ros):
     ros.until(sound.get_subscription_count)
     sound.publish(String(data=""))
     sound.publish(String(data="chi\x1bme"))
-    ros.until(lambda: robot.lines == ["sound: chi?me"])
+    ros.until(lambda: robot.lines == [r"sound: chi\x1bme"])
 
 
 class FakeProcess:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import click
@@ -15,6 +16,7 @@ from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import scene_name
+from bt_agents_core.text import printable, printable_lines
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.trees_choice import kept_state
 
@@ -58,12 +60,12 @@ def journal(files: tuple[Path, ...], out: Path | None) -> None:
     )
     digits = len(str(max(recording.counts.values())))
     for topic, number in sorted(recording.counts.items()):
-        console.print(f"{number:>{digits}}  {escape(topic)}")
+        console.print(f"{number:>{digits}}  {_escaped(topic)}")
     with damage_reported():
         for one in recording.rounds:
             winner = f"{one.auction.winner} wins" if one.auction.winner else "nobody"
-            scene = escape(scene_name(one.auction.scene))
-            console.print(f"round {one.auction.round}  {scene}: {escape(winner)}")
+            text = _escaped(f"{scene_name(one.auction.scene)}: {winner}")
+            console.print(f"round {one.auction.round}  {text}")
         if results is not None:
             results.write(_parameters(recording), _result_rows(recording))
             console.print(f"written to {escape(str(out))}")
@@ -129,10 +131,32 @@ def resolve_files(files: Sequence[Path]) -> list[Path]:
 def recorded_decisions(folder: Path) -> list[Any]:
     """Return the decisions of the newest day in the folder of a journal, the oldest first.
 
+    Their texts are printable: anybody may have sent what a journal holds.
+
     Raises:
         BtAgentsError: There is no journal, or it cannot be read at all.
     """
-    return [one.auction for one in read_files(_newest(folder)).rounds]
+    return [_printable(one.auction) for one in read_files(_newest(folder)).rounds]
+
+
+def _printable(value: Any) -> Any:
+    """Return a recorded message, or a part of one, with printable texts."""
+    match value:
+        case str():
+            return printable(value)
+        case list():
+            return list(map(_printable, value))
+        case SimpleNamespace():
+            for name in value.__slots__:
+                part = getattr(value, name)
+                # The only text of a decision that has several lines.
+                shown = printable_lines(part) if name == "explanation" else _printable(part)
+                setattr(value, name, shown)
+    return value
+
+
+def _escaped(text: str) -> str:
+    return escape(printable(text))
 
 
 def _newest(folder: Path) -> list[Path]:
@@ -148,9 +172,9 @@ def _newest(folder: Path) -> list[Path]:
 def show_problems(console: Console, recording: RecordingIndex) -> None:
     """Print what cannot be read and what is lost."""
     for text in (*recording.hints, *recording.problems):
-        console.print(f"[yellow]{escape(text)}[/]")
+        console.print(f"[yellow]{_escaped(text)}[/]")
     for topic, number in sorted(recording.lost.items()):
-        console.print(f"[yellow]{number} messages on {escape(topic)} are lost[/]")
+        console.print(f"[yellow]{number} messages on {_escaped(topic)} are lost[/]")
 
 
 def _moment(nanoseconds: int) -> str:

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.text import printable
 from bt_agents_ros.signals import loading
 
 with loading():
@@ -78,8 +79,8 @@ def _show(console: Console, recording: RecordingIndex, found: FindingCounts) -> 
     ):
         unequal = [finding for finding in found.unequal if finding.verdict is verdict]
         for one in unequal[:_MOST_SHOWN]:
-            where, text = escape(one.where), escape(one.text)
-            console.print(f"[{style}]{verdict.value}[/] {one.kind}, {where}: {text}")
+            text = escape(printable(f"{one.where}: {one.text}"))
+            console.print(f"[{style}]{verdict.value}[/] {one.kind}, {text}")
         if len(unequal) > _MOST_SHOWN:
             console.print(f"… and {len(unequal) - _MOST_SHOWN} more, {verdict.value}")
     if found.different:

@@ -14,7 +14,7 @@ from rich.markup import escape
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import Update
 from bt_agents_core.scene import finite_or_none
-from bt_agents_core.text import format_known
+from bt_agents_core.text import format_known, printable
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
@@ -127,9 +127,10 @@ def _show(
         f"{result.given} of {result.given + result.withheld} feedbacks would have been given"
     )
     for agent, number in sorted(result.chosen.items(), key=lambda item: (-item[1], item[0])):
-        console.print(f"  {escape(agent)} {number}")
+        console.print(f"  {escape(printable(agent))} {number}")
     if result.never:
-        console.print(f"never chosen: {escape(', '.join(result.never))}", soft_wrap=False)
+        never = printable(", ".join(result.never))
+        console.print(f"never chosen: {escape(never)}", soft_wrap=False)
 
 
 _COLUMNS = (

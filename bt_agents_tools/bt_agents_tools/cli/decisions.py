@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import click
+from rich.markup import escape
 
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
 from bt_agents_tools.cli.formatting import SceneLabels, code_text, fitted_console, print_line
@@ -52,11 +53,11 @@ def show_decision(
     click.echo(f"{title}: {headline(auction)}")
     console = fitted_console(form)
     for place, bid in enumerate(auction.ranking[:_MAX_SHOWN], start=1):
-        print_line(console, f"  {place}. {bid.agent:<22} ", bid.calculation, _INDENT)
+        print_line(console, f"  {place}. {escape(f'{bid.agent:<22}')} ", bid.calculation, _INDENT)
     _print_more(len(auction.ranking), "bids")
     for bid in auction.refused[:_MAX_SHOWN]:
         who = bid.agent or bid.host
-        print_line(console, f"  –  {who:<22} ", bid.reason, _INDENT)
+        print_line(console, f"  –  {escape(f'{who:<22}')} ", bid.reason, _INDENT)
     _print_more(len(auction.refused), "that do not bid")
     for line in (auction.explanation or auction.reason).splitlines():
         print_line(console, "", names.with_names(line), _INDENT)

@@ -102,10 +102,10 @@ class EventPrinter:
         for bid in message.ranking:
             style = "bold" if bid.agent == message.winner else "dim"
             total, equals, terms = escape(bid.calculation).partition(" =")
-            text = f"[{style}]{bid.agent:<22} {total}[/][dim]{equals}{terms}[/]"
+            text = f"[{style}]{escape(f'{bid.agent:<22}')} {total}[/][dim]{equals}{terms}[/]"
             self._line(head, text)
         for bid in message.refused:
-            self._line(head, f"[dim]{bid.agent:<22} –  {escape(bid.reason)}[/]")
+            self._line(head, f"[dim]{escape(f'{bid.agent:<22} –  {bid.reason}')}[/]")
         if message.outcome in (message.PREEMPTS, message.WAITS):
             stops = message.outcome == message.PREEMPTS
             title = "[bold yellow]the run is stopped[/]" if stops else "[dim]the run goes on[/]"
@@ -114,11 +114,12 @@ class EventPrinter:
             return
         self.takeovers += bool(message.follows and message.winner)
         style = "bold green" if message.winner else "bold yellow"
-        title = f"{message.winner} wins" if message.winner else "nobody"
+        title = f"{escape(message.winner)} wins" if message.winner else "nobody"
         self._line("award", f"[{style}]{title}[/]  {self._named(message.reason)}")
         self.unanswered += not message.winner
 
     def run(self, message: Any) -> None:
+        agent = escape(message.agent)
         if message.event == message.STARTED:
             moods = (v.value for v in message.scene.values if v.name == self._space.mood)
             self._mood = next((mood for mood in moods if not math.isnan(mood)), None)
@@ -128,9 +129,9 @@ class EventPrinter:
             reason = self._named(message.message)
             by = StoppedBy.of(message.stopped_by)
             who = f" ({stopper(StopCause.BY_MARKET, by)})" if by else ""
-            self._line("run", f"[yellow]stopping {message.agent}{who}:[/] {reason}")
+            self._line("run", f"[yellow]stopping {agent}{who}:[/] {reason}")
         elif message.event == message.REFUSED:
-            self._line("run", f"[yellow]{message.agent}: {self._named(message.message)}[/]")
+            self._line("run", f"[yellow]{agent}: {self._named(message.message)}[/]")
         else:
             self._mood = None
             self._under_way = ""
@@ -139,11 +140,12 @@ class EventPrinter:
             style = {"succeeded": "green", "cancelled": "yellow"}.get(outcome, "red")
             # Of a host that is gone nobody knows the last count.
             ticks = f", {message.ticks} ticks" if message.ticks else ""
+            orphans = escape(", ".join(message.orphans))
             self._line(
                 "run",
-                f"[{style}]{message.agent} {outcome}[/] after "
+                f"[{style}]{agent} {outcome}[/] after "
                 f"{message.duration_s:.1f} s{ticks}: {self._named(message.message)}"
-                + (f" [red]orphans: {', '.join(message.orphans)}[/]" if message.orphans else ""),
+                + (f" [red]orphans: {orphans}[/]" if orphans else ""),
             )
 
     def _starts(self, message: Any) -> None:
@@ -151,7 +153,7 @@ class EventPrinter:
         if self._started != (message.epoch, message.round):
             self._started = (message.epoch, message.round)
             self._under_way, self._stopping = message.agent, False
-            self._line("run", f"{message.agent} starts")
+            self._line("run", f"{escape(message.agent)} starts")
 
     def end(self, message: Any) -> None:
         if message.code not in _SHOWN_BY_RUN:
@@ -168,7 +170,8 @@ class EventPrinter:
         cleans_up = any(change.path.startswith("on_cancel") for change in message.changes)
         if self._under_way == message.agent and not self._stopping and cleans_up:
             self._stopping = True
-            self._line("run", f"[yellow]stopping {message.agent}:[/] its host hears no market")
+            who = escape(message.agent)
+            self._line("run", f"[yellow]stopping {who}:[/] its host hears no market")
         for change in [*ended, *sorted(begun, key=lambda change: _tree_order(change.path))]:
             decorator = "@" in change.path.rpartition("/")[2]
             if change.status == change.INVALID or (decorator and change.status != change.FAILURE):
@@ -188,7 +191,7 @@ class EventPrinter:
     def feedback(self, message: Any) -> None:
         kind = constant_text(message, message.kind, KINDS)
         self.feedbacks.append((message.agent, kind))
-        who = message.agent
+        who = escape(message.agent)
         if message.layer:
             who += f" for {escape(message.layer)}"
         else:
@@ -197,7 +200,7 @@ class EventPrinter:
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
         self._line(
             "feedback",
-            f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
+            f"[{style}]{kind}[/] for {escape(message.agent)} by {escape(message.source)}"
             + (f": {escape(message.reason)}" if message.reason else ""),
         )
         self._line(
@@ -251,12 +254,13 @@ class EventPrinter:
         parts = []
         for value in message.values:
             parameter = next((p for p in self._space.parameters if p.name == value.name), None)
+            name = escape(value.name)
             if math.isnan(value.value):
-                parts.append(f"{value.name} [yellow]missing[/]")
+                parts.append(f"{name} [yellow]missing[/]")
             else:
                 label = parameter.labels.get(value.value, "") if parameter else ""
                 known = format_known(value.value)
-                parts.append(f"{value.name} {known}" + (f" ({escape(label)})" if label else ""))
+                parts.append(f"{name} {known}" + (f" ({escape(label)})" if label else ""))
         return ", ".join(parts) + ("" if message.person else ", no person")
 
     def _row(self, agent: str, runs: str, feedback: str, profile: str) -> None:

@@ -13,6 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 import click
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.text import printable_lines
 from bt_agents_ros.signals import end_silently, loading
 from bt_agents_tools.cli.terminal import OutputLost, os_error_text, prepare_streams
 
@@ -177,5 +178,5 @@ def main() -> None:
 
 
 def _failed(text: str) -> int:
-    click.echo(f"error: {text}", err=True)
+    click.echo(f"error: {printable_lines(text)}", err=True)
     return 1

@@ -20,6 +20,7 @@ import click
 from rich.cells import cell_len
 
 from bt_agents_core.scene import finite_or_none
+from bt_agents_core.text import printable
 
 _GAP = "  "
 _INDENT = " " * 4
@@ -63,8 +64,7 @@ class Column:
 
     def cell(self, value: Any) -> str:
         """Return a value in one line that a terminal shows as it is; nothing for None."""
-        text = "" if value is None else self.text(value)
-        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+        return "" if value is None else printable(self.text(value))
 
 
 def table_options(command: Callable[..., None]) -> Callable[..., None]:

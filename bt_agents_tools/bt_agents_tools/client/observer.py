@@ -12,10 +12,12 @@ import rclpy
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, Empty, String
 
 from bt_agents.host.reload.host_card_diff import CardDiff, CardDifference
+from bt_agents_core.text import printable
 from bt_agents_interfaces.msg import (
     Auction,
     Feedback,
@@ -65,10 +67,11 @@ from bt_agents_tools.client.causal_order import (
     scene_links,
     tree_links,
 )
+from bt_agents_tools.client.printable_messages import make_printable
 
 
 class Listener(Protocol):
-    """Callbacks for the events of a system; messages are passed on as they were sent."""
+    """Callbacks for the events of a system; the texts of their messages are printable."""
 
     def visitor(self, label: str) -> None:
         """Handle the label of a new visitor; empty when the visitor leaves."""
@@ -162,6 +165,7 @@ class _EventBuffer:
         """Return the callback of a subscription, whose messages have these links."""
 
         def callback(message: Any, info: Any) -> None:
+            make_printable(message)
             sent_s = happened_s(message, int(info["source_timestamp"]) * 1e-9)
             event = CausalEvent(
                 sent_s=sent_s, deliver=lambda: deliver(message), links=links(message)
@@ -196,7 +200,8 @@ class _CardListener:
             )
 
         def on_answer(answer: Any) -> None:
-            change = next((one.change for one in answer.versions if one.current), "")
+            versions = make_printable(answer).versions
+            change = next((one.change for one in versions if one.current), "")
             text = difference.text + (f" ({change})" if change else "")
             self._report(text, difference.is_error)
 
@@ -211,6 +216,8 @@ class _CardListener:
 
 class Observer:
     """Node that subscribes to a running system; it handles messages while it is spun.
+
+    What it hands out of messages and answers is printable: others may have sent them.
 
     Attributes:
         namespace: Namespace of the system, from the environment's ``ROS_NAMESPACE``.
@@ -239,7 +246,7 @@ class Observer:
             (HostCard, "cards", self._on_card, qos.FACTS),
             (Profiles, "profiles", self._on_profiles, qos.FACT),
         ):
-            self.node.create_subscription(kind, topic, handle, profile)
+            self._subscribe(kind, topic, handle, profile)
         self._services: list[Any] = []
         if listener is not None:
             self._notify(listener)
@@ -264,6 +271,14 @@ class Observer:
         ):
             callback = buffer.callback_for(deliver, links)
             self.node.create_subscription(kind, topic, callback, profile)
+
+    def _subscribe(
+        self, kind: type[Any], topic: str, handle: Callable[[Any], None], profile: QoSProfile
+    ) -> None:
+        def receive(message: Any) -> None:
+            handle(make_printable(message))
+
+        self.node.create_subscription(kind, topic, receive, profile)
 
     def watch_heartbeats(self, on_heartbeat: Callable[[str], None]) -> None:
         """Call back with the component's name for each heartbeat of one."""
@@ -312,7 +327,7 @@ class Observer:
         kind = "bt_agents_interfaces/msg/MarketStatus"
         topics = [name for name, kinds in self.node.get_topic_names_and_types() if kind in kinds]
         ends = (end for topic in topics for end in self.node.get_publishers_info_by_topic(topic))
-        return sorted({end.node_namespace for end in ends})
+        return sorted({printable(end.node_namespace) for end in ends})
 
     def services_ready(self) -> bool:
         """Return True when the services of scene layer and feedback node are discovered.
@@ -358,7 +373,8 @@ class Observer:
             return None
         future = client.call_async(kind.Request(**fields))
         self.spin_until(future.done, limit_s or _LIMITS_S.get(name, _LIMIT_S))
-        return future.result() if future.done() else None
+        answer = future.result() if future.done() else None
+        return None if answer is None else make_printable(answer)
 
     def received(self, topic: str) -> list[Any]:
         """Return a list that fills with the messages of a topic, the latched ones first.
@@ -367,7 +383,7 @@ class Observer:
         """
         messages: list[Any] = []
         kind, profile = _TOPICS[topic.rpartition("/")[2]]
-        self.node.create_subscription(kind, topic, messages.append, profile)
+        self._subscribe(kind, topic, messages.append, profile)
         return messages
 
     def close(self) -> None:

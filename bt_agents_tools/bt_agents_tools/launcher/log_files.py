@@ -15,6 +15,7 @@ from typing import BinaryIO
 from bt_agents_core.person_mention import PersonMention
 from bt_agents_core.private_files import make_private_folder, open_private
 from bt_agents_core.state_folder import state_home
+from bt_agents_core.text import printable
 
 MOST_BYTES = 8_000_000
 """Size at which a log file is rotated [bytes]."""
@@ -83,7 +84,7 @@ class LogFile:
                 text = log.read(_TAIL_BYTES).decode(errors="replace")
         except OSError as error:
             return [f"(the log cannot be read: {error.strerror})"]
-        return [line[:_LONGEST_LINE] for line in text.splitlines()[-lines:]]
+        return [printable(line[:_LONGEST_LINE]) for line in text.splitlines()[-lines:]]
 
 
 def new_log_folder(state: str = "") -> Path:

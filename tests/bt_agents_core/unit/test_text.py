@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import math
+from unicodedata import category
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bt_agents_core.text import (
     EXCERPT,
@@ -16,7 +19,9 @@ from bt_agents_core.text import (
     join_first,
     join_quoted,
     join_words,
+    printable,
     printable_line,
+    printable_lines,
     quote,
 )
 
@@ -62,3 +67,47 @@ def test_numbers_have_few_digits_and_a_real_minus_sign():
     assert format_number(1.23456, 3) == "1.23"
     assert format_known(1.23456) == "1.235"
     assert format_known(math.nan) == "–"
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("\x1b[2J\x1b]0;x\x07", r"\x1b[2J\x1b]0;x\x07"),
+        ("a\r\n\tb\x00\x7f\x9b", r"a\r\n\tb\x00\x7f\x9b"),
+        ("\u202e\u2066\u200b\ufeff\u2028", r"\u202e\u2066\u200b\ufeff\u2028"),
+        ("\ud800", r"\ud800"),
+        ("a\u200db \u200d\u200d", r"a\u200db \u200d\u200d"),
+    ],
+)
+def test_what_a_terminal_would_obey_or_hide_is_shown_by_number(text, shown):
+    assert printable(text) == shown
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        r"C:\x1b 'a' → b",
+        "prêt\u202f!",
+        "می\u200cخو",
+        "क्\u200dष",
+        "👩\u200d👧 ❤️\u200d🔥",
+        "日本\u3000語",
+    ],
+)
+def test_words_of_any_language_stay_as_they_are(text):
+    assert printable(text) == text
+
+
+def test_of_several_lines_each_is_printable():
+    assert printable_lines("a\tb\n\x1b[2J\r\n") == "a\tb\n\\x1b[2J\\r\n"
+
+
+@given(st.text(st.characters() | st.sampled_from("\u200c\u200d\x1b\u202eé👩")))
+def test_a_printable_text_is_in_one_line_and_stays_as_it_is(text):
+    shown = printable(text)
+    assert printable(shown) == shown
+    assert len(shown.splitlines()) <= 1
+    assert {one for one in shown if category(one)[0] == "C"} <= {"\u200c", "\u200d"}
+    if text.isprintable():
+        assert shown == text

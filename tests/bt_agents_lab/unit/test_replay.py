@@ -24,7 +24,9 @@ from bt_agents_interfaces.msg import (
     RunRecord,
     TreeStatus,
 )
+from bt_agents_lab.cli.journal import journal, recorded_decisions
 from bt_agents_lab.cli.replay import replay
+from bt_agents_lab.cli.what_if import what_if
 from bt_agents_lab.recorder.reading import JournalEntry
 from bt_agents_lab.replay import decisions, replay_learning, trees
 from bt_agents_lab.replay.decisions import replay_decisions
@@ -33,6 +35,7 @@ from bt_agents_lab.replay.recording_index import index_entries
 from bt_agents_lab.replay.replay_learning import replay_feedback
 from bt_agents_lab.replay.scenes import scene_of
 from bt_agents_lab.replay.trees import replay_runs
+from hostile_texts import HOSTILE
 from journal_fixture import NAN, Town, index_of, morning
 from tree_harness import SPACE, scene
 
@@ -408,6 +411,24 @@ def test_the_command_ends_with_one_and_the_first_differences(town: Town, tmp_pat
         in result.output
     )
     assert "not equal" in result.output
+
+
+def test_no_command_prints_raw_text_of_a_journal(town: Town, tmp_path: Path) -> None:
+    def alter(_: int, message: Any) -> Any:
+        if isinstance(message, Auction):
+            message = copy.deepcopy(message)
+            message.winner = message.scene.label = message.reason = message.explanation = HOSTILE
+        return message
+
+    path = town.write(tmp_path / "a.mcap", alter)
+    for command in (journal, replay, what_if):
+        output = CliRunner().invoke(command, [str(path)]).output
+        assert "title" in output
+        assert not [one for one in output if not one.isprintable() and one != "\n"]
+    decision = recorded_decisions(tmp_path)[-1]
+    assert decision.winner.isprintable()
+    assert decision.scene.label.isprintable()
+    assert len(decision.explanation.splitlines()) == 2
 
 
 def test_a_file_that_is_no_journal_is_refused_with_a_reason(tmp_path: Path) -> None:

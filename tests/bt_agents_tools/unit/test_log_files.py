@@ -28,6 +28,14 @@ for number in range(2000):
 """
 
 
+def test_the_end_of_a_log_is_printable(tmp_path: Path) -> None:
+    log = LogFile(tmp_path / "log")
+    with log.open(1) as file:
+        file.write("a\x1b[2J\u202e\n".encode())
+        file.flush()
+    assert log.tail(3) == [r"a\x1b[2J\u202e"]
+
+
 def test_only_the_end_of_a_huge_log_is_read_and_nothing_of_an_earlier_start(
     tmp_path: Path,
 ) -> None:

@@ -10,6 +10,7 @@ import click
 
 from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.text import printable
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 
@@ -46,7 +47,7 @@ def answer(text: tuple[str, ...]) -> None:
         was_open = asked in told[-1].questions
         if not (was_open and observer.spin_until(closed, FIND_LIMIT_S)):
             raise BtAgentsError(f"the robot has not taken '{words}'; it asks no more, or is busy")
-        click.echo(f"answered '{_printable(taken)}' to: {_printable(asked.text)}")
+        click.echo(f"answered '{printable(taken)}' to: {asked.text}")
 
 
 def _asked(questions: Sequence[Any], words: str) -> tuple[Any, str]:
@@ -65,8 +66,4 @@ def _asked(questions: Sequence[Any], words: str) -> tuple[Any, str]:
 
 def _shown(question: Any) -> str:
     choices = ", ".join(question.choices) or "anything"
-    return _printable(f"asked is: {question.text} (answers: {choices})")
-
-
-def _printable(text: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in text)
+    return f"asked is: {question.text} (answers: {choices})"

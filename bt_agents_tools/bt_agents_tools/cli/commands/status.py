@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
+from rich.markup import escape
 
 from bt_agents.host.reload.host_card_diff import degraded_reason, problem_text
 from bt_agents_core.text import format_known
@@ -98,7 +99,7 @@ def status(form: TableForm) -> None:
                 values = zip(card.parameters, agent.current, strict=True)
                 profile = ", ".join(f"{name} {format_known(value)}" for name, value in values)
                 _print(
-                    f"  {agent.name:<22} ",
+                    f"  {escape(f'{agent.name:<22}')} ",
                     f"{profile}  (revision {agent.revision}, "
                     f"version {agent.version}{_version_text(agent)})",
                 )

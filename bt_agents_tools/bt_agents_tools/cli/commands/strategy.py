@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.diagnostics.collection import did_you_mean
@@ -117,10 +118,10 @@ def _show(found: Strategies) -> None:
     console = Console()
     for name, description in found.descriptions.items():
         mark = ">" if name == found.current else "~" if name == found.shadow else " "
-        print_line(console, f"{mark} {name:<20} ", description, _INDENT)
+        print_line(console, f"{mark} {escape(f'{name:<20}')} ", description, _INDENT)
         for key, option in found.options[name].items():
             span = f"{option.minimum:g} to {option.maximum:g}"
-            head = f"    {key} = {option.value:g}"
+            head = f"    {escape(key)} = {option.value:g}"
             print_line(console, f"{head}  ", f"{option.description} ({span})", _INDENT)
 
 

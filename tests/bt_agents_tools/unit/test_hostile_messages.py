@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever others send, a terminal is given printable text."""
+
+from __future__ import annotations
+
+import inspect
+import io
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+import bt_agents_interfaces.msg
+import bt_agents_interfaces.srv
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_interfaces.msg import Auction, HostCard, Run, Scene, StatusChange, TreeStatus
+from bt_agents_interfaces.srv import (
+    ListVersions,
+    ManageProfiles,
+    PreviewAuction,
+    ReloadAgents,
+    RollBack,
+)
+from bt_agents_tools.cli import connection
+from bt_agents_tools.cli.event_printer import EventPrinter
+from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.client import observer
+from bt_agents_tools.client.observer import Observer
+from bt_agents_tools.client.printable_messages import make_printable
+from hostile_texts import HOSTILE, hostile, texts
+from tree_harness import SPACE
+
+LISTENED = (
+    *("visitor", "scene", "market", "live", "auction", "run", "end", "tree", "act", "feedback"),
+    *("tunings", "agents_changed"),
+)
+OF_SEVERAL_LINES = {
+    Auction,
+    ManageProfiles.Response,
+    PreviewAuction.Response,
+    ReloadAgents.Response,
+    RollBack.Response,
+}
+KINDS = {
+    *(kind for kind in vars(bt_agents_interfaces.msg).values() if isinstance(kind, type)),
+    *(one.Response for one in vars(bt_agents_interfaces.srv).values() if hasattr(one, "Response")),
+    *(kind for kind, _ in observer._TOPICS.values()),
+    *(kind.Response for kind in observer._SERVICES.values()),
+}
+
+
+def raw(text: str) -> str:
+    """Return the characters of a text that a terminal would obey or not show."""
+    return "".join(one for one in text if not one.isprintable() and one not in "\n\t")
+
+
+class FakeNode:
+    """A node to which every topic and every service is hostile."""
+
+    def get_namespace(self) -> str:
+        return "/"
+
+    def create_subscription(
+        self, kind: Any, topic: str, callback: Callable[..., None], _: Any, raw: bool = False
+    ) -> None:
+        if not raw:
+            info = ({"source_timestamp": 0},) * (len(inspect.signature(callback).parameters) - 1)
+            callback(hostile(kind), *info)
+
+    def create_client(self, kind: Any, *_: Any, **__: Any) -> Any:
+        def call_async(_: Any) -> Any:
+            answer = hostile(kind.Response)
+            if hasattr(answer, "accepted"):
+                answer.accepted = True
+            return SimpleNamespace(done=lambda: True, result=lambda: answer)
+
+        return SimpleNamespace(service_is_ready=lambda: True, call_async=call_async)
+
+    def get_topic_names_and_types(self) -> list[Any]:
+        return [("/market", ["bt_agents_interfaces/msg/MarketStatus"])]
+
+    def get_publishers_info_by_topic(self, _: str) -> list[Any]:
+        return [SimpleNamespace(node_namespace=HOSTILE)]
+
+
+@pytest.fixture
+def graph(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
+    """Connect every observer to a hostile graph; return the callbacks of its timers."""
+    timers: list[Callable[[], None]] = []
+    fake = SimpleNamespace(
+        init=lambda **_: None, create_node=lambda *_, **__: FakeNode(), try_shutdown=lambda: None
+    )
+    spinner = SimpleNamespace(spin_until=lambda done, _: done(), close=lambda: None)
+    monkeypatch.setattr(observer, "rclpy", fake)
+    monkeypatch.setattr(observer, "Spinner", lambda _: spinner)
+    monkeypatch.setattr(observer, "steady_timer", lambda _, __, call: timers.append(call))
+    monkeypatch.setattr(observer, "Calls", lambda _: SimpleNamespace(call=answered_call))
+    monkeypatch.setattr(connection, "set_local_discovery", lambda _: None)
+    return timers
+
+
+def answered_call(*_: Any, on_answer: Callable[[Any], None], **__: Any) -> None:
+    answer = hostile(ListVersions.Response)
+    answer.versions[0].current = True
+    on_answer(answer)
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS, key=str), ids=lambda kind: kind.__name__)
+def test_no_field_of_any_message_or_answer_stays_hostile(kind: Any) -> None:
+    message = hostile(kind)
+    shown = list(texts(make_printable(message)))
+    assert shown == list(texts(message))
+    assert "".join(map(raw, shown)) == ""
+    assert sum("\n" in text for text in shown) == (kind in OF_SEVERAL_LINES)
+
+
+def test_the_observer_hands_out_printable_messages_and_answers_only(
+    graph: list[Callable[[], None]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[Any] = []
+    listener = {name: lambda *given: told.extend(given) for name in LISTENED}
+    one = Observer(SimpleNamespace(**listener))
+    later = SimpleNamespace(monotonic=lambda: 1e9)
+    monkeypatch.setattr(observer, "time", later)
+    for timer in graph:
+        timer()
+    one._on_card(make_printable(hostile(HostCard)))
+    kept = [one.market, one.profiles, *one.cards, *one.cards.values(), *told]
+    kept += one.namespaces_of_markets()
+    for topic in observer._TOPICS:
+        kept += one.received(topic)
+    kept += [one.ask(service) for service in observer._SERVICES]
+    assert len(kept) > len(observer._TOPICS) + len(observer._SERVICES) + len(LISTENED)
+    found = [text for part in kept for text in texts(part)]
+    assert "".join(map(raw, found)) == ""
+
+
+def printed(*events: tuple[str, Any]) -> str:
+    output = io.StringIO()
+    printer = EventPrinter(Console(file=output, width=100, color_system=None), SPACE)
+    for name, message in events:
+        getattr(printer, name)(make_printable(message))
+    printer.summary()
+    return output.getvalue()
+
+
+def with_fields(kind: Any, **fields: Any) -> Any:
+    message = hostile(kind)
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+def changed(status: int) -> Any:
+    message = hostile(TreeStatus)
+    for one in message.changes:
+        one.status = status
+    return message
+
+
+EVENTS: Sequence[tuple[str, Any]] = (
+    *(("auction", with_fields(Auction, outcome=number)) for number in range(1, 5)),
+    *(("run", with_fields(Run, event=number)) for number in range(5)),
+    *(("tree", changed(number)) for number in (StatusChange.RUNNING, StatusChange.FAILURE)),
+    ("scene", with_fields(Scene, person=True)),
+    ("market", with_fields(bt_agents_interfaces.msg.MarketStatus, queued=2)),
+    ("end", hostile(bt_agents_interfaces.msg.SceneEnd)),
+    ("feedback", hostile(bt_agents_interfaces.msg.Feedback)),
+    ("feedback", with_fields(bt_agents_interfaces.msg.Feedback, layer="")),
+    ("tunings", hostile(bt_agents_interfaces.msg.Tunings)),
+)
+
+
+@pytest.mark.parametrize(("name", "message"), EVENTS)
+def test_no_event_reaches_the_terminal_raw(name: str, message: Any) -> None:
+    shown = printed((name, message))
+    assert raw(shown) == ""
+    assert not any(line.startswith("[FATAL]") for line in shown.splitlines())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "status", "status --csv", "status --json", "why", "why --csv", "why --json",
+        "scene", "scene --json", "trigger age=1", "sense mood=1", "answer", "cancel",
+        "preview", "reload", "moods", "preset",
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("graph")
+def test_no_command_prints_raw_text_of_others(words: str) -> None:
+    result = CliRunner().invoke(bt_agents, words.split())
+    assert result.exception is None
+    assert "title" in result.output
+    assert raw(result.output) == ""
+
+
+@pytest.mark.usefixtures("graph")
+def test_what_a_command_is_refused_for_is_printable_too() -> None:
+    with pytest.raises(BtAgentsError, match="title") as refused:
+        CliRunner().invoke(bt_agents, ["versions", "x"], catch_exceptions=False)
+    assert raw(str(refused.value)) == ""
