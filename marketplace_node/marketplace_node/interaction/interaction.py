@@ -89,6 +89,13 @@ class Interaction:
         """Goal of the award in force; None without one."""
         return self._award.goal if self._award else None
 
+    @property
+    def scene(self) -> Scene:
+        """The scene that bids are for or an agent has the run for; it changes with follow-ups."""
+        if self.open_round is not None:
+            return self.open_round.scene
+        return self._again or (self._award.scene if self._award else self.origin)
+
     def state_text(self) -> str:
         """Return the state as a text for people."""
         agent = self.goal.agent if self.goal else ""
