@@ -81,8 +81,8 @@ def _help(command: click.Command, context: click.Context) -> str:
 
 def files_page() -> str:
     """Return the page of all keys of all kinds of files, from the tables they are read by."""
-    from bt_agents_language.files.file_kinds import FILE_KINDS
     from bt_agents_language.reference.file_pages import key_pages
+    from bt_agents_tools.cli.installed_kinds import installed_kinds
 
     parts = [
         "# Keys of every file",
@@ -90,7 +90,7 @@ def files_page() -> str:
         "and an [editor](../editor.md) shows it. What stands in a tree has pages of its own: "
         "[the nodes](../nodes.md).",
     ]
-    for kind in FILE_KINDS.values():
+    for kind in installed_kinds().values():
         parts += [f"## {kind.name}", kind.description]
         rows = [
             (f"`{page.key}`", page.where, page.expected, page.description)

@@ -12,10 +12,10 @@ from patterns_page import patterns_page
 from protocol_types import protocol_types
 
 from bt_agents_groot.catalogue import with_table
-from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.reference_page import codes_page, reference_page
 from bt_agents_language.tools.schema.folder import folder_symbols, schema_file, schema_text
+from bt_agents_tools.cli.installed_kinds import installed_kinds
 
 ROOT = Path(__file__).parents[1]
 
@@ -27,7 +27,7 @@ def shipped() -> SymbolTable:
 
 
 def _schema(kind: str) -> str:
-    return schema_text(kind, shipped())
+    return schema_text(installed_kinds()[kind], shipped())
 
 
 def _groot_page() -> str:
@@ -40,7 +40,7 @@ GENERATED: Mapping[str, Callable[[], str]] = {
     "docs/groot.md": _groot_page,
     "docs/nodes.md": lambda: reference_page(shipped()),
     "docs/patterns.md": lambda: patterns_page(ROOT / "trees"),
-    **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in FILE_KINDS},
+    **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in installed_kinds()},
 }
 """File → what stands in it."""
 

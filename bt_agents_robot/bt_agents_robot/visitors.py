@@ -23,6 +23,7 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
 from bt_agents_language.model.specs import SceneChange, Script, Visit
+from bt_agents_robot.button_presses import ButtonPresses
 from bt_agents_robot.people import (
     REACTION_S,
     check_visitors,
@@ -136,7 +137,10 @@ class VisitorsNode(BaseNode):
         self._warn_at = math.inf
         self._awaiting_scene = False
         self._sensing_pending = False
-        self._reactions: list[tuple[float, Publisher, Any]] = []
+        self._said: list[tuple[float, String]] = []
+        self._presses = ButtonPresses()
+        self._host = ""
+        self._label = ""
         self._publish_and_subscribe()
         steady_timer(self, SENSOR_PERIOD_S, self._sense)
         self._timer = steady_timer(self, _TICK_S, self._tick)
@@ -179,22 +183,23 @@ class VisitorsNode(BaseNode):
 
     def _on_run(self, message: Any) -> None:
         if message.event == Run.STARTED:
+            self._host = message.host
             self._performance.started(message.scene.scene_id, time.monotonic())
 
     def _on_question(self, message: Any) -> None:
         visit = self._performance.visit
         text = answer(visit, message.data) if visit is not None else ""
         if text:
-            self._schedule_reaction(self._answers, String(data=text))
+            self._said.append((self._reaction_at(), String(data=text)))
 
     def _on_act(self, message: Any) -> None:
         visit = self._performance.visit
         for topic, text in (visit.buttons if visit is not None else {}).items():
             if text.casefold() in message.data.casefold():
-                self._schedule_reaction(self._buttons[topic], Bool(data=True))
+                self._presses.plan(topic, self._reaction_at())
 
-    def _schedule_reaction(self, publisher: Publisher, message: Any) -> None:
-        self._reactions.append((time.monotonic() + REACTION_S / self._pace, publisher, message))
+    def _reaction_at(self) -> float:
+        return time.monotonic() + REACTION_S / self._pace
 
     # Visits
 
@@ -224,6 +229,7 @@ class VisitorsNode(BaseNode):
 
     def _arrive(self, visit: Visit, now: float) -> None:
         self.get_logger().info(f"visit {self._performance.number}: {visit.label}")
+        self._label = visit.label
         self._current.publish(String(data=visit.label))
         self._values, self._person = dict(visit.values), visit.person
         self._seen = set(visit.values)
@@ -274,11 +280,23 @@ class VisitorsNode(BaseNode):
     def _react(self, now: float) -> None:
         for change in self._performance.due(now):
             self._change(change)
-        for reaction in list(self._reactions):
-            at, publisher, message = reaction
+        for said in list(self._said):
+            at, message = said
             if now >= at:
-                self._reactions.remove(reaction)
-                publisher.publish(message)
+                self._said.remove(said)
+                self._answers.publish(message)
+        for topic in self._presses.due(now, self._is_heard):
+            self._buttons[topic].publish(Bool(data=True))
+
+    def _is_heard(self, topic: str) -> bool:
+        """Return whether the host of the run listens to a button and is connected.
+
+        A journal or a terminal may listen as well, which no tree has begun.
+        """
+        button = self._buttons[topic]
+        nodes = self.get_subscriptions_info_by_topic(button.topic_name)
+        names = [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in nodes]
+        return self._host in names and button.get_subscription_count() > 0
 
     def _change(self, change: SceneChange) -> None:
         self._values.update(change.values)
@@ -292,7 +310,12 @@ class VisitorsNode(BaseNode):
         index = self._performance.number - 1
         coming = visits[index] if index < len(visits) else None
         self._next_at = now + pause_after(self._spec, self._seen, coming, self._pace)
-        self._values, self._person, self._reactions = {}, False, []
+        self._values, self._person, self._said = {}, False, []
+        for topic in self._presses.give_up(now):
+            self.get_logger().warning(
+                f"{self._label}: '{topic}' was not pressed, as no tree listened to it after the "
+                "robot had named it; a tree listens while its wait_for runs"
+            )
         self._sensing_pending = self._awaiting_scene = False
         self._trigger_at = math.inf
         self._current.publish(String(data=""))

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.open_goals import OpenGoal
-from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_core.scene import Scene, SceneSpace, scene_name
 from bt_agents_core.text import join_first
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
@@ -495,7 +495,7 @@ class Market:
             state=self.state,
             round=interaction.round if interaction else self._last_round,
             scene_id=interaction.origin.scene_id if interaction else "",
-            scene_label=interaction.origin.label if interaction else "",
+            scene_label=scene_name(interaction.scene) if interaction else "",
             agent=goal.agent if goal else "",
             host=goal.host if goal else "",
             finished_scene_id=self._finished_scene_id,

@@ -38,6 +38,7 @@ def test_a_system_is_triggered_explained_tuned_by_feedback_cancelled_and_remembe
     up.until("attentive_guide cancelled")
     why = ask("why")
     assert "Mrs Smith" in why
+    assert "attentive_guide was stopped (operator): " in why
     assert ask("why", "1") == why
     assert "no decision of round 7" in ask("why", "7", code=1)
     assert re.search(r"attentive_guide +1\.0 = ", why)

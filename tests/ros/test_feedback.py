@@ -239,6 +239,25 @@ def test_without_a_list_there_is_nothing_to_collect(scenario):
 
 
 @pytest.mark.parametrize(
+    ("sources", "text"),
+    [
+        (["tree"], "guide was taught once in its run, from: tree"),
+        (["tree", "", "tree"], "guide was taught 3 times in its run, from: tree, somebody"),
+    ],
+)
+def test_a_run_in_which_its_tree_has_taught_is_not_said_to_have_no_feedback(
+    scenario, sources, text
+):
+    room = scenario()
+    room.introduce()
+    room.run()
+    for source in sources:
+        assert room.give(agent="guide", kind=Feedback.NEGATIVE, source=source).accepted
+    answer = room.collect()
+    assert (answer.accepted, answer.applied, answer.message) == (True, False, text)
+
+
+@pytest.mark.parametrize(
     ("fields", "code"),
     [
         ({"agent": "ghost"}, "UNKNOWN_AGENT"),

@@ -420,10 +420,13 @@ def test_a_run_of_an_earlier_market_is_recorded_and_its_scene_asked_for_again(
 def test_a_run_that_somebody_had_stopped_is_not_begun_again(stage: Stage, cause: int) -> None:
     host = stage.ros.add(FakeHost())
     stopped = earlier_run(stage, host, cause)
+    stopped.stopped_by, stopped.stop_reason = Run.OPERATOR, "it is late"
     stage.ros.call(stage.registering, host.request(unreported=[stopped]))
-    stage.ros.until(lambda: stage.ends)
+    stage.ros.until(lambda: stage.ends and stage.runs)
 
     assert [(end.scene_id, end.code) for end in stage.ends] == [("old", "CANCELLED")]
+    (told,) = stage.runs
+    assert (told.stopped_by, told.stop_reason) == (Run.OPERATOR, "it is late")
 
 
 def test_a_host_that_was_held_up_finds_the_cancel_beside_the_goal(ros: Any) -> None:

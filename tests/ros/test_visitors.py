@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import pytest
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
@@ -92,7 +94,13 @@ class Street:
         status = MarketStatus(epoch="e", agents=1, round=number, state=MarketStatus.RUNNING)
         self.market.publish(status)
         self.runs.publish(
-            Run(epoch="e", round=number, event=Run.STARTED, scene=self.scenes[number - 1])
+            Run(
+                epoch="e",
+                round=number,
+                event=Run.STARTED,
+                host=self.ros.node.get_fully_qualified_name(),
+                scene=self.scenes[number - 1],
+            )
         )
 
     def finish(self, number: int) -> None:
@@ -179,6 +187,46 @@ def test_a_button_is_pressed_once_after_the_robot_has_named_it(ros):
     ros.until(lambda: pressed)
     ros.turns()
     assert [button.data for button in pressed] == [True]
+
+
+def test_a_button_is_pressed_when_the_tree_listens_which_another_node_did_before(ros, capfd):
+    presser = Visit(
+        label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
+    )
+    street = Street(ros, presser, presser)
+    heard_elsewhere: list[Bool] = []
+    recorder = ros.add(Node("recorder"))
+    recorder.create_subscription(Bool, "buttons/ok", heard_elsewhere.append, qos.EVENTS)
+    street.idle()
+    ros.until(lambda: len(street.scenes) == 1)
+    street.start(1)
+    street.acts.publish(String(data="says: Press the green button to start."))
+    ros.until(lambda: street.node._presses._planned)
+    ros.turns(20)
+    assert heard_elsewhere == []
+    pressed = ros.collect(Bool, "buttons/ok", qos.EVENTS)
+    ros.until(lambda: pressed)
+    street.finish(1)
+    ros.until(lambda: len(street.scenes) == 2)
+    assert len(pressed) == 1
+    assert "was not pressed" not in capfd.readouterr().err
+
+
+def test_a_button_to_which_no_tree_listened_is_reported_when_the_visitor_leaves(ros, capfd):
+    presser = Visit(
+        label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
+    )
+    street = Street(ros, presser)
+    street.idle()
+    ros.until(lambda: street.scenes)
+    street.start(1)
+    street.acts.publish(String(data="says: Press the green button to start."))
+    ros.until(lambda: street.node._presses._planned)
+    planned = street.node._presses._planned["buttons/ok"]
+    ros.until(lambda: time.monotonic() > planned)
+    street.finish(1)
+    ros.until(lambda: street.done)
+    assert "a: 'buttons/ok' was not pressed, as no tree listened" in capfd.readouterr().err
 
 
 def test_visitors_wait_for_a_scene_layer(ros):

@@ -15,7 +15,7 @@ from bt_agents.host.award_monitor import MarketLease, RunKey
 from bt_agents.host.run_messages import cancellation_from_msg
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.liveness import STALL_S
-from bt_agents_core.stop_cause import StopCause
+from bt_agents_core.stop_cause import StopCause, StoppedBy
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
 from bt_agents_interfaces.srv import RegisterHost
@@ -46,20 +46,29 @@ class UnreportedRuns:
     def __init__(self) -> None:
         self._runs: dict[RunKey, Run] = {}
         self._closed: deque[RunKey] = deque(maxlen=_REMEMBERED)
+        self._stops: deque[Run] = deque(maxlen=MOST_UNREPORTED)
 
     def store(self, run: Run) -> None:
-        """Store a run that has ended, unless its market has closed it before."""
+        """Store a run that has ended, unless its market has closed it before.
+
+        One that its market has stopped says by whom and why, as far as the market has said.
+        """
         key = RunKey.of(run)
         if key in self._closed:
             return
         self._runs[key] = run
+        for stop in self._stops:
+            self._explain(stop)
         if len(self._runs) > MOST_UNREPORTED:
             del self._runs[next(iter(self._runs))]
 
     def on_run_event(self, run: Run) -> None:
-        """Remove a run that its market has closed; other events mean nothing."""
+        """Remove a run that its market has closed, or take from it who stops the run."""
         if run.event in (Run.ENDED, Run.REFUSED):
             self._close(run)
+        elif run.event == Run.CANCELLING:
+            self._stops.append(run)
+            self._explain(run)
 
     def of_others(self, epoch: str) -> list[Run]:
         """Return the runs of other markets than this one, the oldest first."""
@@ -69,6 +78,12 @@ class UnreportedRuns:
         """Remove runs that a market has recorded."""
         for run in runs:
             self._close(run)
+
+    def _explain(self, stop: Run) -> None:
+        run = self._runs.get(RunKey.of(stop))
+        if run is not None and run.stop_cause == Run.BY_MARKET:
+            run.stopped_by = int(StoppedBy.of(stop.stopped_by))
+            run.stop_reason = cancellation_from_msg(stop).reason
 
     def _close(self, run: Run) -> None:
         key = RunKey.of(run)

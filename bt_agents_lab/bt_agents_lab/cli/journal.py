@@ -23,7 +23,7 @@ from bt_agents_tools.cli.trees_choice import kept_state
 try:
     with loading():
         from bt_agents_lab.recorder.daily_recorder import newest_files
-        from bt_agents_lab.replay.recording_index import RecordingIndex, read
+        from bt_agents_lab.replay.recording_index import RecordingIndex, Round, read
         from bt_agents_lab.results import ResultFile, ResultRow, row_of_feedback, rows_of_auction
         from marketplace_node.strategies.plugins import add_installed
 except ModuleNotFoundError as error:
@@ -128,15 +128,18 @@ def resolve_files(files: Sequence[Path]) -> list[Path]:
     return paths
 
 
-def recorded_decisions(folder: Path) -> list[Any]:
-    """Return the decisions of the newest day in the folder of a journal, the oldest first.
+def recorded_rounds(folder: Path) -> list[Round]:
+    """Return the rounds of the newest day in the folder of a journal, the oldest first.
 
     Their texts are printable: anybody may have sent what a journal holds.
 
     Raises:
         BtAgentsError: There is no journal, or it cannot be read at all.
     """
-    return [_printable(one.auction) for one in read_files(_newest(folder)).rounds]
+    rounds = read_files(_newest(folder)).rounds
+    for one in rounds:
+        _printable([one.auction, *one.run_events])
+    return rounds
 
 
 def _printable(value: Any) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 from bt_agents.host.reload.source_bundle import MARKET
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.scene import scene_name
-from bt_agents_core.stop_cause import StopCause
+from bt_agents_core.stop_cause import StopCause, StoppedBy
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_lab.replay.market_rules import Rules, rules_of_market
 from bt_agents_lab.replay.texts import ParsedTexts, TextFiles
@@ -69,6 +69,7 @@ class Round:
         pinned: The one agent that could bid; empty for all.
         vetoed: Agents that could not bid.
         ran: Agents whose run has begun after it; more than one where the host was lost.
+        run_events: Messages about these runs, in order.
         format: Format of its message, see :func:`_migrate_options`. In format 1 the change by
             which the runner-up would have won, and the sentence about it, come from another
             search, so they are not compared.
@@ -83,6 +84,7 @@ class Round:
     pinned: str = ""
     vetoed: tuple[str, ...] = ()
     ran: list[str] = field(default_factory=list)
+    run_events: list[Any] = field(default_factory=list)
 
     @property
     def name(self) -> str:
@@ -298,6 +300,8 @@ class _Indexer:
     def _run(self, message: Any) -> None:
         one = self._rounds.get((message.epoch, message.round))
         ran = one.ran if one is not None else []
+        if one is not None:
+            one.run_events.append(_with_stopper(message))
         if message.event == RunEventKind.STARTED:
             self._begun[message.epoch] += 1
             ran.append(message.agent)
@@ -372,6 +376,13 @@ class _Indexer:
     def _run_of(self, message: Any) -> RecordedRun:
         key = (message.host_instance, message.epoch, message.round, message.agent)
         return self.recording.runs.setdefault(key, RecordedRun(key=key))
+
+
+def _with_stopper(run: Any) -> Any:
+    """Return an event of a run, which says who stopped it also where its format did not."""
+    if not hasattr(run, "stopped_by"):
+        run.stopped_by, run.stop_reason = StoppedBy.NOT_SAID, ""
+    return run
 
 
 def _migrate_options(auction: Any) -> int:

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from dataclasses import field as data_field
-from functools import cache
 
 from bt_agents_core.text import join_words
 from bt_agents_language.files.file_kinds import FILE_KINDS
@@ -49,10 +48,10 @@ class FilePage:
     fields: tuple[FieldEntry, ...] = ()
 
 
-def file_pages(word: str) -> list[FilePage]:
+def file_pages(word: str, kinds: Mapping[str, FileKind] = FILE_KINDS) -> list[FilePage]:
     """Return the page of a kind of file, if it is one, and those of the keys of this name."""
-    keys = [page for page in _key_pages() if page.key == word]
-    kind = FILE_KINDS.get(word)
+    keys = [page for page in _key_pages(kinds) if page.key == word]
+    kind = kinds.get(word)
     if kind is None:
         return keys
     fields = tuple(map(_entry, kind.fields))
@@ -60,10 +59,9 @@ def file_pages(word: str) -> list[FilePage]:
     return [page, *keys]
 
 
-@cache
-def file_words() -> tuple[str, ...]:
+def file_words(kinds: Mapping[str, FileKind] = FILE_KINDS) -> tuple[str, ...]:
     """Return the words for kinds of files, and all keys of files."""
-    return tuple(dict.fromkeys([*FILE_KINDS, *(page.key for page in _key_pages())]))
+    return tuple(dict.fromkeys([*kinds, *(page.key for page in _key_pages(kinds))]))
 
 
 _FORMAT = FilePage(
@@ -74,9 +72,8 @@ _FORMAT = FilePage(
 )
 
 
-@cache
-def _key_pages() -> tuple[FilePage, ...]:
-    pages = (page for kind in FILE_KINDS.values() for page in key_pages(kind))
+def _key_pages(kinds: Mapping[str, FileKind]) -> tuple[FilePage, ...]:
+    pages = (page for kind in kinds.values() for page in key_pages(kind))
     return tuple(dict.fromkeys([_FORMAT, *pages]))
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.trees_choice import say_trees_of_system
 from bt_agents_tools.launcher.domain_lock import holder, turn_to_join
 from bt_agents_tools.launcher.supervisor import set_local_discovery
 
@@ -24,13 +25,17 @@ BUSY_LIMIT_S = 10.0
 """Longest time for discovery of something that must be there, or is being restarted [s]."""
 
 
+_CARDS_LIMIT_S = 0.5
+"""Longest time for the cards, which come with the status of the market, to arrive [s]."""
+
+
 class NoSystemError(BtAgentsError):
     """No system is running, as far as can be seen from here."""
 
 
 @contextmanager
 def connect() -> Iterator[Observer]:
-    """Connect to the running system.
+    """Connect to the running system, and say which trees folder it has.
 
     Raises:
         NoSystemError: There is none on this ROS domain, or it does not answer.
@@ -45,6 +50,8 @@ def connect() -> Iterator[Observer]:
             observer = Observer()
             connected.callback(observer.close)
             wait_for_market(observer, domain)
+        observer.spin_until(lambda: _all_cards(observer), _CARDS_LIMIT_S)
+        say_trees_of_system(card.trees for card in observer.cards.values())
         yield observer
 
 

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.markup import escape
 
+from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
 from bt_agents_tools.cli.formatting import SceneLabels, code_text, fitted_console, print_line
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table
+from marketplace_node.effects import RunEventKind, RunOutcome
 from marketplace_node.round.decision import AuctionOutcome
 
 if TYPE_CHECKING:
@@ -83,6 +85,38 @@ def last_end_received(observer: Observer, ends: list[Any]) -> bool:
     """Return whether the end of the market's last scene is among these, if there was one."""
     finished = observer.market.finished_scene_id
     return not finished or any(end.scene_id == finished for end in ends)
+
+
+def has_run_ended(runs: Iterable[Any], auction: Any) -> bool:
+    """Return whether the run that a decision awards has ended, if it awards one."""
+    key = (auction.epoch, auction.round, RunEventKind.ENDED)
+    return not auction.winner or any((run.epoch, run.round, run.event) == key for run in runs)
+
+
+def stop_texts(runs: Iterable[Any], auction: Any, names: SceneLabels) -> list[str]:
+    """Return which runs of a round were stopped, by whom and why, one text for each agent.
+
+    Args:
+        runs: Events of any runs, in order.
+        auction: The decision of the round.
+        names: Names of the scenes that a reason may mention.
+    """
+    stops = {}
+    for run in runs:
+        is_of_round = (run.epoch, run.round) == (auction.epoch, auction.round)
+        is_stop = run.stop_cause != StopCause.NOT_STOPPED or run.stopped_by or run.stop_reason
+        if is_of_round and (run.event == RunEventKind.CANCELLING or is_stop):
+            stops[run.agent] = run
+    return [f"{agent} {_stop_text(run, names)}" for agent, run in stops.items()]
+
+
+def _stop_text(run: Any, names: SceneLabels) -> str:
+    did = "was stopped" if run.outcome == RunOutcome.CANCELLED else "was told to stop"
+    by = StoppedBy.of(run.stopped_by)
+    by_host = run.stop_cause == StopCause.BY_HOST
+    cause = StopCause.BY_HOST if by_host else StopCause.BY_MARKET
+    who = f" ({stopper(cause, by)})" if by or by_host else ""
+    return f"{did}{who}: {names.with_names(run.stop_reason or run.message)}"
 
 
 def end_text(end: Any, names: SceneLabels) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -26,6 +27,8 @@ from bt_agents_tools.cli.formatting import (
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
 _STATUSES = ("RUNNING", "SUCCESS", "FAILURE")
 _MOOD_STEP = 0.25
+_REFERENCE = re.compile(r'wait \$\{.*|\S+ (?P<text>".*\$\{.*")', re.DOTALL)
+"""Name of a node that is named by a reference: ``wait ${patience}``, ``say "${words}"``."""
 _SHOWN_BY_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 
@@ -45,6 +48,7 @@ class EventPrinter:
         self._under_way = ""
         self._stopping = False
         self._started = ("", 0)
+        self._filled_names: dict[str, str] = {}
         self._tuned: dict[str, int] = {}
         self.runs: list[tuple[str, str]] = []
         self.rounds = 0
@@ -153,6 +157,7 @@ class EventPrinter:
         if self._started != (message.epoch, message.round):
             self._started = (message.epoch, message.round)
             self._under_way, self._stopping = message.agent, False
+            self._filled_names.clear()
             self._line("run", f"{escape(message.agent)} starts")
 
     def end(self, message: Any) -> None:
@@ -177,13 +182,28 @@ class EventPrinter:
             if change.status == change.INVALID or (decorator and change.status != change.FAILURE):
                 continue
             depth = change.path.count("/")
-            details = f" [dim]{escape(change.message)}[/]" if change.message else ""
+            name, details = self._filled(change)
+            details = f" [dim]{escape(details)}[/]" if details else ""
             status = _STATUS[constant_text(change, change.status, _STATUSES)]
             self._line(
                 "tree",
-                f"[dim]{message.tick:>4}[/] {'  ' * depth}{status}[/] "
-                f"{escape(change.name)}{details}",
+                f"[dim]{message.tick:>4}[/] {'  ' * depth}{status}[/] {escape(name)}{details}",
             )
+
+    def _filled(self, change: Any) -> tuple[str, str]:
+        """Return name and message of a node; references in the name are filled once known.
+
+        While a skill or a ``wait`` runs, its message is what the references in its name mean.
+        """
+        if change.status != change.RUNNING:
+            return self._filled_names.pop(change.path, change.name), change.message
+        reference = _REFERENCE.fullmatch(change.name)
+        if reference is None or not change.message:
+            return change.name, change.message
+        quotes = '"' if reference["text"] else ""
+        filled = f"{change.name.partition(' ')[0]} {quotes}{change.message}{quotes}"
+        self._filled_names[change.path] = filled
+        return filled, ""
 
     def act(self, text: str) -> None:
         self._line("robot", f"[bold magenta]{escape(text)}[/]")

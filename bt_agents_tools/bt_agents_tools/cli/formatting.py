@@ -47,13 +47,18 @@ class SceneLabels:
 
     def add(self, scene: Any) -> None:
         """Store the name of a scene, as ``Scene.msg`` has it."""
-        self._names[first_id(scene.scene_id)] = scene_name(scene)
+        name = scene_name(scene)
+        self._names[scene.scene_id] = name
+        self._names.setdefault(first_id(scene.scene_id), name)
 
     def name_of(self, scene_id: str) -> str:
-        """Return the name of a scene; its id when it was not added."""
+        """Return the name of a scene; else of the one as announced; its id when none is known.
+
+        A follow-up round is for a scene of its own, which may have another name.
+        """
         announced = first_id(scene_id)
-        known = self._names.get(announced) or self._names.get(unawarded_id(announced))
-        return known or scene_id
+        ids = (scene_id, announced, unawarded_id(announced))
+        return next(filter(None, map(self._names.get, ids)), scene_id)
 
     def with_names(self, text: str) -> str:
         """Return a text for people with names in place of quoted ids."""

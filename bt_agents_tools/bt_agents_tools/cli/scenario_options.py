@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.diagnostic import Diagnostic
@@ -84,7 +84,7 @@ def scenario_yaml(
     lines += _person_section(person)
     lines += _section("clock", "--clock", clock, "hour=22")
     lines += _section("tunables", "--tune", tunables, "patience=5s")
-    lines += _section("answers", "--answer", answers, "ask=yes")
+    lines += _answers_section(answers)
     if seed is not None:
         lines.append((f"seed: {seed}", f"--seed {seed}"))
     paths = [(f"  - {_value(path)}", _option("--pick", path)) for path in picks]
@@ -197,16 +197,45 @@ def _assigned(assignments: str, text: str) -> Mapping[str, str]:
 
 def _section(key: str, option: str, given: Iterable[str], example: str) -> list[tuple[str, str]]:
     """Return assignments as the lines of one key, each with its option."""
-    lines: dict[str, tuple[str, str]] = {}
+    lines = {
+        name: (f"  {name}: {value}", _option(option, text))
+        for name, value, text in _assignments(option, given, example)
+    }
+    return [(f"{key}:", ""), *lines.values()] if lines else []
+
+
+def _answers_section(given: Iterable[str]) -> list[tuple[str, str]]:
+    """Return answers as lines, each with its option; those of one skill in the order given."""
+    answers: dict[str, list[tuple[str, str]]] = {}
+    for name, value, text in _assignments("--answer", given, "ask=yes"):
+        answers.setdefault(name, []).append((value, _option("--answer", text)))
+    lines = []
+    for name, (first, *more) in answers.items():
+        if not more:
+            lines.append((f"  {name}: {first[0]}", first[1]))
+            continue
+        items = [(f"    {_items(value)},", origin) for value, origin in (first, *more)]
+        lines += [(f"  {name}: [", ""), *items, ("  ]", "")]
+    return [("answers:", ""), *lines] if lines else []
+
+
+def _items(value: str) -> str:
+    """Return a YAML value as items of a list; one that is a list itself gives all of its items."""
+    inner = value[1:-1].strip() if value.startswith("[") and value.endswith("]") else ""
+    return inner or value
+
+
+def _assignments(
+    option: str, given: Iterable[str], example: str
+) -> Iterator[tuple[str, str, str]]:
+    """Yield name and value of each assignment as YAML, with the text as typed."""
     for text in given:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise BtAgentsError(
                 f"'{text}' is not written as a name and a value; write {option} {example}"
             )
-        key_text = _value(name.strip())
-        lines[key_text] = (f"  {key_text}: {_value(value.strip())}", _option(option, text))
-    return [(f"{key}:", ""), *lines.values()] if lines else []
+        yield _value(name.strip()), _value(value.strip()), text
 
 
 def _person_section(given: Iterable[str]) -> list[tuple[str, str]]:

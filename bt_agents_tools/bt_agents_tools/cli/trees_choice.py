@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.state_folder import StateFolder, find_state
+from bt_agents_core.text import printable_line
 from bt_agents_core.trees_folder import SHIPPED, NoTreesFolderError, find_trees
 
 state_option = click.option(
@@ -50,6 +52,13 @@ def named_path(path: str | Path) -> Path:
 def say_trees(folder: Path) -> None:
     """Say which trees folder a command has taken."""
     _say(f"trees folder: {folder.resolve()}")
+
+
+def say_trees_of_system(folders: Iterable[str]) -> None:
+    """Say which trees folders the hosts of the running system have."""
+    known = sorted({printable_line(folder) for folder in folders if folder})
+    if known:
+        _say(f"trees folder of the system: {', '.join(known)}")
 
 
 def kept_state(state: str = "") -> StateFolder:

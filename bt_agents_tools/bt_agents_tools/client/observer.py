@@ -143,6 +143,7 @@ _TOPICS = {
     "mood_traces": (MoodTrace, qos.FACTS),
     "open_questions": (OpenQuestions, qos.FACT),
     "persons": (Persons, qos.FACT),
+    "runs": (Run, qos.HISTORY),
     "scene": (Scene, qos.FACT),
     "scene_ends": (SceneEnd, qos.FACTS),
     "trees": (Trees, qos.FACT),

@@ -30,6 +30,9 @@ SETTLE_S = 0.5
 MOST_PENDING = 100
 """Most feedbacks of rules that wait for room on the disk; more push the oldest out."""
 
+MOST_TAUGHT = 100
+"""Most changes that are kept of the last run."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackRequest:
@@ -111,6 +114,8 @@ class FeedbackController:
         self._settle_s = 0.0
         self._card_awaited = False
         self._pending: deque[_Pending] = deque(maxlen=MOST_PENDING)
+        self._taught_run: tuple[str, int, str] | None = None
+        self._taught: deque[ProfileChange] = deque(maxlen=MOST_TAUGHT)
 
     def set_lease(self, seconds: float) -> None:
         """Let a live scene count for so long after it has come [s], from now on."""
@@ -246,7 +251,7 @@ class FeedbackController:
         run = self._runs.last(agent)
         if given.scene is not None and (run is None or run.scene.scene_id != given.scene.scene_id):
             run = AnnouncedRun(epoch="", round=0, agent=agent, scene=given.scene)
-        return self.profiles.apply(
+        change = self.profiles.apply(
             agent,
             kind,
             given.values
@@ -258,6 +263,14 @@ class FeedbackController:
             run=run,
             leaf=given.leaf or self._leaf(run),
         )
+        return self._kept(change, run)
+
+    def taught(self, run: AnnouncedRun) -> tuple[ProfileChange, ...]:
+        """Return what rules, people and its tree have taught in a run, if it is the last one.
+
+        At most :data:`MOST_TAUGHT`, the latest.
+        """
+        return tuple(self._taught) if run.key == self._taught_run else ()
 
     def collect(self, run: AnnouncedRun) -> ProfileChange | None:
         """Apply the simulated feedback for a run that has ended; None when there is none.
@@ -352,7 +365,7 @@ class FeedbackController:
 
     def _record(self, one: _Pending) -> ProfileChange:
         rule = one.fired.rule
-        return self.profiles.apply(
+        change = self.profiles.apply(
             one.run.agent,
             rule.give,
             self.profiles.space.compared(one.run.scene).observed,
@@ -363,6 +376,17 @@ class FeedbackController:
             cancels=rule.action is MoodAction.CANCEL,
             leaf=one.leaf,
         )
+        return self._kept(change, one.run)
+
+    def _kept(self, change: ProfileChange, run: AnnouncedRun | None) -> ProfileChange:
+        """Return a change; it is kept for :meth:`taught` when it is new and of the last run."""
+        last = self._runs.last()
+        if change.fresh and run is not None and last is not None and run.key == last.key:
+            if run.key != self._taught_run:
+                self._taught_run = run.key
+                self._taught.clear()
+            self._taught.append(change)
+        return change
 
     def _scene(self, given: FeedbackRequest, agent: str, run: AnnouncedRun | None) -> Vector:
         if given.values:

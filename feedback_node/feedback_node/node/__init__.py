@@ -55,6 +55,7 @@ from feedback_node.node.messages import (
     mood_trace_to_msg,
     run_from_msg,
     table_to_msg,
+    taught_text,
 )
 from feedback_node.simulated_feedback import SimulatedFeedback
 
@@ -240,7 +241,7 @@ class FeedbackNode(BaseNode):
         response.accepted = True
         response.applied = change is not None
         if change is None:
-            response.message = f"no feedback for {request.agent}"
+            response.message = taught_text(request.agent, self._controller.taught(ended))
         else:
             await self._answer(change, response)
         return response

@@ -176,6 +176,15 @@ def feedback_to_msg(change: ProfileChange, space: SceneSpace) -> Feedback:
     )
 
 
+def taught_text(agent: str, taught: Sequence[ProfileChange]) -> str:
+    """Return as text who has taught an agent in a run for which nothing is collected."""
+    if not taught:
+        return f"no feedback for {agent}"
+    sources = dict.fromkeys(one.revision.cause.source or "somebody" for one in taught)
+    times = "once" if len(taught) == 1 else f"{len(taught)} times"
+    return f"{agent} was taught {times} in its run, from: {', '.join(sources)}"
+
+
 def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: float) -> MoodTrace:
     """Return the message of the mood trace of a run that ended at a time [s since 1970]."""
     return MoodTrace(

@@ -114,6 +114,13 @@ class Interaction:
         return self._award.goal if self._award else None
 
     @property
+    def scene(self) -> Scene:
+        """The scene that bids are for or an agent has the run for; it changes with follow-ups."""
+        if self.open_round is not None:
+            return self.open_round.scene
+        return self._again or (self._award.scene if self._award else self.origin)
+
+    @property
     def last_run(self) -> StoredRun | None:
         """The run that its scene would end like now; None while none has begun."""
         award = self._award

@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import single_spaced
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
@@ -154,6 +155,8 @@ def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> Ea
         scene=scene_from_msg(message.scene, space),
         message=message.message,
         stop_cause=message.stop_cause,
+        stopped_by=StoppedBy.of(message.stopped_by),
+        stop_reason=message.stop_reason,
         orphans=tuple(message.orphans),
         ticks=message.ticks,
         overruns=message.overruns,

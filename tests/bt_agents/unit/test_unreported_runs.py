@@ -70,6 +70,33 @@ def test_the_same_round_of_another_market_is_another_run() -> None:
     assert rounds(runs.of_others("e2")) == [1]
 
 
+@pytest.mark.parametrize("news_first", [True, False])
+@pytest.mark.parametrize(
+    ("cause", "told"),
+    [
+        (Run.BY_MARKET, (Run.MOOD_RULE, "she frowns")),
+        (Run.MARKET_LOST, (Run.NOT_SAID, "")),
+        (Run.BY_HOST, (Run.NOT_SAID, "")),
+    ],
+)
+def test_a_run_says_by_whom_its_market_has_stopped_it(
+    cause: int, told: tuple[int, str], news_first: bool
+) -> None:
+    runs = UnreportedRuns()
+    run = ended(1)
+    run.stop_cause = cause
+    news = ended(1, event=Run.CANCELLING)
+    news.stopped_by, news.stop_reason = Run.MOOD_RULE, "she\nfrowns"
+    other = ended(2, event=Run.CANCELLING)
+    other.stopped_by = Run.OPERATOR
+    news_of_both = [lambda: runs.on_run_event(news), lambda: runs.on_run_event(other)]
+    steps = [*news_of_both, lambda: runs.store(run)]
+    for step in steps if news_first else reversed(steps):
+        step()
+    (kept,) = runs.of_others("e2")
+    assert (kept.stopped_by, kept.stop_reason) == told
+
+
 def test_only_the_last_ones_are_kept() -> None:
     runs = UnreportedRuns()
     for number in range(MOST_UNREPORTED + 3):

@@ -9,13 +9,14 @@ from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 
 from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.tools.schema.folder import schema_of
 from core_schema import loaded
 from file_texts import read_agent_text
 from tree_harness import SYMBOLS
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
-SCHEMA = Draft7Validator(schema_of("agent", SYMBOLS))
+SCHEMA = Draft7Validator(schema_of(AGENT, SYMBOLS))
 WORDS = st.sampled_from(
     ["true", "False", "null", "forever", "all", "one", "live.person", "${live.age}", "$${", "3 s"]
 )

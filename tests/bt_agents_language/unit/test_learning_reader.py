@@ -9,6 +9,7 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.tools.schema.folder import schema_of
@@ -244,5 +245,5 @@ def test_a_mistake_in_a_mood_rule_is_one_error_at_its_place(keys, line):
 
 def test_every_action_of_a_mood_rule_but_none_has_a_word_in_files():
     assert {action for action, _ in ACTIONS.values()} == {*MoodAction} - {MoodAction.NONE}
-    rule: Any = schema_of("agent", SYMBOLS)["properties"]["feedback"]["items"]
+    rule: Any = schema_of(AGENT, SYMBOLS)["properties"]["feedback"]["items"]
     assert rule["properties"]["then"]["enum"] == list(ACTIONS)

@@ -8,6 +8,7 @@ from jsonschema import Draft7Validator
 
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import FieldType
+from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import Outcome
@@ -161,4 +162,4 @@ def test_slips_about_the_person_of_a_rehearsal_are_named(person: str, problem: s
 def test_an_editor_knows_what_can_be_remembered_and_told(tree: object, sound: bool) -> None:
     profile = {"age": 3, "familiarity": 3, "mood": 3}
     document = {"format": 1, "agent": "a", "profile": profile, "tree": tree}
-    assert Draft7Validator(schema_of("agent", SYMBOLS)).is_valid(document) is sound
+    assert Draft7Validator(schema_of(AGENT, SYMBOLS)).is_valid(document) is sound

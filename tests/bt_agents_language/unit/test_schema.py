@@ -14,7 +14,7 @@ from jsonschema import Draft7Validator
 from py_trees.behaviour import Behaviour
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.files.file_kinds import FILE_KINDS
+from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import Content, NodeField, NodeType
 from bt_agents_language.tools.schema.folder import (
@@ -25,6 +25,7 @@ from bt_agents_language.tools.schema.folder import (
 )
 from bt_agents_language.yaml.source import read_source
 from bt_agents_tools.cli.commands.schema import schema
+from bt_agents_tools.cli.installed_kinds import installed_kinds
 from checkout import ROOT
 from core_schema import loaded
 from tree_harness import SPACE, SYMBOLS
@@ -35,6 +36,7 @@ FOLDERS = {
     folder: folder_symbols(folder)
     for folder in (TREES, *sorted(p.parent for p in ROOT.glob("experiments/*/experiment.yaml")))
 }
+SWEEPS = sorted(ROOT.glob("experiments/sweeps/*.yaml"))
 KIND_OF_FOLDER = {
     "agents": "agent",
     "skills": "library",
@@ -45,7 +47,8 @@ KIND_OF_FOLDER = {
     "experiments": "experiment",
     "tests": "test",
 }
-VALIDATORS = {kind: Draft7Validator(schema_of(kind, SYMBOLS)) for kind in FILE_KINDS}
+KINDS = installed_kinds()
+VALIDATORS = {name: Draft7Validator(schema_of(kind, SYMBOLS)) for name, kind in KINDS.items()}
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
 
@@ -85,17 +88,43 @@ def in_tree(node: str) -> list[str]:
     return problems("agent", f"{HEAD}tree:\n{lines}")
 
 
-@pytest.mark.parametrize("kind", FILE_KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_schema_is_a_json_schema(kind):
-    Draft7Validator.check_schema(json.loads(schema_text(kind, SYMBOLS)))
+    Draft7Validator.check_schema(json.loads(schema_text(KINDS[kind], SYMBOLS)))
 
 
 @pytest.mark.parametrize("path", list(shipped()), ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_shipped_file_is_taken(path):
     words = FOLDERS.get(path.parent) or FOLDERS[path.parents[1]]
-    validator = Draft7Validator(schema_of(kind_of(path), words))
+    validator = Draft7Validator(schema_of(KINDS[kind_of(path)], words))
     found = validator.iter_errors(loaded(read_source(path).text))
     assert [error.message for error in found] == []
+
+
+@pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.name)
+def test_every_shipped_sweep_is_taken(path):
+    experiment = (path.parent / loaded(path.read_text())["experiment"]).resolve()
+    validator = Draft7Validator(schema_of(KINDS["sweep"], FOLDERS[experiment]))
+    found = validator.iter_errors(loaded(path.read_text()))
+    assert [error.message for error in found] == []
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("runs: 6", "runs: 0"),
+        ("seed: 0", "sead: 0"),
+        ("- ucb", "- ucbb"),
+        ("- ucb", "- {name: ucb, sigma: much}"),
+    ],
+)
+def test_what_the_reader_of_sweeps_refuses_is_refused(right, wrong):
+    text = (
+        "format: 1\nexperiment: ../3\nruns: 6\nrounds: 9\nseed: 0\n"
+        "strategies:\n  - ucb\nupdates:\n  - plain\n"
+    )
+    assert problems("sweep", text) == []
+    assert problems("sweep", text.replace(right, wrong)) != []
 
 
 @pytest.mark.parametrize("path", list(accepted()), ids=lambda path: str(path.relative_to(CORPUS)))
@@ -105,12 +134,12 @@ def test_every_file_is_taken_that_the_readers_take(path):
 
 @pytest.mark.parametrize("key", [*NODE_TYPES, *SYMBOLS.skills, *DECORATORS, *SIBLINGS])
 def test_every_word_of_the_language_is_described_in_a_node(key):
-    properties = schema_of("agent", SYMBOLS)["definitions"]["node"]["properties"]
+    properties = schema_of(AGENT, SYMBOLS)["definitions"]["node"]["properties"]
     assert properties[key]["description"]
     assert properties[key]["markdownDescription"].startswith(properties[key]["description"])
 
 
-@pytest.mark.parametrize("kind", FILE_KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_key_is_described(kind):
     def undescribed(part: object, at: str) -> Iterator[str]:
         if isinstance(part, list):
@@ -126,7 +155,7 @@ def test_every_key_is_described(kind):
     described_by_nature = ("condition", "duration", *SPACE.names, *SYMBOLS.skills)
     found = [
         path
-        for path in undescribed(schema_of(kind, SYMBOLS), "")
+        for path in undescribed(schema_of(KINDS[kind], SYMBOLS), "")
         if path.rpartition("/")[2] not in described_by_nature
     ]
     assert found == []
@@ -218,7 +247,7 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
     )
     kinds = {one.key: one for one in (blink, talk, nod, turn)}
     words = replace(SYMBOLS, plugins=kinds)
-    validator = Draft7Validator(schema_of("agent", words))
+    validator = Draft7Validator(schema_of(AGENT, words))
 
     def fits(node: str) -> bool:
         return bool(validator.is_valid(loaded(f"{HEAD}tree: {node}\n")))
@@ -234,7 +263,7 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
     assert not fits("{blink: loud}")
     assert not fits("{blink: {mode: slow}}")
     assert not fits("{blink: {seconds: 5 s, mode: quick}}")
-    properties = schema_of("agent", words)["definitions"]["node"]["properties"]
+    properties = schema_of(AGENT, words)["definitions"]["node"]["properties"]
     assert properties["blink"]["description"] == "Blinks."
 
 
@@ -245,7 +274,7 @@ def test_the_command_writes_what_it_then_finds_up_to_date(tmp_path):
     written = run(schema, arguments)
     assert written.exit_code == 0
     assert sorted(path.name for path in (tmp_path / "schema").iterdir()) == sorted(
-        map(schema_file, FILE_KINDS)
+        map(schema_file, KINDS)
     )
     assert run(schema, [*arguments, "--check"]).output == ""
     (tmp_path / "schema" / "agent.schema.json").write_bytes(b"\xff")

@@ -9,6 +9,7 @@ from jsonschema import Draft7Validator
 from bt_agents_core.errors import ReadError
 from bt_agents_groot.agent_export import export_agent
 from bt_agents_groot.agent_import import import_agent
+from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.model.specs import Literal, NodeSpec, Variants
 from bt_agents_language.tools.drawing.value_format import format_value
 from bt_agents_language.tools.lint import lint
@@ -19,7 +20,7 @@ from file_texts import read_agent_text
 from tree_harness import SYMBOLS, agent
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
-SCHEMA = Draft7Validator(schema_of("agent", SYMBOLS))
+SCHEMA = Draft7Validator(schema_of(AGENT, SYMBOLS))
 
 
 def node(tree: str) -> NodeSpec:

@@ -4,13 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
+import click
 import pytest
+from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.cli import connection
-from bt_agents_tools.cli.connection import wait_for_market
+from bt_agents_tools.cli.connection import connect, wait_for_market
+from bt_agents_tools.cli.table import TableForm, table_options
+from bt_agents_tools.client import observer
 
 UP = "'bt-agents up' of /trees (process 1)"
 
@@ -43,6 +48,52 @@ class Graph:
         while self.now < end and not done():
             self.now += 0.5
         return done()
+
+
+class System(Graph):
+    """A running system with a host for each trees folder, the cards of which come later."""
+
+    def __init__(self, *folders: str) -> None:
+        super().__init__(heard_after_s=0.0)
+        self._folders = folders
+
+    @property
+    def market(self) -> Any:
+        return SimpleNamespace(hosts=len(self._folders))
+
+    @property
+    def cards(self) -> dict[str, Any]:
+        folders = enumerate(self._folders if self.now else ())
+        return {f"/h{number}": SimpleNamespace(trees=folder) for number, folder in folders}
+
+    def close(self) -> None:
+        pass
+
+
+@click.command()
+@table_options
+def talking(form: TableForm) -> None:
+    with connect():
+        click.echo("done")
+
+
+@pytest.mark.parametrize(
+    ("folders", "words", "said"),
+    [
+        (["/a", "/a"], [], "trees folder of the system: /a\n"),
+        (["/b", "/a\x1b[2J"], ["--wide"], "trees folder of the system: /a [2J, /b\n"),
+        (["/a"], ["--json"], ""),
+        (["/a"], ["--csv"], ""),
+        (["", ""], [], ""),
+        ([], [], ""),
+    ],
+)
+def test_a_command_says_which_trees_folder_the_running_system_has(
+    monkeypatch: pytest.MonkeyPatch, folders: list[str], words: list[str], said: str
+) -> None:
+    monkeypatch.setattr(observer, "Observer", lambda: System(*folders))
+    result = CliRunner().invoke(talking, words)
+    assert (result.stdout, result.stderr) == ("done\n", said)
 
 
 @pytest.fixture

@@ -4,16 +4,57 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
+from bt_agents_interfaces.msg import Auction, Run, Scene
 from bt_agents_ros.messages import to_time
-from bt_agents_tools.cli.decisions import show_decision
+from bt_agents_tools.cli.decisions import show_decision, stop_texts
+from bt_agents_tools.cli.formatting import SceneLabels
 from market_harness import scene
 from marketplace_node.effects import PublishAuction
 from marketplace_node.node.messages import auction_to_msg
 from marketplace_node.round.decision import External
 from ranked_rounds import bids, decided, terms
+
+STARTED = {"event": Run.STARTED}
+STOPPING = {"event": Run.CANCELLING, "stopped_by": Run.OPERATOR, "stop_reason": "it is late"}
+BY_HOST = {"event": Run.ENDED, "outcome": Run.CANCELLED, "stop_cause": Run.BY_HOST}
+
+
+@pytest.mark.parametrize(
+    ("events", "texts"),
+    [
+        ([STARTED, {"event": Run.ENDED, "outcome": Run.SUCCEEDED}], []),
+        ([STARTED, STOPPING], ["a was told to stop (operator): it is late"]),
+        (
+            [STOPPING, STOPPING | {"event": Run.ENDED, "outcome": Run.CANCELLED}],
+            ["a was stopped (operator): it is late"],
+        ),
+        (
+            [STOPPING | {"stopped_by": Run.OTHER_SCENE, "stop_reason": "for scene 's9'"}],
+            ["a was told to stop (other scene): for scene 'a child'"],
+        ),
+        ([BY_HOST | {"message": "it shuts down"}], ["a was stopped (host): it shuts down"]),
+        (
+            [BY_HOST | {"stop_cause": Run.MARKET_LOST, "message": "silence"}],
+            ["a was stopped: silence"],
+        ),
+        ([STOPPING | {"round": 2}, STOPPING | {"epoch": "other"}], []),
+        (
+            [STOPPING, STOPPING | {"agent": "b", "stopped_by": 77}],
+            ["a was told to stop (operator): it is late", "b was told to stop: it is late"],
+        ),
+    ],
+)
+def test_a_decision_says_who_stopped_its_run_and_why(
+    events: list[dict[str, Any]], texts: list[str]
+) -> None:
+    names = SceneLabels()
+    names.add(Scene(scene_id="s9", label="a child"))
+    runs = [Run(**({"epoch": "e", "round": 1, "agent": "a"} | event)) for event in events]
+    assert stop_texts(runs, Auction(epoch="e", round=1), names) == texts
 
 
 @pytest.mark.parametrize(

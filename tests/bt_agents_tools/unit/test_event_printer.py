@@ -9,6 +9,7 @@ import re
 from types import SimpleNamespace as Message
 from typing import Any
 
+import pytest
 from rich.console import Console
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
@@ -48,9 +49,9 @@ def auction(outcome: int, **more: Any) -> Message:
     return Message(**outcomes, outcome=outcome, **(values | more))
 
 
-def change(path: str, status: int, message: str = "") -> Message:
+def change(path: str, status: int, message: str = "", name: str = "") -> Message:
     return Message(
-        path=path, name=path.rpartition("/")[2], status=status, message=message,
+        path=path, name=name or path.rpartition("/")[2], status=status, message=message,
         INVALID=0, RUNNING=1, SUCCESS=2, FAILURE=3,
     )  # fmt: skip
 
@@ -357,3 +358,30 @@ def test_the_summary_names_only_what_profiles_have() -> None:
     printer.profiles({"a": (3.0, 3.0, 3.0)})
     printer.summary()
     assert "profile (age, familiarity, mood)" in output.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "message", "filled"),
+    [
+        ('say "${words}"', "Good evening.", ['▶ say "Good evening."', '✔ say "Good evening."']),
+        ('say "Dear ${name}, yo…"', "Dear Anna.", ['▶ say "Dear Anna."', '✔ say "Dear Anna."']),
+        ("wait ${patience}", "8 s", ["▶ wait 8 s", "✔ wait 8 s"]),
+        ("wait_for x == ${y}", "x is 1", ["▶ wait_for x == ${y} x is 1", "✔ wait_for x == ${y}"]),
+        ("blink ${mode}", "turns left", ["▶ blink ${mode} turns left", "✔ blink ${mode}"]),
+        ('say "Hello."', "", ['▶ say "Hello."', '✔ say "Hello."']),
+        ("greeting", "Hello.", ["▶ greeting Hello.", "✔ greeting"]),
+    ],
+)
+def test_a_node_that_is_named_by_references_is_shown_with_their_values(
+    name: str, message: str, filled: list[str]
+) -> None:
+    def tree(tick: int, *changes: Message) -> tuple[str, Message]:
+        return "tree", Message(agent="a", epoch="e", round=2, tick=tick, changes=list(changes))
+
+    lines = told(
+        tree(1, change("tree", 1, message, name)),
+        tree(2, change("tree", 2, "", name)),
+        tree(3, change("tree", 3, "it is broken", name)),
+    )
+    shown = [re.split(r"tree +[123] ", line)[1].strip() for line in lines if "tree" in line]
+    assert shown == [*filled, f"✘ {name} it is broken"]

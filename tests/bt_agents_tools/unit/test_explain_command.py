@@ -6,17 +6,18 @@ from __future__ import annotations
 import io
 import re
 import shutil
+import sys
 
 import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.reference.codes import codes
 from bt_agents_language.reference.file_pages import file_words
 from bt_agents_language.reference.node_pages import node_pages
 from bt_agents_tools.cli.commands.explain import explain, explanation, print_page
+from bt_agents_tools.cli.installed_kinds import installed_kinds
 from tree_harness import SYMBOLS, TREES
 
 
@@ -129,7 +130,7 @@ def test_a_library_with_errors_explains_nothing(tmp_path):
 def test_without_a_word_all_are_listed():
     text = explained().split()
     assert {"sequence", "say", "retry", "greet", "units", "unknown-node"} <= set(text)
-    assert {*FILE_KINDS} <= set(text)
+    assert {*installed_kinds()} <= set(text)
 
 
 def test_a_kind_of_file_is_explained_by_its_keys():
@@ -142,6 +143,18 @@ def test_a_kind_of_file_is_explained_by_its_keys():
         "  rules  list, each: mapping  needed    For the strategy 'rules': the first one\n"
         "                                        that holds counts."
     )
+
+
+def test_a_sweep_is_explained_where_the_lab_is_installed(monkeypatch):
+    text = page("sweep")
+    assert text.startswith("sweep  file")
+    assert "Runs of strategies and learning rules" in text
+    assert "arrivals" in text
+    assert "key of a sweep" in page("strategies")
+    monkeypatch.setitem(sys.modules, "bt_agents_lab.experiments.sweep_reader", None)
+    assert "sweep" not in explained().split()
+    with pytest.raises(BtAgentsError, match="there is no word or code 'sweep'"):
+        page("sweep")
 
 
 def test_a_key_of_a_file_is_explained_with_the_keys_below_it():
@@ -174,7 +187,7 @@ def test_a_word_of_several_places_has_a_page_for_each(word, headings):
     assert [heading for heading in headings if heading not in text] == []
 
 
-@pytest.mark.parametrize("word", file_words())
+@pytest.mark.parametrize("word", file_words(installed_kinds()))
 def test_every_key_of_a_file_has_a_page(word):
     assert page(word).strip().startswith(word)
 

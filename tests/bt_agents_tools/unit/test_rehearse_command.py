@@ -47,6 +47,23 @@ def test_no_line_is_wider_than_80_columns_and_there_is_no_colour() -> None:
     assert "\x1b" not in output
 
 
+@pytest.mark.parametrize(
+    "answers", [["ask={fails: silence}", "ask=bad"], ["ask=[{fails: silence}]", "ask=[bad, good]"]]
+)
+def test_answers_that_an_option_gives_again_come_in_their_order(answers: list[str]) -> None:
+    options = [word for answer in answers for word in ("--answer", answer)]
+    output = rehearse("evening_round", *options).output
+    assert "Pardon? How was your day?" in output, output
+    assert "I am sorry to hear that." in output, output
+
+
+def test_a_repeated_answer_that_is_wrong_is_shown_as_it_was_typed() -> None:
+    wrong = 'ask={fial: "silence"}'
+    output = str(rehearse("evening_round", "--answer", "ask=bad", "--answer", wrong).exception)
+    assert f'--answer "{wrong}"' in output
+    assert "--answer ask=bad" not in output
+
+
 @pytest.mark.parametrize(("place", "said"), [(0, "Tomorrow is another day."), (1, "Micro chips")])
 def test_an_option_says_which_child_a_random_takes(place: int, said: str) -> None:
     result = rehearse("evening_round", "--answer", "ask=bad", "--pick", f"**.random/{place}.*")

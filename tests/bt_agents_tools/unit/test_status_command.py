@@ -60,6 +60,19 @@ def test_a_market_whose_scenes_wait_says_for_whom_whatever_is_shown_below():
     assert text_of(waits, is_end_shown=True).endswith("for 1 min 15 s: waiting for /agents")
 
 
+@pytest.mark.parametrize("follow_up_is_first", [False, True])
+def test_a_follow_up_round_has_the_name_of_its_own_scene(follow_up_is_first):
+    scenes = [Scene(scene_id="scene-7", label="a child"), Scene(scene_id="scene-7+1", label="sad")]
+    names = SceneLabels()
+    for scene in scenes[:: -1 if follow_up_is_first else 1]:
+        names.add(scene)
+    assert [names.name_of(one) for one in ("scene-7", "scene-7+1", "scene-7+2")] == [
+        "a child",
+        "sad",
+        "a child",
+    ]
+
+
 def test_an_idle_market_says_what_was_last_unless_its_end_is_shown_below():
     idle = MarketStatus(stamp=to_time(SINCE_S), message="scene 'lady' is over: succeeded")
     assert text_of(idle).endswith("for 1 min 15 s: scene 'lady' is over: succeeded")

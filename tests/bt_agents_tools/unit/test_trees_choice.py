@@ -18,13 +18,14 @@ from click.testing import CliRunner, Result
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import TuningCause, TuningChange, TuningRevision
 from bt_agents_core.state_folder import claim_state
+from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_tools.cli.commands import demo, profile, tune, why
 from bt_agents_tools.cli.connection import NoSystemError
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.launcher.former_state import adopt_former_state
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.rows import RevisionCause
-from journal_fixture import morning
+from journal_fixture import EPOCH, morning
 from tree_harness import TREES
 
 Run = Callable[..., Result]
@@ -188,9 +189,15 @@ def test_a_decision_is_read_from_the_journal_without_a_system(
     assert "there is no journal in" in str(run("why").exception)
     kept = claim_state(trees)
     kept.journal.mkdir()
-    morning(tmp_path / "town").write(kept.journal / "journal-2026-05-04_001.mcap")
+    town = morning(tmp_path / "town")
+    stop = {"event": RunMsg.CANCELLING, "stopped_by": RunMsg.OPERATOR, "stop_reason": "it is late"}
+    town.publish("/runs", RunMsg(epoch=EPOCH, round=4, agent="attentive_guide", **stop))
+    town.write(kept.journal / "journal-2026-05-04_001.mcap")
     last = run("why")
     assert last.exit_code == 0
+    said = "attentive_guide was told to stop (operator): it is late\n"
+    assert last.stdout.endswith(said)
+    assert said not in run("why", "1").stdout
     assert "wins" in last.stdout or "round 4" in last.stdout
     assert run("why", "1").stdout.startswith("round 1")
     assert json.loads(run("why", "1", "--json").stdout)["round"] == 1

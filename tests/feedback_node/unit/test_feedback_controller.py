@@ -411,6 +411,27 @@ def test_feedback_about_the_scene_of_the_last_run_belongs_to_that_run():
     assert (change.after, change.revision.cause.round) == ((2.0, 2.5), 7)
 
 
+def test_a_run_is_known_to_have_been_taught_until_the_next_one_is():
+    room = Room()
+    room.teaching.on_run_started(run(1))
+    assert room.teaching.taught(run(1)) == ()
+    kind = FeedbackKind.NEGATIVE
+    tree = room.teaching.give(FeedbackRequest(kind=kind, source="tree", feedback_id="f1"))
+    room.teaching.give(FeedbackRequest(kind=kind, source="tree", feedback_id="f1"))
+    room.teaching.receive(scene(5.0, 2.0))
+    room.now = 1.0
+    (fired,) = room.teaching.tick()
+    late = FeedbackRequest(kind=kind, scene=scene(2.0, 2.0, "of last week"))
+    room.teaching.give(late)
+    assert room.teaching.taught(run(1)) == (tree, fired.change)
+
+    room.teaching.on_run_started(run(2))
+    assert room.teaching.taught(run(2)) == ()
+    again = room.teaching.give(FeedbackRequest(kind=kind))
+    assert room.teaching.taught(run(2)) == (again,)
+    assert room.teaching.taught(run(1)) == ()
+
+
 def test_a_profile_is_set_at_once_whatever_the_learning_rate():
     room = Room()
     change = room.teaching.give(

@@ -45,6 +45,25 @@ def test_the_reason_of_a_stop_stands_alone_when_the_host_has_nothing_to_add(
     assert market.all(AnnounceRun)[-1].message == "she says stop"
 
 
+def test_the_status_names_the_scene_that_is_asked_for_now_and_keeps_the_id_of_the_first(
+    market: Driver,
+) -> None:
+    def shown() -> tuple[str, str]:
+        return market.status.scene_id, market.status.scene_label
+
+    first, now = "age 5, familiarity 1, mood 3", "age 5, familiarity 1, mood 1"
+    market.run()
+    assert shown() == ("s1", first)
+    market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
+    assert shown() == ("s1", first), "the run that stops is for the scene as it was awarded"
+    market.end(outcome=3)
+    market.collect()
+    assert shown() == ("s1", now)
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.accept()
+    assert shown() == ("s1", now)
+
+
 def test_cancel_and_ask_again_leaves_out_the_stopped_until_nobody_is_left(market: Driver) -> None:
     market.run()
     market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))

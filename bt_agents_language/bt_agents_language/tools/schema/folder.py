@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from bt_agents_language.files.agent_reader import AGENT
-from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.files.folder_reader import read_symbols
 from bt_agents_language.files.libraries import LIBRARY, FolderLibraries
 from bt_agents_language.nodes.node_type import NodeType
@@ -17,6 +16,7 @@ from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.tools.schema.node_schemas import node_definitions
 from bt_agents_language.tools.schema.value_schemas import Schema
+from bt_agents_language.yaml.field_tables import FileKind
 
 _WITH_TREES = (AGENT, LIBRARY)
 
@@ -47,13 +47,12 @@ def schema_file(kind: str) -> str:
     return f"{kind}.schema.json"
 
 
-def schema_of(kind: str, symbols: SymbolTable) -> Schema:
+def schema_of(kind: FileKind, symbols: SymbolTable) -> Schema:
     """Return the schema of a kind of file."""
-    table = FILE_KINDS[kind]
-    nodes = node_definitions(symbols) if table in _WITH_TREES else {}
-    return file_schema(table, symbols.space, nodes)
+    nodes = node_definitions(symbols) if kind in _WITH_TREES else {}
+    return file_schema(kind, symbols.space, nodes)
 
 
-def schema_text(kind: str, symbols: SymbolTable) -> str:
+def schema_text(kind: FileKind, symbols: SymbolTable) -> str:
     """Return what stands in the file of a schema."""
     return json.dumps(schema_of(kind, symbols), indent=2, ensure_ascii=False) + "\n"

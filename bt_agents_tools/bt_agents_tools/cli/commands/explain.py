@@ -19,7 +19,6 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import nearest
-from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.model.specs import SubtreeSpec
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
@@ -35,6 +34,7 @@ from bt_agents_language.reference.node_pages import (
 )
 from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
 from bt_agents_language.tools.schema.folder import folder_symbols
+from bt_agents_tools.cli.installed_kinds import installed_kinds
 from bt_agents_tools.cli.trees_choice import take_trees
 
 Part = Text | Table | Padding
@@ -90,7 +90,7 @@ def explanation(word: str, symbols: SymbolTable) -> Iterable[Part]:
     # A misspelt node is likelier than a misspelt key or code.
     nodes = node_pages(symbols)
     names = [one.key for one in nodes] + [*TOPICS] + [one.name for _, one in subtrees]
-    keys = [*file_words(), *(field.name for one in nodes for field in one.fields)]
+    keys = [*file_words(installed_kinds()), *(field.name for one in nodes for field in one.fields)]
     near = next(filter(None, (nearest(plain, of) for of in (names, keys, codes()))), None)
     hint = f"did you mean '{near}'?" if near else "'bt-agents explain' lists all"
     raise BtAgentsError(f"there is no word or code {quote(plain)}; {hint}")
@@ -111,7 +111,7 @@ def _pages(
     for library, one in subtrees:
         if one.name == word:
             yield _node(subtree_page(library, one))
-    for in_file in file_pages(word):
+    for in_file in file_pages(word, installed_kinds()):
         yield _file(in_file)
     for node in node_pages(symbols):
         for field in (field for field in node.fields if field.name == word):
@@ -241,7 +241,7 @@ def _overview(symbols: SymbolTable) -> Table:
         libraries.setdefault(path, []).append(subtree.name)
     for path, names in libraries.items():
         table.add_row("subtree", Text(f"{'  '.join(names)}\nin {path}"))
-    table.add_row("file", Text("  ".join(FILE_KINDS)))
+    table.add_row("file", Text("  ".join(installed_kinds())))
     table.add_row("about values", Text("  ".join(TOPICS)))
     table.add_row("code", Text("  ".join(codes())))
     for problem in installed_plugins().without(symbols.skills).problems:

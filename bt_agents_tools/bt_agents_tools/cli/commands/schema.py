@@ -11,13 +11,18 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.tools.schema.folder import folder_symbols, schema_file, schema_text
+from bt_agents_tools.cli.installed_kinds import SWEEP, installed_kinds
 from bt_agents_tools.cli.trees_choice import take_trees
 
 
 @click.command()
 @click.argument("directory", required=False, default="")
 @click.option(
-    "--kind", "kinds", type=click.Choice(list(FILE_KINDS)), multiple=True, help="Only this kind."
+    "--kind",
+    "names",
+    type=click.Choice([*FILE_KINDS, SWEEP]),
+    multiple=True,
+    help="Only this kind.",
 )
 @click.option(
     "--output",
@@ -28,7 +33,7 @@ from bt_agents_tools.cli.trees_choice import take_trees
     help="The folder to write to.",
 )
 @click.option("--check", is_flag=True, help="Write nothing; exit code 1 when a file is outdated.")
-def schema(directory: str, kinds: tuple[str, ...], output: Path, check: bool) -> None:
+def schema(directory: str, names: tuple[str, ...], output: Path, check: bool) -> None:
     """Write a JSON Schema for each kind of file of a trees DIRECTORY.
 
     They hold its scene parameters and skills and the nodes of installed plug-ins. An editor with
@@ -39,9 +44,14 @@ def schema(directory: str, kinds: tuple[str, ...], output: Path, check: bool) ->
     """  # noqa: D301 (click wants the character, not the two letters)
     symbols = folder_symbols(take_trees(directory))
     outdated = []
-    for kind in kinds or FILE_KINDS:
-        file = output / schema_file(kind)
-        text = schema_text(kind, symbols)
+    kinds = installed_kinds()
+    if SWEEP in names and SWEEP not in kinds:
+        raise BtAgentsError(
+            "the schema of sweeps needs the lab; install it with pip install 'bt-agents[lab]'"
+        )
+    for name in names or kinds:
+        file = output / schema_file(name)
+        text = schema_text(kinds[name], symbols)
         if _written(file) == text.encode():
             continue
         if check:

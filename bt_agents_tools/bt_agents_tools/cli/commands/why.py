@@ -14,12 +14,15 @@ from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.decisions import (
     SOON_S,
     end_text,
+    has_run_ended,
     last_decisions,
     last_end_received,
     names_of_scenes,
     print_decision,
     show_decision,
+    stop_texts,
 )
+from bt_agents_tools.cli.formatting import SceneLabels
 from bt_agents_tools.cli.table import TableForm, table_options
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
 
@@ -47,11 +50,14 @@ def _show_running(round_number: int | None, form: TableForm) -> None:
     with connect() as observer:
         ends = observer.received("scene_ends")
         auctions = last_decisions(observer)
+        runs = observer.received("runs")
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         found = _show(auctions, round_number, form)
         if form in (TableForm.JSON, TableForm.CSV):
             return
+        observer.spin_until(lambda: has_run_ended(runs, found), SOON_S)
         names = names_of_scenes(auctions)
+        _print_stops(runs, found, names)
         for end in ends:
             if end.scene_id == found.scene.scene_id and end.code != "DUPLICATE":
                 click.echo(f"the scene ended: {end_text(end, names)}")
@@ -67,7 +73,17 @@ def _show_recorded(state: str, round_number: int | None, form: TableForm) -> Non
             f"a journal needs the package {error.name}; install it with "
             "pip install 'bt-agents[lab]'"
         ) from None
-    _show(lab.recorded_decisions(journal), round_number, form)
+    rounds = lab.recorded_rounds(journal)
+    auctions = [one.auction for one in rounds]
+    found = _show(auctions, round_number, form)
+    if form not in (TableForm.JSON, TableForm.CSV):
+        runs = [run for one in rounds for run in one.run_events]
+        _print_stops(runs, found, names_of_scenes(auctions))
+
+
+def _print_stops(runs: Sequence[Any], auction: Any, names: SceneLabels) -> None:
+    for text in stop_texts(runs, auction, names):
+        click.echo(text)
 
 
 def _show(auctions: Sequence[Any], round_number: int | None, form: TableForm) -> Any:

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kinds of files that the installed packages read, those of the lab included."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+
+from bt_agents_language.files.file_kinds import FILE_KINDS
+from bt_agents_language.yaml.field_tables import FileKind
+
+SWEEP = "sweep"
+"""Name of the kind of file that the lab reads."""
+
+
+def installed_kinds() -> Mapping[str, FileKind]:
+    """Return the kinds of files by their names; sweeps are missing where the lab is."""
+    try:
+        # The lab is an extra that need not be installed.
+        lab = import_module("bt_agents_lab.experiments.sweep_reader")
+    except ModuleNotFoundError:
+        return FILE_KINDS
+    return {**FILE_KINDS, SWEEP: lab.SWEEP}
