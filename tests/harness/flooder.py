@@ -58,7 +58,7 @@ FLOODS: Mapping[str, Callable[[Node], None]] = {
     "labels": lambda node: publish(Scene, "scene", scenes(5, label="x" * LARGE), node),
     "scenes": lambda node: publish(Scene, "scene", scenes(3000), node),
     "values": lambda node: publish(
-        Scene, "scene", scenes(20, values=[SceneValue(name="x")] * 5000), node
+        Scene, "scene", scenes(20, values=[SceneValue(name="x")] * 4_000), node
     ),
     "bids": lambda node: publish(
         Bids,
