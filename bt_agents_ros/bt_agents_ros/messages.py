@@ -15,6 +15,7 @@ from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import PersonFact
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
+from bt_agents_ros.limits import SCENE_CHARACTERS
 from bt_agents_ros.types import fill
 
 _SAME = ("scene_id", "label", "person", "urgent", "person_id", "place", "persons", "visits")
@@ -24,9 +25,6 @@ _NUMBERS = ("value", "age_s", "std", "confidence")
 """Fields of a value that are numbers in its message, too."""
 
 _ORIGINS = {int(origin): origin for origin in Origin}
-
-LONGEST_NAME = 200
-"""Characters of the name of a person or a place."""
 
 
 def seconds(stamp: Any) -> float:
@@ -68,12 +66,12 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
     """
     if not message.scene_id:
         raise Refused("EMPTY", "scene: no scene_id; every scene needs a unique one")
-    for field in ("person_id", "place"):
-        if len(getattr(message, field)) > LONGEST_NAME:
+    for field, longest in SCENE_CHARACTERS.items():
+        if len(getattr(message, field)) > longest:
             raise Refused(
                 "TOO_LONG",
                 f"scene: {field} has {len(getattr(message, field))} characters, expected "
-                f"{LONGEST_NAME} at most",
+                f"{longest} at most",
             )
     values = []
     for value in message.values:

@@ -200,7 +200,8 @@ def _did_you_mean(name_given: str, known: Collection[str]) -> str:
     return f"; did you mean {suggestion[0]}?" if suggestion else f"; there are {', '.join(known)}"
 
 
-def _slots(message_type: Any) -> dict[str, Any]:
+def slots_of(message_type: Any) -> dict[str, Any]:
+    """Return the rosidl type of each field."""
     return dict(
         zip(message_type.get_fields_and_field_types(), message_type.SLOT_TYPES, strict=True)
     )
@@ -216,10 +217,10 @@ def slot_at(message_type: Any, path: str) -> Any:
     done: list[str] = []
     for part in path.split("."):
         if hasattr(current, "SLOT_TYPES"):
-            slots = _slots(current)
+            slots = slots_of(current)
             if part not in slots:
                 raise Refused("UNKNOWN_FIELD", _no_field_text(part, done, slots))
-            current = _resolved(slots[part])
+            current = resolved(slots[part])
         elif isinstance(current, idl.AbstractNestedType) and is_index(part):
             size = getattr(current, "size", getattr(current, "maximum_size", math.inf))
             if int(part) >= size:
@@ -227,7 +228,7 @@ def slot_at(message_type: Any, path: str) -> Any:
                     "UNKNOWN_FIELD",
                     f"'{'.'.join(done)}' has at most {size} items, no number {part} (from 0)",
                 )
-            current = _resolved(current.value_type)
+            current = resolved(current.value_type)
         else:
             is_list = isinstance(current, idl.AbstractNestedType)
             raise Refused("UNKNOWN_FIELD", _no_subfield_text(part, done, is_list))
@@ -235,7 +236,7 @@ def slot_at(message_type: Any, path: str) -> Any:
     return current
 
 
-def _resolved(slot: Any) -> Any:
+def resolved(slot: Any) -> Any:
     """Return the class of a nested message type; any other rosidl type as it is."""
     if not isinstance(slot, idl.NamespacedType):
         return slot
@@ -274,7 +275,7 @@ def _assignments(message: Any, values: Any, path: str) -> Iterable[tuple[Any, st
         values = seconds
     if not isinstance(values, Mapping):
         raise _wrong_type(path, "a mapping of fields", values)
-    slots = _slots(type(message))
+    slots = slots_of(type(message))
     found: list[tuple[Any, str, Any]] = []
     for name, value in values.items():
         if name not in slots:
@@ -290,7 +291,7 @@ def _assignments(message: Any, values: Any, path: str) -> Iterable[tuple[Any, st
 
 def _converted(slot: Any, value: Any, path: str) -> Any:
     if isinstance(slot, idl.NamespacedType):
-        message = _resolved(slot)()
+        message = resolved(slot)()
         for owner, name, part in _assignments(message, value, path):
             setattr(owner, name, part)
         return message

@@ -18,6 +18,9 @@ _MAX_NAME = 180
 MOST_HOSTS = 100
 """Hosts that are known; a new one takes the place of the one that is gone for longest."""
 
+MOST_AGENTS = 10_000
+"""Agents that one host may register; more would keep the market from its heartbeats."""
+
 SILENCE_S = 0.3
 """A host has three heartbeats in this time [s]."""
 
@@ -94,9 +97,10 @@ class RegistrationAnswer:
 class Registry:
     """Registry of hosts by name, with unique agents.
 
-    Ids count from 1 and stay with an agent's name for the life of the market. A host is alive for
-    ``lease_s`` after its last heartbeat or registration [s]; see :data:`FIRST_HEARTBEAT_S` for one
-    without any heartbeat yet. Each start of a host gets an award key from ``new_key``.
+    Ids count from 1, and none is given twice. An agent keeps its own as long as a host that is
+    registered, dead or alive, has the agent in its list. A host is alive for ``lease_s`` after its
+    last heartbeat or registration [s]; see :data:`FIRST_HEARTBEAT_S` for one without any heartbeat
+    yet. Each start of a host gets an award key from ``new_key``.
     """
 
     def __init__(
@@ -111,7 +115,7 @@ class Registry:
         # The last heartbeat, or when this process could hear again; not renewed as a lease is.
         self._heard: dict[str, float] = {}
         self._back_since: dict[str, float] = {}
-        self._ids: dict[str, int] = {}
+        self._last_id = 0
         self._agents: dict[str, HostEntry] | None = None
 
     def register(self, registration: Registration, now: float) -> RegistrationAnswer:
@@ -126,6 +130,7 @@ class Registry:
                 reasons=(refused.reason,) * count,
                 message=f"{refused.code}: {refused.reason}",
             )
+        held = self.agents
         agents: dict[str, int] = {}
         ids, reasons = [], []
         for name in registration.agents:
@@ -135,7 +140,11 @@ class Registry:
                 ids.append(0)
                 reasons.append(f"{refused.code}: {refused.reason}")
                 continue
-            agents[name] = self._ids.setdefault(name, len(self._ids) + 1)
+            if name in held:
+                agents[name] = held[name].agents[name]
+            else:
+                self._last_id += 1
+                agents[name] = self._last_id
             ids.append(agents[name])
             reasons.append("")
         self._take_from_the_dead(agents, registration.host)
@@ -178,7 +187,7 @@ class Registry:
         return "" if self.is_live(longest.host, longest.instance, now) else longest.host
 
     def remove(self, host: str) -> None:
-        """Forget a host; its agents keep their ids."""
+        """Forget a host, and the ids of its agents."""
         self._entries.pop(host, None)
         self._agents = None
         self._seen.pop(host, None)
@@ -280,6 +289,12 @@ class Registry:
                 f"{len(self._entries)} hosts are alive, at most {MOST_HOSTS} may be; let one host "
                 "have more agents",
             )
+        if len(registration.agents) > MOST_AGENTS:
+            raise Refused(
+                "TOO_MANY_AGENTS",
+                f"{registration.host} has {len(registration.agents)} agents, at most "
+                f"{MOST_AGENTS} may be in one host; start more hosts",
+            )
         if not registration.instance:
             raise Refused(
                 "NO_INSTANCE", "host_instance is empty; give every start of the host another one"
@@ -304,11 +319,11 @@ class Registry:
             )
 
     def _check_agent(self, name: str, host: str, accepted: Mapping[str, int], now: float) -> None:
-        if not _AGENT_NAME.fullmatch(name):
+        if len(name) > _MAX_NAME or not _AGENT_NAME.fullmatch(name):
             raise Refused(
                 "BAD_NAME",
                 f"'{name[:_MAX_NAME]}' is no agent name; it starts with a small letter and goes "
-                "on with small letters, digits and _",
+                f"on with small letters, digits and _, {_MAX_NAME} characters at most",
             )
         if name in accepted:
             raise Refused("DUPLICATE", f"'{name}' stands twice in the list of {host}")

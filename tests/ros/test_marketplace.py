@@ -236,7 +236,7 @@ def test_hostile_scenes_are_refused_and_a_good_one_is_taken(stage: Stage) -> Non
         ("bad4", "UNKNOWN_ORIGIN"),
         ("bad5", "DUPLICATE_PARAMETER"),
         ("", "EMPTY"),
-        ("x" * 200, "EMPTY"),
+        ("x" * 200, "TOO_LONG"),
         ("s1", "DUPLICATE"),
         ("s1", "NO_BIDS"),
     ]

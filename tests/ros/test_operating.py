@@ -121,7 +121,8 @@ def test_an_award_gives_the_last_scene_to_somebody_else(operator: OperatorClient
     ("fields", "code"),
     [
         ({"action": 99, "agent": GUIDE}, "UNKNOWN_ACTION"),
-        ({"action": OperateMarket.Request.PIN, "agent": "x" * 100_000}, "UNKNOWN_AGENT"),
+        ({"action": OperateMarket.Request.PIN, "agent": "x" * 10_000}, "UNKNOWN_AGENT"),
+        ({"action": OperateMarket.Request.PIN, "agent": "x" * 100_000}, "TOO_LARGE"),
         ({"action": OperateMarket.Request.AWARD, "agent": GUIDE}, "NO_SCENE"),
         (
             {

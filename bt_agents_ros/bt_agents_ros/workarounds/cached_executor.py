@@ -20,10 +20,15 @@ from threading import get_ident
 from typing import Any, TypeAlias
 
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.executors import Executor, ExternalShutdownException, await_or_execute
 from rclpy.guard_condition import GuardCondition
+from rclpy.logging import get_logger
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 
+from bt_agents_core.errors import Refused
+from bt_agents_ros.size_check import OversizeLog, check_bytes, check_fields, check_request
 from bt_agents_ros.workarounds.cached_wait_set import CachedWaitSet
 
 _MESSAGES = 32
@@ -39,7 +44,8 @@ class CachedExecutor(Executor):
     """Executor that runs one callback after the other, in the thread that spins it.
 
     What is called, when, and what becomes of an error is as with ``SingleThreadedExecutor``; the
-    wait set is made anew only when a node, an entity or a callback group has changed.
+    wait set is made anew only when a node, an entity or a callback group has changed. Messages and
+    requests beyond the limits come to no callback: they are logged, requests are answered.
     """
 
     def __init__(self, *, context: Any = None) -> None:
@@ -53,6 +59,7 @@ class CachedExecutor(Executor):
         self._had_message: set[Any] = set()
         self._has_waited = False
         self._task_ended = False
+        self._oversize = OversizeLog(time.monotonic)
         self._takes: dict[str, Callable[[Any], _Call | None]] = {
             "waitable": self._take_waitable,
             "timer": self._take_due_timer,
@@ -218,6 +225,58 @@ class CachedExecutor(Executor):
 
         return execute
 
+    def _take_subscription(self, subscription: Any) -> _Call | None:
+        """Return the callback of a subscription with its next message; None without one.
+
+        The message is taken as bytes, so that a large one is refused before it is made an object.
+        """
+        with subscription.handle:
+            taken = subscription.handle.take_message(subscription.msg_type, True)
+        if taken is None:
+            return None
+        message, info = taken
+        size = len(message)
+        try:
+            check_bytes(subscription.msg_type, size)
+            if not subscription.raw:
+                message = deserialize_message(message, subscription.msg_type)
+                check_fields(message, size)
+        except Refused as refused:
+            self._log_refusal(subscription, subscription.topic_name, refused)
+            return _nothing
+        has_info = subscription._callback_type is not Subscription.CallbackType.MessageOnly
+        arguments = (message, info) if has_info else (message,)
+
+        async def execute() -> None:
+            await await_or_execute(subscription.callback, *arguments)
+
+        return execute
+
+    def _take_service(self, service: Any) -> _Call:
+        """Return the callback of a service with its next request, or what answers a large one."""
+        with service.handle:
+            request, header = service.handle.service_take_request(service.srv_type.Request)
+        if header is None:
+            return _nothing
+
+        async def execute() -> None:
+            response = service.srv_type.Response()
+            try:
+                check_request(request)
+            except Refused as refused:
+                self._log_refusal(service, service.service_name, refused)
+                _answer_refused(response, refused)
+            else:
+                response = await await_or_execute(service.callback, request, response)
+            service.send_response(response, header)
+
+        return execute
+
+    def _log_refusal(self, entity: Any, name: str, refused: Refused) -> None:
+        line = self._oversize.line(entity, name, refused)
+        if line is not None:
+            get_logger(entity.logger_name).warning(line)
+
     def _take_due_timer(self, timer: Any) -> _Call | None:
         """Return the callback of a timer, unless a callback before has stopped the timer."""
         try:
@@ -229,7 +288,16 @@ class CachedExecutor(Executor):
 
 
 async def _nothing() -> None:
-    """Callback of a timer that has been stopped meanwhile."""
+    """Callback of a timer that has been stopped, or of a message that was refused or is gone."""
+
+
+def _answer_refused(response: Any, refused: Refused) -> None:
+    """Set the fields by which responses of ``bt_agents_interfaces`` say that they refuse."""
+    if hasattr(response, "code"):
+        response.code = refused.code
+        response.message = refused.reason
+    else:
+        response.message = str(refused)
 
 
 class _Task(Future):

@@ -10,7 +10,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, registration
 from marketplace_node.effects import Disconnect
-from marketplace_node.registry import FIRST_HEARTBEAT_S, MOST_HOSTS, Registry
+from marketplace_node.registry import FIRST_HEARTBEAT_S, MOST_AGENTS, MOST_HOSTS, Registry
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def registry() -> Registry:
     return Registry(SPACE.names, 1.0, new_key=bytes)
 
 
-def test_ids_count_from_one_and_stay_with_the_name(registry: Registry) -> None:
+def test_ids_count_from_one_and_stay_with_the_name_while_a_host_has_it(registry: Registry) -> None:
     first = registry.register(registration(), 0.0)
     registry.register(registration("/others", (PLAIN,)), 0.0)
     again = registry.register(registration(agents=(EXPRESS, "newcomer", GUIDE)), 0.5)
@@ -28,6 +28,33 @@ def test_ids_count_from_one_and_stay_with_the_name(registry: Registry) -> None:
     assert first.agent_ids == (1, 2)
     assert again.agent_ids == (2, 4, 1)
     assert restarted.agent_ids == (1, 2)
+
+
+def test_ids_are_freed_with_the_host_or_the_list_that_has_them_and_none_is_given_twice(
+    registry: Registry,
+) -> None:
+    registry.register(registration(), 0.0)
+    registry.remove("/agents")
+    returned = registry.register(registration(), 1.0)
+    registry.register(registration(agents=(GUIDE,)), 1.1)
+    longer = registry.register(registration(), 1.2)
+
+    assert returned.agent_ids == (3, 4)
+    assert longer.agent_ids == (3, 5)
+
+
+def test_a_host_with_too_many_agents_is_refused_as_a_whole(registry: Registry) -> None:
+    names = tuple(f"a{number}" for number in range(MOST_AGENTS + 1))
+    refused = registry.register(registration(agents=names), 0.0)
+    taken = registry.register(registration(agents=names[:-1]), 0.0)
+
+    assert not refused.accepted
+    assert refused.message == (
+        "TOO_MANY_AGENTS: /agents has 10001 agents, at most 10000 may be in one host; "
+        "start more hosts"
+    )
+    assert taken.accepted
+    assert taken.agent_ids == tuple(range(1, MOST_AGENTS + 1))
 
 
 def test_registering_again_refreshes_the_list_and_the_lease(registry: Registry) -> None:
@@ -105,7 +132,7 @@ def test_a_name_held_by_a_dead_host_moves(registry: Registry) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["", "Guide", "9lives", "a b", "näme", "a/b", "a\n", "x" * 5000 + "!"]
+    "name", ["", "Guide", "9lives", "a b", "näme", "a/b", "a\n", "x" * 5000 + "!", "x" * 181]
 )
 def test_bad_agent_names_are_refused_one_by_one(registry: Registry, name: str) -> None:
     answer = registry.register(registration(agents=(name, GUIDE, GUIDE)), 0.0)

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Check of messages and requests against the table of limits, and its line for the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sized
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from rosidl_parser import definition as idl
+
+from bt_agents_core.errors import Refused
+from bt_agents_ros import limits
+from bt_agents_ros.types import resolved, slots_of
+
+_OWN_PACKAGE = "bt_agents_interfaces."
+
+LOG_PERIOD_S = 5.0
+"""Time between two lines about one topic or service [s]."""
+
+
+def largest_bytes(kind: Any) -> int:
+    """Return how many bytes a serialized message of a type may have."""
+    if not _is_own(kind):
+        return limits.FOREIGN_BYTES
+    return limits.BYTES_OF.get(kind.__name__, limits.MESSAGE_BYTES)
+
+
+def _is_own(kind: Any) -> bool:
+    return str(kind.__module__).startswith(_OWN_PACKAGE)
+
+
+def check_bytes(kind: Any, size: int) -> None:
+    """Check the size of a serialized message, before it is deserialized.
+
+    Raises:
+        Refused: ``TOO_LARGE``.
+    """
+    largest = largest_bytes(kind)
+    if size > largest:
+        raise Refused(
+            limits.TOO_LARGE, f"{kind.__name__} has {size} bytes, expected at most {largest}"
+        )
+
+
+def check_fields(message: Any, size: int) -> None:
+    """Check the texts and lists of a message, unless it is of another package.
+
+    One that cannot exceed any limit by its size as it was serialized [bytes] is not looked at.
+
+    Raises:
+        Refused: ``TOO_LARGE``, with the first field that is.
+    """
+    kind: Any = type(message)
+    if _is_own(kind) and size > _smallest(kind):
+        _content(message, kind)
+
+
+def check_request(request: Any) -> None:
+    """Check the texts and lists of a request, and all of them together, as :func:`check_fields`.
+
+    Raises:
+        Refused: ``TOO_LARGE``.
+    """
+    kind: Any = type(request)
+    if not _is_own(kind):
+        return
+    content, largest = _content(request, kind), largest_bytes(kind)
+    if content > largest:
+        raise Refused(
+            limits.TOO_LARGE,
+            f"{kind.__name__} has {content} characters and entries, expected at most {largest}",
+        )
+
+
+class OversizeLog:
+    """Lines for the log about what was refused, at most one in :data:`LOG_PERIOD_S` a source."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._refused: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
+        self._next_s: WeakKeyDictionary[Any, float] = WeakKeyDictionary()
+
+    def line(self, source: Any, name: str, refused: Refused) -> str | None:
+        """Count a refusal of a subscription or a service; return its line if one is due."""
+        count = self._refused[source] = self._refused.get(source, 0) + 1
+        now = self._clock()
+        if now < self._next_s.get(source, now):
+            return None
+        self._next_s[source] = now + LOG_PERIOD_S
+        return f"{refused.code}: {name}: {refused.reason}; {count} refused since the start"
+
+
+@dataclass(frozen=True)
+class _Text:
+    """Field with a text, or a list of texts, and how many characters each may have."""
+
+    field: str
+    characters: int
+
+
+@dataclass(frozen=True)
+class _List:
+    """Field with a list, and how many entries it may have."""
+
+    field: str
+    entries: int
+
+
+@dataclass(frozen=True)
+class _Nested:
+    """Field with a message, or a list of messages, of a type that has texts or lists."""
+
+    field: str
+    kind: Any
+
+
+@dataclass(frozen=True)
+class _Checks:
+    """What of a type is checked: lists first, as the others go through their entries."""
+
+    lists: tuple[_List, ...]
+    texts: tuple[_Text, ...]
+    text_lists: tuple[_Text, ...]
+    nested: tuple[_Nested, ...]
+    nested_lists: tuple[_Nested, ...]
+
+
+def _content(message: Any, kind: Any) -> int:
+    """Check all fields of a message; return how many characters and entries they have."""
+    checks = _checks_of(kind)
+    content = 0
+    for one in checks.lists:
+        value: Sized = getattr(message, one.field)
+        content += len(value)
+        if len(value) > one.entries:
+            raise _too_large(kind, one.field, len(value), "entries", one.entries)
+    for text in checks.texts:
+        value = getattr(message, text.field)
+        content += len(value)
+        if len(value) > text.characters:
+            raise _too_large(kind, text.field, len(value), "characters", text.characters)
+    for text in checks.text_lists:
+        lengths = [len(entry) for entry in getattr(message, text.field)]
+        content += sum(lengths)
+        longest = max(lengths, default=0)
+        if longest > text.characters:
+            raise _too_large(kind, text.field, longest, "characters in a text", text.characters)
+    for part in checks.nested:
+        content += _content(getattr(message, part.field), part.kind)
+    for part in checks.nested_lists:
+        content += sum(_content(entry, part.kind) for entry in getattr(message, part.field))
+    return content
+
+
+def _too_large(kind: Any, field: str, found: int, what: str, expected: int) -> Refused:
+    return Refused(
+        limits.TOO_LARGE,
+        f"{kind.__name__}.{field} has {found} {what}, expected at most {expected}",
+    )
+
+
+@cache
+def _checks_of(kind: Any) -> _Checks:
+    lists: list[_List] = []
+    texts: list[_Text] = []
+    text_lists: list[_Text] = []
+    nested: list[_Nested] = []
+    nested_lists: list[_Nested] = []
+    for field, slot in slots_of(kind).items():
+        name = f"{kind.__name__}.{field}"
+        is_list = isinstance(slot, idl.AbstractNestedType)
+        if isinstance(slot, idl.AbstractSequence):
+            lists.append(_List(field, limits.ENTRIES_OF.get(name, limits.LIST_ENTRIES)))
+        entry = slot.value_type if is_list else slot
+        if isinstance(entry, idl.AbstractGenericString):
+            text = _Text(field, limits.CHARACTERS_OF.get(name, limits.TEXT_CHARACTERS))
+            (text_lists if is_list else texts).append(text)
+        elif isinstance(entry, idl.NamespacedType):
+            part = _Nested(field, resolved(entry))
+            if any(vars(_checks_of(part.kind)).values()):
+                (nested_lists if is_list else nested).append(part)
+    return _Checks(
+        tuple(lists), tuple(texts), tuple(text_lists), tuple(nested), tuple(nested_lists)
+    )
+
+
+@cache
+def _smallest(kind: Any) -> int:
+    """Return the least of all limits in a type; a message with fewer bytes keeps them all."""
+    checks = _checks_of(kind)
+    own = [
+        *(one.entries for one in checks.lists),
+        *(text.characters for text in (*checks.texts, *checks.text_lists)),
+    ]
+    inner = [_smallest(part.kind) for part in (*checks.nested, *checks.nested_lists)]
+    return min([*own, *inner], default=limits.MESSAGE_BYTES)

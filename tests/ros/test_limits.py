@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Limits of messages and requests: what is legitimate fits, more is refused and named."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import String
+
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces import msg, srv
+from bt_agents_interfaces.msg import (
+    AgentCard,
+    AgentFiles,
+    Auction,
+    Bids,
+    Heartbeat,
+    HostCard,
+    Learning,
+    MarketStatus,
+    Persons,
+    Profiles,
+    RankedBid,
+    Run,
+    Scene,
+    SceneValue,
+    Tree,
+    TreeNode,
+    Trees,
+    Tunables,
+    Tunings,
+)
+from bt_agents_interfaces.srv import CancelRun, OperateMarket, RegisterHost
+from bt_agents_ros import limits, qos, size_check
+from bt_agents_ros.size_check import OversizeLog, check_bytes, check_fields, check_request
+from fake_market import TREES, Market, make_host
+from market_node_harness import Stage
+from programs import ROOT
+
+pytestmark = pytest.mark.ros
+
+AGENTS, PARAMETERS, NODES = 10_000, 64, 10_000
+NAMES = [f"{number:0>64}" for number in range(AGENTS)]
+WIDE = [math.pi] * PARAMETERS
+MARGIN = 8
+
+
+def size_text(size: int) -> str:
+    return f"{size // limits.MIB} MiB" if size % limits.MIB == 0 else f"{size // limits.KIB} KiB"
+
+
+def documented() -> Iterator[tuple[str, str]]:
+    """Return what stands in the table of the documentation, row by row."""
+    yield "any other message or request", size_text(limits.MESSAGE_BYTES)
+    yield from ((f"`{name}`", size_text(size)) for name, size in limits.BYTES_OF.items())
+    yield "a message of another package", size_text(limits.FOREIGN_BYTES)
+    scene_texts = {f"Scene.{field}": size for field, size in limits.SCENE_CHARACTERS.items()}
+    for usual, default, rows, unit in (
+        ("text", limits.TEXT_CHARACTERS, scene_texts | dict(limits.CHARACTERS_OF), "characters"),
+        ("list", limits.LIST_ENTRIES, limits.ENTRIES_OF, "entries"),
+    ):
+        yield f"any other {usual}", f"{default:,} {unit}"
+        yield from ((f"`{name}`", f"{size:,} {unit}") for name, size in rows.items())
+
+
+def test_the_documentation_has_the_table_of_the_code() -> None:
+    page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
+    rows = "".join(f"| {what} | {most} |\n" for what, most in documented())
+
+    assert f"| what | at most |\n|---|---|\n{rows}\n" in page
+
+
+class Source:
+    """What messages come from."""
+
+
+def own_types() -> Iterator[Any]:
+    """Each type that may be serialized or requested, with those nested in them."""
+    yield from (kind for _, kind in inspect.getmembers(msg, inspect.isclass))
+    for _, kind in inspect.getmembers(srv, lambda kind: hasattr(kind, "Request")):
+        yield kind.Request
+        yield kind.Response
+
+
+def card(name: str) -> AgentCard:
+    return AgentCard(
+        name=name,
+        title=name,
+        description="x" * 500,
+        profile=WIDE,
+        current=WIDE,
+        learning=Learning(rates=WIDE, width=WIDE, drift=WIDE, retreat=WIDE),
+    )
+
+
+WIDEST: dict[str, Callable[[], Any]] = {
+    "bids that weigh": lambda: Bids(
+        agents=NAMES, agent_ids=range(AGENTS), vectors=WIDE * AGENTS, weights=WIDE * AGENTS
+    ),
+    "bids that are declined": lambda: Bids(
+        declined=NAMES, decline_reasons=["x" * 300] * AGENTS, unmet=["x" * 100] * AGENTS
+    ),
+    "an auction": lambda: Auction(
+        ranking=[
+            RankedBid(
+                agent=name, vector=WIDE, contributions=WIDE, weights=WIDE, calculation="x" * 1000
+            )
+            for name in NAMES
+        ]
+    ),
+    "cards": lambda: HostCard(agents=[card(name) for name in NAMES]),
+    "vetoes": lambda: MarketStatus(vetoed=NAMES, starved=NAMES),
+    "profiles": lambda: Profiles(
+        agents=NAMES, layers=["person/x"] * AGENTS, vectors=WIDE * AGENTS
+    ),
+    "a tree": lambda: Trees(
+        trees=[
+            Tree(
+                nodes=[
+                    TreeNode(path="x" * 200, kind="x" * 40, name="x" * 100, file="x" * 100)
+                    for _ in range(NODES)
+                ]
+            )
+        ]
+    ),
+    "a scene": lambda: Scene(
+        values=[SceneValue(name="x" * 64, source="x" * 100)] * PARAMETERS,
+        **{field: "x" * longest for field, longest in limits.SCENE_CHARACTERS.items()},
+    ),
+}
+
+
+@pytest.mark.parametrize("widest", WIDEST.values(), ids=WIDEST)
+def test_messages_of_the_widest_system_fit(widest: Callable[[], Any]) -> None:
+    message = widest()
+    size = len(serialize_message(message))
+
+    check_bytes(type(message), size)
+    check_fields(message, size)
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic"),
+    [
+        (HostCard, "cards"),
+        (Trees, "agents/trees"),
+        (AgentFiles, "agents/files"),
+        (Tunables, "agents/tunables"),
+        (Tunings, "agents/tunings"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_a_host_says_of_the_shipped_agents_is_far_from_every_limit(
+    ros: Any, kind: Any, topic: str
+) -> None:
+    said: list[bytes] = []
+    ros.node.create_subscription(kind, topic, said.append, qos.FACTS, raw=True)
+    market = Market(ros)
+    ros.add(make_host(TREES))
+    market.open()
+    ros.until(lambda: said)
+
+    check_bytes(kind, MARGIN * len(said[-1]))
+    check_fields(deserialize_message(said[-1], kind), len(said[-1]))
+
+
+def test_a_host_may_bring_as_many_agents_as_the_market_takes_and_ten_runs() -> None:
+    check_request(RegisterHost.Request(agents=NAMES, unreported=[Run()] * 10))
+
+
+def test_each_row_of_the_table_names_a_type_and_a_field_and_says_another_limit() -> None:
+    kinds = {kind.__name__: kind for kind in own_types()}
+
+    assert limits.BYTES_OF.keys() <= kinds.keys()
+    assert limits.MESSAGE_BYTES not in limits.BYTES_OF.values()
+    for rows, usual in (
+        (limits.CHARACTERS_OF, limits.TEXT_CHARACTERS),
+        (limits.ENTRIES_OF, limits.LIST_ENTRIES),
+    ):
+        for row, limit in rows.items():
+            kind, _, field = row.partition(".")
+            assert field in kinds[kind].get_fields_and_field_types(), row
+            assert limit != usual, row
+
+
+@pytest.mark.parametrize("kind", list(own_types()), ids=lambda kind: str(kind.__name__))
+def test_each_text_and_list_of_each_type_has_a_limit(kind: Any) -> None:
+    for field, slot in kind.get_fields_and_field_types().items():
+        if slot not in ("string", "sequence<string>"):
+            continue
+        limit = limits.CHARACTERS_OF.get(f"{kind.__name__}.{field}", limits.TEXT_CHARACTERS)
+        text = "x" * (limit + 1)
+        message = kind(**{field: text if slot == "string" else [text]})
+        with pytest.raises(Refused, match=f"TOO_LARGE: {kind.__name__}.{field} has {limit + 1}"):
+            check_fields(message, limit + 1)
+
+
+def test_what_is_nested_is_checked_as_well() -> None:
+    text = "x" * (limits.TEXT_CHARACTERS + 1)
+    persons = Persons(scenes=[Scene(), Scene(values=[SceneValue(source=text)])])
+
+    with pytest.raises(Refused, match=r"TOO_LARGE: SceneValue\.source has 20001 characters"):
+        check_fields(persons, limits.MESSAGE_BYTES)
+
+
+def test_a_list_has_as_many_entries_as_its_limit() -> None:
+    check_fields(Heartbeat(), 10**6)
+    check_fields(Profiles(parameters=["x"] * limits.LIST_ENTRIES), 10**6)
+    with pytest.raises(Refused, match=r"TOO_LARGE: Profiles\.parameters has 20001 entries"):
+        check_fields(Profiles(parameters=["x"] * (limits.LIST_ENTRIES + 1)), 10**6)
+
+
+def test_a_request_is_refused_for_all_its_texts_together() -> None:
+    request = RegisterHost.Request(parameters=["x" * limits.TEXT_CHARACTERS] * 1000)
+
+    with pytest.raises(Refused, match="TOO_LARGE: RegisterHost_Request has 20001000 char"):
+        check_request(request)
+
+
+def test_a_flood_is_logged_once_in_some_seconds_for_each_topic_with_its_count() -> None:
+    now_s = 0.0
+    log = OversizeLog(lambda: now_s)
+    refused = Refused("TOO_LARGE", "much")
+    one, other = Source(), Source()
+    assert log.line(one, "/one", refused) == "TOO_LARGE: /one: much; 1 refused since the start"
+    assert log.line(one, "/one", refused) is None
+    assert log.line(other, "/other", refused) is not None
+    now_s = size_check.LOG_PERIOD_S
+    assert log.line(one, "/one", refused) == "TOO_LARGE: /one: much; 3 refused since the start"
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_a_message_beyond_the_limit_comes_to_no_callback_and_the_next_one_does(
+    ros: Any, capfd: pytest.CaptureFixture[str], raw: bool
+) -> None:
+    heard: list[Any] = []
+    ros.node.create_subscription(Heartbeat, "beats", heard.append, qos.EVENTS, raw=raw)
+    publisher = ros.node.create_publisher(Heartbeat, "beats", qos.EVENTS)
+    ros.until(publisher.get_subscription_count)
+    publisher.publish(Heartbeat(agent="x" * limits.MESSAGE_BYTES))
+    publisher.publish(Heartbeat(agent="leo"))
+    ros.until(lambda: heard)
+
+    assert len(heard) == 1
+    message = deserialize_message(heard[0], Heartbeat) if raw else heard[0]
+    assert message == Heartbeat(agent="leo")
+    assert "TOO_LARGE: /beats: Heartbeat has 262" in capfd.readouterr().err
+
+
+def test_a_callback_with_the_message_info_has_both(ros: Any) -> None:
+    heard: list[tuple[Any, Any]] = []
+
+    def receive(message: Heartbeat, info: Any) -> None:
+        heard.append((message, info))
+
+    ros.node.create_subscription(Heartbeat, "beats", receive, qos.EVENTS)
+    publisher = ros.node.create_publisher(Heartbeat, "beats", qos.EVENTS)
+    ros.until(publisher.get_subscription_count)
+    publisher.publish(Heartbeat(agent="leo"))
+    ros.until(lambda: heard)
+
+    [(message, info)] = heard
+    assert message == Heartbeat(agent="leo")
+    assert info["publication_sequence_number"] == 1
+
+
+def test_a_message_of_another_package_has_one_limit(ros: Any) -> None:
+    heard: list[String] = []
+    ros.node.create_subscription(String, "words", heard.append, qos.EVENTS)
+    publisher = ros.node.create_publisher(String, "words", qos.EVENTS)
+    ros.until(publisher.get_subscription_count)
+    for length in (limits.FOREIGN_BYTES, limits.FOREIGN_BYTES - 100):
+        publisher.publish(String(data="x" * length))
+    ros.until(lambda: heard)
+
+    assert [len(one.data) for one in heard] == [limits.FOREIGN_BYTES - 100]
+
+
+def test_a_request_beyond_the_limit_is_answered_with_the_code_and_changes_nothing(
+    ros: Any,
+) -> None:
+    stage = Stage(ros)
+    stage.host()
+    operating = ros.node.create_client(
+        OperateMarket,
+        "marketplace/operate",
+        callback_group=ReentrantCallbackGroup(),
+        qos_profile=qos.SERVICE,
+    )
+    request = OperateMarket.Request(
+        action=OperateMarket.Request.PIN, agent="attentive_guide", reason="x" * 20_000_000
+    )
+    refused = ros.call(operating, request)
+    assert (refused.accepted, refused.code) == (False, "TOO_LARGE")
+    assert refused.message == (
+        "OperateMarket_Request.reason has 20000000 characters, expected at most 20000"
+    )
+    assert stage.statuses[-1].pinned == ""
+    request.reason = ""
+    assert ros.call(operating, request).accepted
+
+    answer = ros.call(stage.cancelling, CancelRun.Request(reason="x" * 20_001))
+    assert answer.message.startswith("TOO_LARGE: CancelRun_Request.reason has 20001 characters")
+    registered = ros.call(stage.registering, RegisterHost.Request(agents=["x"] * 400_000))
+    assert not registered.accepted
+    assert registered.message.startswith("TOO_LARGE: RegisterHost_Request.agents has 400000")
+
+
+def test_a_scene_with_a_long_label_ends_by_name(ros: Any) -> None:
+    stage = Stage(ros)
+    stage.host()
+    stage.scenes.publish(Scene(scene_id="s1", label="x" * 1001))
+    ros.until(lambda: stage.ends)
+
+    [end] = stage.ends
+    assert (end.scene_id, end.code) == ("s1", "TOO_LONG")
+    assert end.message == "scene: label has 1001 characters, expected 1000 at most"
