@@ -148,13 +148,13 @@ class Registry:
             ids.append(agents[name])
             reasons.append("")
         self._take_from_the_dead(agents, registration.host)
-        held = self._entries.get(registration.host)
+        earlier = self._entries.get(registration.host)
         is_refresh = (
-            held is not None
-            and held.instance == registration.instance
-            and held.participant == registration.participant
+            earlier is not None
+            and earlier.instance == registration.instance
+            and earlier.participant == registration.participant
         )
-        award_key = held.award_key if held is not None and is_refresh else self._new_key()
+        award_key = earlier.award_key if earlier is not None and is_refresh else self._new_key()
         self._entries[registration.host] = HostEntry(
             host=registration.host,
             instance=registration.instance,
