@@ -30,6 +30,7 @@ from rclpy.task import Future
 from bt_agents_core.errors import Refused
 from bt_agents_ros.size_check import OversizeLog, check_bytes, check_fields, check_request
 from bt_agents_ros.workarounds.cached_wait_set import CachedWaitSet
+from bt_agents_ros.workarounds.sender_identity import IdentifiedRequest
 
 _MESSAGES = 32
 """Messages of one subscription that are handled at most between two waits."""
@@ -262,7 +263,9 @@ class CachedExecutor(Executor):
         async def execute() -> None:
             response = service.srv_type.Response()
             try:
-                check_request(request)
+                check_request(
+                    request.request if isinstance(request, IdentifiedRequest) else request
+                )
             except Refused as refused:
                 self._log_refusal(service, service.service_name, refused)
                 _answer_refused(response, refused)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -96,14 +96,21 @@ class _IdentifyingSubscription(rclpy_implementation.Subscription):
         return (message if raw else deserialize_message(message, kind)), {"sender": sender}
 
 
+class IdentifiedRequest(NamedTuple):
+    """Request with the participant of the client that has sent it."""
+
+    request: Any
+    sender: str
+
+
 class _IdentifyingService(rclpy_implementation.Service):
-    """Handle whose requests are pairs: the request itself, and its sender."""
+    """Handle whose requests come with their sender."""
 
     def service_take_request(self, kind: Any) -> tuple[Any, Any]:
         request, header = super().service_take_request(kind)
         if header is None:
             return request, header
-        return (request, _client_of(header)), header
+        return IdentifiedRequest(request, _client_of(header)), header
 
 
 def create_identified_subscription(
@@ -156,7 +163,7 @@ def create_identified_service(
         handle,
         kind,
         name,
-        lambda pair, response: callback(pair[0], response, pair[1]),
+        lambda asked, response: callback(asked.request, response, asked.sender),
         group,
         qos_profile,
     )
