@@ -96,3 +96,17 @@ def test_the_memory_is_not_kept_in_the_file_of_the_ledger(tmp_path):
     result = CliRunner().invoke(bt_agents, ["up", "--memory", ledger, "--ledger", ledger])
     assert result.exit_code == 2
     assert "--memory names the ledger" in result.output
+
+
+def test_no_command_loads_ros_before_it_is_called():
+    program = (
+        "import sys\n"
+        "from bt_agents_tools.cli.main import all_commands\n"
+        "for name, command in all_commands().items():\n"
+        "    command.load()\n"
+        "    assert 'rclpy' not in sys.modules, name\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr

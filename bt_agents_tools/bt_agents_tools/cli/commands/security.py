@@ -9,9 +9,10 @@ from pathlib import Path
 
 import click
 
-from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.trees_choice import take_trees
+from bt_agents_tools.launcher.supervisor import set_local_discovery
 from bt_agents_tools.security.access_table import access_table
 from bt_agents_tools.security.dds_policies import governance_xml, permissions_xml, policy_xml
 from bt_agents_tools.security.tls_profile import Credentials, tls_profile
@@ -46,8 +47,13 @@ def policies(
     directory: str, output: Path, hosts: Sequence[str], namespace: str, domain: int | None
 ) -> None:
     """Write policies of SROS2 for a trees folder: every node, and the roles of the commands."""
-    table = access_table(read_trees(find_trees(directory), InstalledInterfaces()), hosts)
-    number = int(os.environ.get("ROS_DOMAIN_ID") or 0) if domain is None else domain
+    trees = take_trees(directory)
+    environment = dict(os.environ)
+    set_local_discovery(environment)
+    number = int(environment.get("ROS_DOMAIN_ID") or 0) if domain is None else domain
+    with loading():
+        from bt_agents_ros.installed import InstalledInterfaces
+    table = access_table(read_trees(trees, InstalledInterfaces()), hosts)
     texts = {
         "policy.xml": policy_xml(table, namespace),
         "governance.xml": governance_xml(number),
