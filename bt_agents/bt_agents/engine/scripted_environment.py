@@ -93,7 +93,9 @@ class ScriptedGoal:
 
     @property
     def confirmed(self) -> bool:
-        if self.goal.kind is BindingKind.SERVICE and self.state.ended:
+        # Nothing can be stopped of a request; whoever cancels it only stops waiting.
+        given_up = self.state.ended or self.cancelled_at is not None
+        if self.goal.kind is BindingKind.SERVICE and given_up:
             return True
         return self._clock() >= self._server_ends and not self._answer.vanishes
 

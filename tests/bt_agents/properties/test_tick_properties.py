@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -289,11 +290,14 @@ def _calls(call: Callable[[], object]) -> int:
         nonlocal calls
         calls += event in ("call", "c_call")
 
+    # What is collected meanwhile has finalizers that others have registered.
+    gc.disable()
     sys.setprofile(count)
     try:
         call()
     finally:
         sys.setprofile(None)
+        gc.enable()
     return calls
 
 

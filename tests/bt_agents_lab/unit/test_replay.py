@@ -24,7 +24,7 @@ from bt_agents_interfaces.msg import (
     RunRecord,
     TreeStatus,
 )
-from bt_agents_lab.cli.journal import journal, recorded_decisions
+from bt_agents_lab.cli.journal import journal, recorded_rounds
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
 from bt_agents_lab.recorder.reading import JournalEntry
@@ -425,7 +425,7 @@ def test_no_command_prints_raw_text_of_a_journal(town: Town, tmp_path: Path) -> 
         output = CliRunner().invoke(command, [str(path)]).output
         assert "title" in output
         assert not [one for one in output if not one.isprintable() and one != "\n"]
-    decision = recorded_decisions(tmp_path)[-1]
+    decision = recorded_rounds(tmp_path)[-1].auction
     assert decision.winner.isprintable()
     assert decision.scene.label.isprintable()
     assert len(decision.explanation.splitlines()) == 2

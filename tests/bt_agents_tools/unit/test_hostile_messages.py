@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from rclpy.clock import Clock
 from rich.console import Console
 
 import bt_agents_interfaces.msg
@@ -62,6 +63,9 @@ class FakeNode:
 
     def get_namespace(self) -> str:
         return "/"
+
+    def get_clock(self) -> Any:
+        return Clock()
 
     def create_subscription(
         self, kind: Any, topic: str, callback: Callable[..., None], _: Any, raw: bool = False
