@@ -10,6 +10,7 @@ import json
 import math
 import pty
 import re
+import select
 import string
 import struct
 import termios
@@ -80,7 +81,10 @@ def test_a_table_is_never_wider_than_the_terminal_whatever_columns_says(
         monkeypatch.setenv("COLUMNS", asked)
         print_table([Column(key="why")], [("word " * 30,)])
         stdout.flush()
-        shown = screen.read(4096).decode()
+        shown = ""
+        # A terminal hands on what it has got so far.
+        while shown.count("word") < 30 and select.select([screen], [], [], 10.0)[0]:
+            shown += screen.read(4096).decode()
     longest = max(map(len, re.sub(r"\x1b\[\d*m", "", shown).splitlines()))
     assert width - len("word ") < longest <= width
 
