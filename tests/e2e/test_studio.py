@@ -187,7 +187,8 @@ def test_without_the_printed_address_nothing_is_shown(browser: Browser, system: 
 
 
 def test_feedback_moves_a_profile_and_can_be_undone(page: Page) -> None:
-    announce(page, "somebody who judges", age=4.5, mood=2)
+    # Nobody fits exactly, else there would be nothing to move.
+    announce(page, "somebody who judges", age=1.2, familiarity=4.8, mood=1.3)
     open_page(page, "Live")
     expect(page.get_by_role("button", name="Stop")).to_be_enabled()
     stop(page)
