@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import secrets
 import signal
@@ -153,7 +154,8 @@ async def _serve(
     )
     node = await asyncio.to_thread(thread.start)
     try:
-        port = _free_port(address)
+        listening = _bound(address)
+        port = listening.getsockname()[1]
         scheme = "https" if context is not None else "http"
         names = {address.host, *(("127.0.0.1", "localhost") if is_loopback(address.host) else ())}
         access = AccessControl(
@@ -168,7 +170,7 @@ async def _serve(
         runner = web.AppRunner(server.application, access_log=None, keepalive_timeout=_KEEPALIVE_S)
         await runner.setup()
         try:
-            await web.TCPSite(runner, address.host, port, ssl_context=context).start()
+            await web.SockSite(runner, listening, ssl_context=context).start()
             base = f"{scheme}://{address.host}:{port}/"
             ready({role: f"{base}#{access.token(role)}" for role in SessionRole})
             while not stopped.is_set():
@@ -180,24 +182,23 @@ async def _serve(
                     continue
         finally:
             await runner.cleanup()
-    except OSError as error:
-        raise BtAgentsError(f"{address.host}: {error.strerror}; give another --port") from None
     finally:
         await asyncio.to_thread(thread.stop)
 
 
-def _free_port(address: Address) -> int:
-    """Return a port that can be bound at this moment."""
-    if address.port:
-        return address.port
-    for port in range(PORT, PORT + _PORTS):
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((address.host, port))
-            except OSError:
-                continue
-            return port
-    raise BtAgentsError(
-        f"the ports {PORT} to {PORT + _PORTS - 1} are taken; give another one with --port"
-    )
+def _bound(address: Address) -> socket.socket:
+    """Return a socket that listens on the port, or on the first one that is free.
+
+    Raises:
+        BtAgentsError: The address or the port cannot be taken.
+    """
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    ports = [address.port] if address.port else range(PORT, PORT + _PORTS)
+    for port in ports:
+        try:
+            return socket.create_server((address.host, port), family=family)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise BtAgentsError(f"{address.host}: {error.strerror}") from None
+    taken = f"port {address.port} is" if address.port else f"ports {PORT} to {ports[-1]} are"
+    raise BtAgentsError(f"{taken} taken; give another one with --port")

@@ -36,6 +36,8 @@ class System:
             "COLUMNS": "120",
         }
         self.programs: list[Program] = []
+
+    def start(self) -> None:
         self.up = self._start("up", "trees", "--journal")
         self.up.until("ready after")
         studio = self._start("studio", "trees")
@@ -61,6 +63,7 @@ class System:
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     running = System(tmp_path_factory.mktemp("state"))
     try:
+        running.start()
         yield running
     finally:
         running.end()
