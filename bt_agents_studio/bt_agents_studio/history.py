@@ -80,10 +80,6 @@ class History:
             found.setdefault(collection, {})[key] = value
         return found
 
-    def moments(self, collection: str) -> list[tuple[float, str]]:
-        """Return when entries of a collection changed [s since 1970], and their keys."""
-        return [(at_s, one.key) for at_s, one in self._changes if one.collection == collection]
-
     def _drop(self) -> None:
         self._base_s, change = self._changes.popleft()
         _apply(self._base, change)

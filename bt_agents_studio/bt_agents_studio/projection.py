@@ -8,6 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.scene import Origin
+from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_studio.records import (
     AgentRecord,
     BidRecord,
@@ -39,15 +42,15 @@ from bt_agents_studio.records import (
 )
 from bt_agents_studio.store import Store
 
-_ORIGINS = ("MISSING", "MEASURED", "GIVEN", "ESTIMATED", "DEFAULT", "TOLD")
+_ORIGINS = tuple(one.name for one in Origin)
+_STOPPERS = tuple(one.name for one in StoppedBy)
+_FEEDBACKS = tuple(one.name for one in FeedbackKind)
 _STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
 _STATUSES = ("INVALID", "RUNNING", "SUCCESS", "FAILURE")
 _EVENTS = ("", "STARTED", "CANCELLING", "ENDED", "REFUSED")
 _OUTCOMES = ("NONE", "SUCCEEDED", "FAILED", "CANCELLED", "LOST")
-_STOPPERS = ("NOT_SAID", "OPERATOR", "MOOD_RULE", "OTHER_SCENE")
 _DECISIONS = ("", "AWARDED", "NO_BIDS", "PREEMPTS", "WAITS")
 _CLOSINGS = ("", "ALL_ANSWERED", "DEADLINE", "STOPPED")
-_FEEDBACKS = ("DIRECT", "POSITIVE", "NEGATIVE", "SET")
 _KINDS = ("TUNABLE", "LEARNING_RATE", "TICK_RATE")
 _TYPES = ("NUMBER", "DURATION", "LENGTH", "ANGLE", "INTEGER", "BOOLEAN", "TEXT")
 
