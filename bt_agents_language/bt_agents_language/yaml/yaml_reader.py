@@ -7,11 +7,13 @@ import re
 import string
 import unicodedata
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 from yaml.events import (
+    CollectionEndEvent,
     CollectionStartEvent,
     MappingEndEvent,
     MappingStartEvent,
@@ -192,6 +194,10 @@ def _read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Synt
     try:
         builder.take(_events(source.text))
     except yaml.MarkedYAMLError as error:
+        start = _start_of_excess_depth(source.text, error)
+        if start is not None:
+            builder.refuse_depth(start)
+            return None, None
         return None, report_syntax(source, problems, error)
     except yaml.YAMLError as error:
         problems.add("syntax", source.position(0), f"the file cannot be read: {quote(str(error))}")
@@ -201,6 +207,26 @@ def _read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Synt
             "empty-file", source.position(0), "nothing is written here", "start with 'format: 1'"
         )
     return None if builder.hopeless else builder.root, None
+
+
+def _start_of_excess_depth(text: str, error: yaml.MarkedYAMLError) -> yaml.Event | None:
+    """Return the event that starts the first level beyond the limit in front of an error.
+
+    From 0.2.6 on, libyaml ends with an error of its own at 1,000 levels, before it delivers the
+    events of the levels in front of it: it still looks for a ':' that makes a key of them.
+    """
+    if error.problem_mark is None:
+        return None
+    depth = 0
+    with suppress(yaml.YAMLError):
+        for event in _events(text[: error.problem_mark.index]):
+            if isinstance(event, CollectionStartEvent):
+                depth += 1
+                if depth > MAX_DEPTH:
+                    return event
+            elif isinstance(event, CollectionEndEvent):
+                depth -= 1
+    return None
 
 
 def _events(text: str) -> Iterable[yaml.Event]:
@@ -264,7 +290,7 @@ class _Builder:
                 waiting.append(parent)
                 parent = _Open(event.start_mark.index, kind is SequenceStartEvent)
                 if len(waiting) > MAX_DEPTH:
-                    self._refuse_depth(event)
+                    self.refuse_depth(event)
                 if self.hopeless:
                     return
                 continue
@@ -295,6 +321,15 @@ class _Builder:
             if self.hopeless:
                 return
 
+    def refuse_depth(self, event: yaml.Event) -> None:
+        """Refuse a list or mapping that is nested too deep, and end reading."""
+        self._give_up(
+            event,
+            "too-deep",
+            f"lists and mappings are nested more than {MAX_DEPTH} deep",
+            "move inner parts to subtrees",
+        )
+
     def _other(self, event: yaml.Event) -> None:
         """Refuse an alias and a second document; all other events say nothing."""
         match event:
@@ -322,14 +357,6 @@ class _Builder:
             "too-many-values",
             f"the file holds more than {MAX_NODES:,} values",
             "split it over several files",
-        )
-
-    def _refuse_depth(self, event: yaml.Event) -> None:
-        self._give_up(
-            event,
-            "too-deep",
-            f"lists and mappings are nested more than {MAX_DEPTH} deep",
-            "move inner parts to subtrees",
         )
 
     def _key(self, entries: dict[str, MappingEntry], node: Node) -> Scalar | None:

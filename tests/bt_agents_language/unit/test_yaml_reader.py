@@ -120,6 +120,20 @@ def test_a_nesting_of_64_is_taken_and_one_more_is_refused():
     assert codes("k: " + "[" * (deep + 1) + "]" * (deep + 1)) == ["too-deep"]
 
 
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("levels", [65, 999, 1_000, 1_001, 100_000])
+@pytest.mark.parametrize(("start", "end"), [("[", "]"), ("{", "}"), ("[ [", "] ]"), ("{[", "]}")])
+def test_the_65th_level_is_named_however_many_follow(start, end, levels, closed):
+    count = levels // len(start.replace(" ", ""))
+    text = "k: " + start * count + (end * count if closed else "")
+    first = [index for index, letter in enumerate(text) if letter in "[{"][MAX_DEPTH - 1]
+    with pytest.raises(ReadError) as error:
+        read(text)
+    assert [(one.code, one.position.column) for one in error.value.diagnostics] == [
+        ("too-deep", first + 1)
+    ]
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [
