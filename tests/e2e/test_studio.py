@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -186,6 +187,57 @@ def test_without_the_printed_address_nothing_is_shown(browser: Browser, system: 
     page.goto(system.address.partition("#")[0])
     expect(page.locator(".phase")).to_contain_text("Not signed in", timeout=LIMIT_MS)
     assert page.locator(".node").count() == 0
+    page.context.close()
+
+
+@pytest.mark.parametrize("language", ["en-US@posix", "C", "", "xx-invalid", "de-DE", "ar-EG"])
+def test_the_page_opens_in_any_language(browser: Browser, system: System, language: str) -> None:
+    getter = f"{{get: () => {json.dumps(language)}}}"
+    page = browser.new_context().new_page()
+    page.add_init_script(f"Object.defineProperty(Navigator.prototype, 'language', {getter})")
+    page.goto(system.address)
+    expect(page.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
+    expect(page.get_by_label("Mood").locator("canvas")).to_be_in_viewport()
+    page.context.close()
+
+
+def test_a_panel_that_throws_says_so_and_leaves_the_others_alive(
+    browser: Browser, system: System
+) -> None:
+    page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
+    page.set_default_timeout(LIMIT_MS)
+    page.add_init_script("""
+        const draw = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = () => { throw new Error("no canvas here"); };
+        window.mend = () => { HTMLCanvasElement.prototype.getContext = draw; };
+    """)
+    page.goto(system.address)
+    mood = page.get_by_role("alert", name="Mood")
+    expect(mood).to_be_in_viewport()
+    expect(mood).to_contain_text("This panel has failed. The rest of the page goes on.")
+    expect(mood).to_contain_text("no canvas here")
+    announce(page, "beside a broken panel", age=4.5, mood=2)
+    open_page(page, "Live")
+    expect(page.get_by_label("Scene", exact=True)).to_contain_text("beside a broken panel")
+    expect(page.locator(".node.running").first).to_be_visible()
+    page.evaluate("mend()")
+    mood.get_by_role("button", name="Show it again").click()
+    expect(page.get_by_label("Mood").locator("canvas")).to_be_in_viewport()
+    expect(mood).to_have_count(0)
+    stop(page)
+    page.context.close()
+
+
+def test_a_page_that_cannot_be_loaded_says_why(browser: Browser, system: System) -> None:
+    page = browser.new_context().new_page()
+    page.add_init_script(
+        "Intl.NumberFormat = function () { throw new RangeError('no numbers here'); }"
+    )
+    page.goto(system.address)
+    shown = page.get_by_role("alert")
+    expect(shown).to_be_in_viewport(timeout=LIMIT_MS)
+    expect(shown).to_contain_text("The studio cannot be shown in this browser.")
+    expect(shown).to_contain_text("no numbers here")
     page.context.close()
 
 

@@ -7,11 +7,11 @@ import { connect, follow, logIn, seek, useConnection } from "./connection";
 import { formatTime } from "./formatting";
 import { Live } from "./live";
 import { Market } from "./market";
+import { PanelBoundary } from "./panel_boundary";
 import { System } from "./system";
 import { texts } from "./texts";
 import { Tune } from "./tune";
 import { World } from "./world";
-import "./style.css";
 
 const PAGES = { live: Live, market: Market, tune: Tune, world: World, system: System };
 type Page = keyof typeof PAGES;
@@ -53,7 +53,9 @@ function App() {
             </a>
           ))}
         </nav>
-        <TimeBar />
+        <PanelBoundary label={texts.time.bar}>
+          <TimeBar />
+        </PanelBoundary>
         <p className={`phase ${phase}`} role="status">
           {texts.connection[phase]}
         </p>
@@ -64,7 +66,9 @@ function App() {
         )}
       </header>
       <main>
-        <Shown />
+        <PanelBoundary key={page} label={texts.pages[page]}>
+          <Shown />
+        </PanelBoundary>
       </main>
     </>
   );
@@ -107,8 +111,8 @@ function TimeBar() {
   );
 }
 
-const root = document.getElementById("root");
-if (root !== null) {
+/** Draw the page and connect it to its studio. */
+export function start(root: HTMLElement): void {
   createRoot(root).render(
     <StrictMode>
       <App />

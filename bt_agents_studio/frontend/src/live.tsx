@@ -6,6 +6,7 @@ import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { operate, useConnection } from "./connection";
 import { formatNumber, formatSeconds, formatTime } from "./formatting";
+import { PanelBoundary } from "./panel_boundary";
 import type { SceneRecord } from "./protocol";
 import { lineOf, Tree } from "./tree";
 import { useCollection, useEntry } from "./store";
@@ -57,17 +58,29 @@ export function Live() {
           <output>{answer}</output>
         </div>
         {tree ? (
-          <Tree record={tree} tip={run?.ended_s === null ? run.tip : ""} chosen={chosen} choose={setChosen} />
+          <PanelBoundary label={texts.live.tree}>
+            <Tree record={tree} tip={run?.ended_s === null ? run.tip : ""} chosen={chosen} choose={setChosen} />
+          </PanelBoundary>
         ) : (
           <p className="empty">{agent ? texts.live.noTree : texts.live.nobody}</p>
         )}
-        <NodeDetails agent={agent} path={chosen} />
+        <PanelBoundary label={texts.live.node}>
+          <NodeDetails agent={agent} path={chosen} />
+        </PanelBoundary>
       </div>
       <div className="side">
-        <ScenePanel />
-        <MoodPanel agent={agent} />
-        <Questions />
-        <Log />
+        <PanelBoundary label={texts.live.scene}>
+          <ScenePanel />
+        </PanelBoundary>
+        <PanelBoundary label={texts.live.mood}>
+          <MoodPanel agent={agent} />
+        </PanelBoundary>
+        <PanelBoundary label={texts.live.questions}>
+          <Questions />
+        </PanelBoundary>
+        <PanelBoundary label={texts.live.log}>
+          <Log />
+        </PanelBoundary>
       </div>
     </div>
   );

@@ -4,6 +4,7 @@
 import { useState } from "react";
 import { operate, useConnection } from "./connection";
 import { formatNumber, formatTime } from "./formatting";
+import { PanelBoundary } from "./panel_boundary";
 import type { RoundRecord } from "./protocol";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
@@ -12,35 +13,52 @@ const words = texts.market;
 
 export function Market() {
   const rounds = useCollection("rounds");
-  const market = useEntry("market");
   const [asked, setAsked] = useState("");
   const key = asked || rounds.at(-1)?.[0] || "";
   const round = useEntry("rounds", key);
   return (
     <div className="columns">
       <div className="main">
-        <section className="panel" aria-label={words.rounds}>
-          <h2>
-            {words.rounds} <span>{market?.message}</span>
-          </h2>
-          {rounds.length === 0 && <p className="empty">{words.none}</p>}
-          <div className="rounds">
-            {[...rounds].reverse().map(([name, one]) => (
-              <button key={name} type="button" aria-pressed={name === key} onClick={() => setAsked(name)}>
-                <b>{one.round}</b> {one.scene.label || formatTime(one.at_s)}
-                <br />
-                {one.winner || one.outcome.toLowerCase().replaceAll("_", " ")}
-              </button>
-            ))}
-          </div>
-        </section>
-        {round && <Round round={round} />}
+        <PanelBoundary label={words.rounds}>
+          <Rounds shown={key} show={setAsked} />
+        </PanelBoundary>
+        {round && (
+          <PanelBoundary key={key} label={words.bids}>
+            <Round round={round} />
+          </PanelBoundary>
+        )}
       </div>
       <div className="side">
-        <Agents />
-        <FeedbackList />
+        <PanelBoundary label={words.profiles}>
+          <Agents />
+        </PanelBoundary>
+        <PanelBoundary label={words.feedback}>
+          <FeedbackList />
+        </PanelBoundary>
       </div>
     </div>
+  );
+}
+
+function Rounds({ shown, show }: { shown: string; show: (key: string) => void }) {
+  const rounds = useCollection("rounds");
+  const market = useEntry("market");
+  return (
+    <section className="panel" aria-label={words.rounds}>
+      <h2>
+        {words.rounds} <span>{market?.message}</span>
+      </h2>
+      {rounds.length === 0 && <p className="empty">{words.none}</p>}
+      <div className="rounds">
+        {[...rounds].reverse().map(([name, one]) => (
+          <button key={name} type="button" aria-pressed={name === shown} onClick={() => show(name)}>
+            <b>{one.round}</b> {one.scene.label || formatTime(one.at_s)}
+            <br />
+            {one.winner || one.outcome.toLowerCase().replaceAll("_", " ")}
+          </button>
+        ))}
+      </div>
+    </section>
   );
 }
 

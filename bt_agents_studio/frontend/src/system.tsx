@@ -4,65 +4,92 @@
 import { useEffect, useState } from "react";
 import { seek } from "./connection";
 import { formatTime } from "./formatting";
+import { PanelBoundary } from "./panel_boundary";
 import { useCollection } from "./store";
 import { texts } from "./texts";
 
 const words = texts.system;
 
 export function System() {
-  const parts = useCollection("parts");
-  const hosts = useCollection("hosts");
-  const agents = useCollection("agents");
-  const problems = hosts.flatMap(([, host]) => host.problems);
   return (
     <div className="columns">
       <div className="main">
-        <section className="panel" aria-label={words.hosts}>
-          <h2>{words.hosts}</h2>
-          {hosts.map(([name, host]) => (
-            <div key={name}>
-              <h3>{name}</h3>
-              <p>{host.trees}</p>
-              <ul>
-                {agents
-                  .filter(([, one]) => one.host === name)
-                  .map(([key, one]) => (
-                    <li key={key}>
-                      <b>{one.title || key}</b> · {words.version} {one.version}
-                      {one.waiting && ` · ${words.waiting}`}
-                      {one.degraded && ` · ${words.degraded}`}
-                      <br />
-                      <small>{one.description}</small>
-                    </li>
-                  ))}
-              </ul>
-            </div>
-          ))}
-        </section>
-        <section className="panel" aria-label={words.problems}>
-          <h2>{words.problems}</h2>
-          {problems.length === 0 && <p className="empty">{words.noProblems}</p>}
-          {problems.map((one) => (
-            <pre key={one.message} tabIndex={0}>
-              {one.message}
-            </pre>
-          ))}
-        </section>
+        <PanelBoundary label={words.hosts}>
+          <Hosts />
+        </PanelBoundary>
+        <PanelBoundary label={words.problems}>
+          <Problems />
+        </PanelBoundary>
       </div>
       <div className="side">
-        <section className="panel" aria-label={words.parts}>
-          <h2>{words.parts}</h2>
-          <ul>
-            {parts.map(([name, one]) => (
-              <li key={name} className={one.alive ? "alive" : "gone"}>
-                <b>{name}</b> {one.alive ? words.alive : `${words.gone} ${formatTime(one.seen_s)}`}
-              </li>
-            ))}
-          </ul>
-        </section>
-        <Journals />
+        <PanelBoundary label={words.parts}>
+          <Parts />
+        </PanelBoundary>
+        <PanelBoundary label={words.journals}>
+          <Journals />
+        </PanelBoundary>
       </div>
     </div>
+  );
+}
+
+function Hosts() {
+  const hosts = useCollection("hosts");
+  const agents = useCollection("agents");
+  return (
+    <section className="panel" aria-label={words.hosts}>
+      <h2>{words.hosts}</h2>
+      {hosts.map(([name, host]) => (
+        <div key={name}>
+          <h3>{name}</h3>
+          <p>{host.trees}</p>
+          <ul>
+            {agents
+              .filter(([, one]) => one.host === name)
+              .map(([key, one]) => (
+                <li key={key}>
+                  <b>{one.title || key}</b> · {words.version} {one.version}
+                  {one.waiting && ` · ${words.waiting}`}
+                  {one.degraded && ` · ${words.degraded}`}
+                  <br />
+                  <small>{one.description}</small>
+                </li>
+              ))}
+          </ul>
+        </div>
+      ))}
+    </section>
+  );
+}
+
+function Problems() {
+  const problems = useCollection("hosts").flatMap(([, host]) => host.problems);
+  return (
+    <section className="panel" aria-label={words.problems}>
+      <h2>{words.problems}</h2>
+      {problems.length === 0 && <p className="empty">{words.noProblems}</p>}
+      {problems.map((one) => (
+        <pre key={one.message} tabIndex={0}>
+          {one.message}
+        </pre>
+      ))}
+    </section>
+  );
+}
+
+function Parts() {
+  const parts = useCollection("parts");
+  return (
+    <section className="panel" aria-label={words.parts}>
+      <h2>{words.parts}</h2>
+      <ul>
+        {parts.map(([name, one]) => (
+          <li key={name} className={one.alive ? "alive" : "gone"}>
+            <b>{name}</b> {one.alive ? words.alive : `${words.gone} ${formatTime(one.seen_s)}`}
+          </li>
+        ))}
+      </ul>
+    </section>
   );
 }
 

@@ -11,6 +11,13 @@ export const texts = {
     outdated: "The studio has been updated.",
     reload: "Load the page anew",
   },
+  failure: {
+    panel: "This panel has failed. The rest of the page goes on.",
+    again: "Show it again",
+    unknown: "it does not say why",
+    loading: "The studio cannot be shown in this browser.",
+    outside: "The system and its agents are not affected. The error is:",
+  },
   live: {
     nobody: "No agent has run yet. Announce a scene: bt-agents trigger age=4.5 mood=2",
     noTree: "The structure of this tree is not known yet.",

@@ -4,6 +4,7 @@
 import { useEffect, useState } from "react";
 import { operate, useConnection } from "./connection";
 import { formatNumber, formatTime } from "./formatting";
+import { PanelBoundary } from "./panel_boundary";
 import type { TunableRecord, TuningsRecord } from "./protocol";
 import { useCollection } from "./store";
 import { texts } from "./texts";
@@ -25,20 +26,36 @@ export function Tune() {
         <output className="answer">{answer}</output>
         {groups.size === 0 && <p className="empty">{words.none}</p>}
         {[...groups].sort(([a], [b]) => a.localeCompare(b)).map(([group, values]) => (
-          <section className="panel" key={group} aria-label={group}>
-            <h2>{group}</h2>
-            {values.map((one) => (
-              <Control key={one.name} tunable={one} report={setAnswer} />
-            ))}
-          </section>
+          <PanelBoundary key={group} label={group}>
+            <Group name={group} values={values} report={setAnswer} />
+          </PanelBoundary>
         ))}
       </div>
       <div className="side">
         {tunings.map(([host, one]) => (
-          <History key={host} host={host} record={one} report={setAnswer} />
+          <PanelBoundary key={host} label={words.history}>
+            <History host={host} record={one} report={setAnswer} />
+          </PanelBoundary>
         ))}
       </div>
     </div>
+  );
+}
+
+interface GroupProps {
+  name: string;
+  values: TunableRecord[];
+  report: (text: string) => void;
+}
+
+function Group({ name, values, report }: GroupProps) {
+  return (
+    <section className="panel" aria-label={name}>
+      <h2>{name}</h2>
+      {values.map((one) => (
+        <Control key={one.name} tunable={one} report={report} />
+      ))}
+    </section>
   );
 }
 

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Start of the page: it loads the application, and says so in words when that fails.
+
+import "./language";
+import "./style.css";
+import { texts } from "./texts";
+
+const root = document.getElementById("root");
+if (root !== null) {
+  import("./application").then(({ start }) => start(root)).catch((error: unknown) => report(root, error));
+}
+
+function report(root: HTMLElement, error: unknown): void {
+  const panel = document.createElement("section");
+  panel.className = "panel";
+  panel.setAttribute("role", "alert");
+  for (const [name, text] of [
+    ["h1", texts.failure.loading],
+    ["p", texts.failure.outside],
+    ["pre", String(error)],
+  ] as const) {
+    panel.append(Object.assign(document.createElement(name), { textContent: text }));
+  }
+  root.replaceChildren(panel);
+}
