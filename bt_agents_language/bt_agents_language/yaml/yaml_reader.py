@@ -7,6 +7,7 @@ import re
 import string
 import unicodedata
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -192,6 +193,8 @@ def _read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Synt
     try:
         builder.take(_events(source.text))
     except yaml.MarkedYAMLError as error:
+        if _is_too_deep(source, problems, error):
+            return None, None
         return None, report_syntax(source, problems, error)
     except yaml.YAMLError as error:
         problems.add("syntax", source.position(0), f"the file cannot be read: {quote(str(error))}")
@@ -201,6 +204,18 @@ def _read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Synt
             "empty-file", source.position(0), "nothing is written here", "start with 'format: 1'"
         )
     return None if builder.hopeless else builder.root, None
+
+
+def _is_too_deep(source: Source, problems: Diagnostics, error: yaml.MarkedYAMLError) -> bool:
+    """Report a nesting that libyaml, from 0.2.6 on, refuses before it has read any of it."""
+    mark = error.problem_mark
+    before = source.text[: mark.index] if mark is not None else ""
+    if before.count("[") + before.count("{") <= MAX_DEPTH:
+        return False
+    builder = _Builder(source, problems)
+    with suppress(yaml.YAMLError):
+        builder.take(_events(before))
+    return builder.hopeless
 
 
 def _events(text: str) -> Iterable[yaml.Event]:
