@@ -173,8 +173,8 @@ class Cycle:
             )
         }
         probe = graph.probe
-        probe.create_subscription(SceneEnd, "scene_ends", self._ends.append, LATCHED)
-        probe.create_subscription(MarketStatus, "market", self._take_status, LATCHED)
+        probe.create_subscription(SceneEnd, "bt_agents/scene_ends", self._ends.append, LATCHED)
+        probe.create_subscription(MarketStatus, "bt_agents/market", self._take_status, LATCHED)
         self._analyze = probe.create_client(Analyze, "scene_layer/analyze", qos_profile=EVENTS)
         graph.until_up()
         graph.until(

@@ -10,6 +10,7 @@ from typing import Any
 import rclpy
 from rclpy.action import ActionClient, ActionServer
 from rclpy.node import Node
+from std_msgs.msg import Header
 
 from bare import EVENTS, SERVICES, spin
 from bt_agents_interfaces.action import RunAgent
@@ -50,7 +51,7 @@ class Service(Node):
     def __init__(self) -> None:
         super().__init__("service")
         self._count = 0
-        self._scenes = self.create_publisher(Scene, "scene", EVENTS)
+        self._scenes = self.create_publisher(Scene, "bt_agents/scene", EVENTS)
         self.create_service(Analyze, "scene_layer/analyze", self._answer, qos_profile=EVENTS)
 
     def _answer(self, _request: Any, response: Any) -> Any:
@@ -68,12 +69,12 @@ class Market(Node):
         super().__init__("market")
         self._round = 0
         self._scene = Scene()
-        self._calls = self.create_publisher(CallForBids, "calls", EVENTS)
+        self._calls = self.create_publisher(CallForBids, "bt_agents/calls", EVENTS)
         self._runs = ActionClient(
             self, RunAgent, "agents/run", feedback_sub_qos_profile=EVENTS, **SERVICES
         )
-        self.create_subscription(Scene, "scene", self._call, EVENTS)
-        self.create_subscription(Bids, "bids", self._award, EVENTS)
+        self.create_subscription(Scene, "bt_agents/scene", self._call, EVENTS)
+        self.create_subscription(Bids, "bt_agents/bids", self._award, EVENTS)
 
     def _call(self, message: Scene) -> None:
         self._round += 1
@@ -105,7 +106,7 @@ class Listener(Node):
 
     def __init__(self) -> None:
         super().__init__("listener")
-        self.create_subscription(CallForBids, "calls", lambda _call: None, EVENTS)
+        self.create_subscription(CallForBids, "bt_agents/calls", lambda _call: None, EVENTS)
 
 
 class Host(Node):
@@ -116,9 +117,9 @@ class Host(Node):
         self._names = [f"agent_{index:05d}" for index in range(agents)]
         self._ids = array("I", range(1, agents + 1))
         self._vectors = array("d", (v for index in range(agents) for v in profile(index)))
-        self._bids = self.create_publisher(Bids, "bids", EVENTS)
+        self._bids = self.create_publisher(Bids, "bt_agents/bids", EVENTS)
         self._status = self.create_publisher(TreeStatus, "agents/status", EVENTS)
-        self.create_subscription(CallForBids, "calls", self._bid, EVENTS)
+        self.create_subscription(CallForBids, "bt_agents/calls", self._bid, EVENTS)
         ActionServer(
             self,
             RunAgent,
@@ -146,7 +147,7 @@ class Host(Node):
         goal = handle.request
         self._status.publish(
             TreeStatus(
-                stamp=self.get_clock().now().to_msg(),
+                header=Header(stamp=self.get_clock().now().to_msg()),
                 epoch=goal.epoch,
                 round=goal.round,
                 agent=goal.agent,

@@ -14,7 +14,7 @@ from rclpy.action import ActionClient, ActionServer, CancelResponse
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
-from std_msgs.msg import Float64, String
+from std_msgs.msg import Float64, Header, String
 
 from bare import EVENTS, LATCHED, SERVICES, spin
 from bt_agents_interfaces.action import RunAgent, Say
@@ -62,7 +62,7 @@ class Waiting(Node):
         self._say = ActionClient(self, Say, "say", **SERVICES)
 
     def _hear(self, _message: String) -> None:
-        self._status.publish(TreeStatus(stamp=self.get_clock().now().to_msg()))
+        self._status.publish(TreeStatus(header=Header(stamp=self.get_clock().now().to_msg())))
 
     def _begin(self, message: String) -> None:
         sent = self._say.send_goal_async(Say.Goal(text=message.data))
@@ -72,7 +72,7 @@ class Waiting(Node):
         future.result().get_result_async().add_done_callback(self._ended)
 
     def _ended(self, _future: Any) -> None:
-        self._status.publish(TreeStatus(stamp=self.get_clock().now().to_msg()))
+        self._status.publish(TreeStatus(header=Header(stamp=self.get_clock().now().to_msg())))
 
 
 class Mood(Node):
@@ -80,7 +80,7 @@ class Mood(Node):
 
     def __init__(self) -> None:
         super().__init__("bare_scene_layer")
-        self._live = self.create_publisher(Scene, "scene/live", SENSOR)
+        self._live = self.create_publisher(Scene, "bt_agents/scene/live", SENSOR)
         self.create_subscription(Float64, "person/valence", self._see, SENSOR)
 
     def _see(self, message: Float64) -> None:
@@ -88,7 +88,9 @@ class Mood(Node):
             SceneValue(name=name, value=value)
             for name, value in (("age", 3.0), ("familiarity", 3.0), ("mood", 3 + 2 * message.data))
         ]
-        self._live.publish(Scene(stamp=self.get_clock().now().to_msg(), values=values))
+        self._live.publish(
+            Scene(header=Header(stamp=self.get_clock().now().to_msg()), values=values)
+        )
 
 
 class Learning(Node):
@@ -100,8 +102,8 @@ class Learning(Node):
         self._database.execute("PRAGMA journal_mode = WAL")
         self._database.execute("PRAGMA synchronous = FULL")
         self._database.execute("CREATE TABLE revision (number INTEGER PRIMARY KEY, profile TEXT)")
-        self._feedback = self.create_publisher(Feedback, "feedback", LATCHED)
-        self.create_subscription(Scene, "scene/live", self._see, SENSOR)
+        self._feedback = self.create_publisher(Feedback, "bt_agents/feedback", LATCHED)
+        self.create_subscription(Scene, "bt_agents/scene/live", self._see, SENSOR)
 
     def _see(self, message: Scene) -> None:
         before = [value.value for value in message.values]

@@ -38,7 +38,9 @@ BENCHMARKS = {
     "rounds": "scene to first tick, bidding with many agents and hosts",
     "runs": "cancel, results of leaves, feedback, the full cycle",
     "ageing": "whether the thousandth goal and round is as quick as the first",
+    "floods": "how long a node is silent under a flood, and what stays in its memory",
     "footprint": "idle CPU, memory, discovery",
+    "studio": "the page in a browser: painted changes, frames, memory; what its process costs",
 }
 """Module → what it measures; its ``measure(effort)`` gives rows."""
 
@@ -163,6 +165,8 @@ def _end(process: Any) -> None:
 
 
 def _measure(name: str, short: bool, seed: int, sender: Connection) -> None:
+    # It is ignored in what a shell has started in the background.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     random = Random(seed)
     effort = Effort(random=random, **SHORT) if short else Effort(random=random)  # type: ignore[arg-type]
     try:

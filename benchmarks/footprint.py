@@ -25,12 +25,18 @@ from bare_idle import load, qos
 from bt_agents_interfaces.msg import HostCard
 from bt_agents_tools.launcher import components as system
 from bt_agents_tools.launcher.domain_lock import reserve_domain
-from bt_agents_tools.launcher.supervisor import Component, set_local_discovery
+from bt_agents_tools.launcher.supervisor import Component, set_discovery
 from measuring import Effort, Row, Way, in_turn
 from processes import HERE, Graph, Running, graphs, write_trees
 
 AGENTS = 30
 MANY = 1000
+
+_IDLE_LIMIT = 2.2
+"""Of all nodes in one process [% of a core]."""
+
+_MEMORY_LIMIT_MIB = 90.0
+"""Of the same, with its share of what it has with others [MiB]."""
 
 _WINDOW_S = 4.0
 _LISTEN_S = 2.0
@@ -38,8 +44,6 @@ _MATCH_S = 0.5
 _SETTLE_S = 1.0
 _ECHO = [sys.executable, str(HERE / "bare_echo.py")]
 _OWN = ("/rosout", "/parameter_events", "/clock")
-_CPU_CLOCK = 2
-"""In the id of the clock of another process: the time that it has computed."""
 
 NODES_20 = """
   sequence:
@@ -62,6 +66,7 @@ NODES_20 += "    - say: That is all."
 def measure(effort: Effort) -> Iterator[Row]:
     """Yield what each costs."""
     yield _idle(effort)
+    yield from _one_process(effort)
     yield from _memory(effort)
     yield from _joining(effort)
 
@@ -69,7 +74,7 @@ def measure(effort: Effort) -> Iterator[Row]:
 def _start(graph: Graph, trees: Path, *components: Component) -> list[Running]:
     """Start processes, the last of them a host; return when all its agents are in."""
     cards: list[Any] = []
-    listening = graph.probe.create_subscription(HostCard, "cards", cards.append, LATCHED)
+    listening = graph.probe.create_subscription(HostCard, "bt_agents/cards", cards.append, LATCHED)
     running = [graph.start(component) for component in components]
     agents = len(list((trees / "agents").iterdir()))
     graph.until_up()
@@ -93,13 +98,14 @@ def layout_of(
         listen_s: How long to count messages [s].
     """
     layouts = {name: _endpoints(node, name) for name in names}
+    publishers = [one for layout in layouts.values() for one in layout["publishers"]]
+    sharing = Counter(topic for topic, _, _ in publishers)
     heard: Counter[str] = Counter()
     listening = [
         node.create_subscription(
             load(type_name), topic, lambda _, topic=topic: heard.update([topic]), qos(policies)
         )
-        for layout in layouts.values()
-        for topic, type_name, policies in layout["publishers"]
+        for topic, type_name, policies in {one[0]: one for one in publishers}.values()
     ]
     rest(_MATCH_S)  # latched messages come first
     heard.clear()
@@ -108,8 +114,8 @@ def layout_of(
         node.destroy_subscription(one)
     for layout in layouts.values():
         layout["publishers"] = [
-            [*publisher, round(heard[publisher[0]] / listen_s)]
-            for publisher in layout["publishers"]
+            [topic, type_name, policies, round(heard[topic] / sharing[topic] / listen_s)]
+            for topic, type_name, policies in layout["publishers"]
         ]
     return layouts
 
@@ -173,10 +179,8 @@ def _idle(effort: Effort) -> Row:
         ours.until(lambda: {*names} <= {*known()}, "all nodes are in the graph")
         ours.rest(_MATCH_S)  # their endpoints come after them
         layout = layout_of(ours.probe, names, ours.rest, 0.5 if effort.is_short else _LISTEN_S)
-        assert {name for name, one in layout.items() if any(p[3] for p in one["publishers"])} == {
-            "marketplace",
-            "agents",
-        }, layout
+        beating = {name for name, one in layout.items() if any(p[3] for p in one["publishers"])}
+        assert {"marketplace", "agents"} <= beating, layout
         file = floor.folder / "layout.json"
         file.write_text(json.dumps(layout), encoding="utf-8")
         bare = [floor.bare("bare_idle.py", file, name) for name in names]
@@ -204,9 +208,46 @@ def _idle(effort: Effort) -> Row:
         )
 
 
+def _one_process(effort: Effort) -> Iterator[Row]:
+    """Yield what all nodes in one process cost, beside the limits for a small robot."""
+    with graphs() as make:
+        graph = make("together")
+        trees = write_trees(
+            graph.folder / "trees", {f"agent_{i:02d}": NODES_20 for i in range(AGENTS)}
+        )
+        parts = (
+            system.market(trees),
+            system.scene_layer(trees),
+            system.feedback(trees, str(graph.folder / "ledger.db")),
+            system.host(trees),
+        )
+        (running,) = _start(graph, trees, system.one_process(parts))
+        window_s = 0.3 if effort.is_short else _WINDOW_S
+        time.sleep(0.0 if effort.is_short else _SETTLE_S)
+        computed, memory = [], []
+        for _ in range(effort.repetitions):
+            before = running.cpu_s
+            time.sleep(window_s)
+            computed.append(100 * (running.cpu_s - before) / window_s)
+            memory.append(running.proportional_mib)
+        for what, values, unit, limit in (
+            ("idle", computed, "% of a core", _IDLE_LIMIT),
+            ("memory", memory, "MiB", _MEMORY_LIMIT_MIB),
+        ):
+            yield Row(
+                case=f"{what}, {AGENTS} agents, one process",
+                side="bt-agents",
+                values=values,
+                floor="the limit",
+                floor_values=[limit] * len(values),
+                unit=unit,
+                goal=1.0,
+            )
+
+
 def _cpu_s(running: Iterable[Running]) -> float:
     """Return how long processes have computed [s]."""
-    return sum(time.clock_gettime((~one.pid << 3) | _CPU_CLOCK) for one in running)
+    return sum(one.cpu_s for one in running)
 
 
 # Memory
@@ -300,7 +341,7 @@ def _environments() -> dict[str, dict[str, str]]:
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         environment["ROS_DOMAIN_ID"] = str(reserve_domain())
         if name == "ours":
-            set_local_discovery(environment)
+            set_discovery(environment)
         found[name] = environment
     return found
 

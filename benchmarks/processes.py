@@ -24,7 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from bare import executor
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_tools.launcher.domain_lock import reserve_domain
-from bt_agents_tools.launcher.supervisor import Component, set_local_discovery
+from bt_agents_tools.launcher.supervisor import Component, set_discovery
 
 HERE = Path(__file__).parent
 
@@ -33,6 +33,8 @@ LIMIT_S = 60.0
 
 _TURN_S = 0.05
 _END_S = 3.0
+_CPU_CLOCK = 2
+"""In the id of the clock of another process: the time that it has computed."""
 
 SKILLS = """\
 format: 1
@@ -68,7 +70,7 @@ class Running:
         with log.open("wb") as file:
             self._process = subprocess.Popen(
                 command,
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 env={
@@ -101,15 +103,38 @@ class Running:
         return self._is_up
 
     @property
+    def exit_code(self) -> int | None:
+        """The code with which it has ended; None while it lives."""
+        return self._process.poll()
+
+    @property
+    def cpu_s(self) -> float:
+        """How long it has computed [s]."""
+        return time.clock_gettime((~self.pid << 3) | _CPU_CLOCK)
+
+    @property
     def resident_mb(self) -> float:
         """Memory that it has in RAM [MB]."""
         statm = Path(f"/proc/{self.pid}/statm").read_text(encoding="ascii")
         return int(statm.split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
     @property
+    def proportional_mib(self) -> float:
+        """Memory that it has in RAM, and its share of what it has with others [MiB]."""
+        rollup = Path(f"/proc/{self.pid}/smaps_rollup").read_text(encoding="ascii")
+        (line,) = (line for line in rollup.splitlines() if line.startswith("Pss:"))
+        return int(line.split()[1]) / 1024
+
+    @property
     def said(self) -> str:
         """All that it has printed."""
         return self._log.read_text(errors="replace")
+
+    def tell(self, line: str) -> None:
+        """Write a line to its input."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{line}\n".encode())
+        self._process.stdin.flush()
 
     def hang(self) -> None:
         """Stop its time."""
@@ -123,6 +148,8 @@ class Running:
         """End it as a crash does; nothing when it has ended."""
         self._process.kill()
         self._process.wait()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
         if self._ready >= 0:
             os.close(self._ready)
             self._ready = -1
@@ -153,7 +180,7 @@ class Graph:
         self.name = name
         self.folder = Path(tempfile.mkdtemp(prefix=f"bt-agents-{name}-"))
         self._running: list[Running] = []
-        set_local_discovery(os.environ)  # the probe reads the same settings as the processes
+        set_discovery(os.environ)  # the probe reads the same settings as the processes
         domain = reserve_domain()
         self._environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
         self._context = Context()
@@ -176,15 +203,23 @@ class Graph:
         return node
 
     def start(self, component: Component, node: str = "") -> Running:
-        """Start a node of ours, under another name if one is given."""
+        """Start a node of ours, under another name if one is given, or several in one process."""
         name = node or component.name
-        return self._start(name, [*component.command(), "-r", f"__node:={name}"])
+        # Nodes that share a process would all get the name.
+        remapping = [] if component.parts else ["-r", f"__node:={name}"]
+        return self._start(name, [*component.command(), *remapping])
 
     def bare(self, program: str, *arguments: object) -> Running:
         """Start a program of this folder."""
         words = [str(argument) for argument in arguments]
         name = " ".join([program, *words])
         return self._start(name, [sys.executable, str(HERE / program), *words])
+
+    def command(self, program: str, *arguments: object) -> Running:
+        """Start a program that is installed with us."""
+        words = [str(argument) for argument in arguments]
+        path = str(Path(sys.executable).parent / program)
+        return self._start(" ".join([program, *words]), [path, *words])
 
     def _start(self, name: str, command: list[str]) -> Running:
         log = self.folder / f"{len(self._running)}.log"

@@ -12,7 +12,7 @@ from rclpy.action import ActionClient, ActionServer
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from std_msgs.msg import Empty
+from std_msgs.msg import Empty, Header
 
 from bare import EVENTS, LATCHED, SERVICES, spin
 from bt_agents_interfaces.action import RunAgent
@@ -44,14 +44,14 @@ class SceneAnalysis(Node):
     def __init__(self) -> None:
         super().__init__("scene_layer")
         self._number = 0
-        self._scene = self.create_publisher(Scene, "scene", EVENTS)
+        self._scene = self.create_publisher(Scene, "bt_agents/scene", EVENTS)
         self.create_subscription(Empty, "~/trigger", self._trigger, EVENTS)
 
     def _trigger(self, _message: Empty) -> None:
         self._number += 1
         self._scene.publish(
             Scene(
-                stamp=self.get_clock().now().to_msg(),
+                header=Header(stamp=self.get_clock().now().to_msg()),
                 scene_id=str(self._number),
                 person=True,
                 values=[SceneValue(name=name, value=3.0) for name in PARAMETERS],
@@ -68,12 +68,12 @@ class Marketplace(Node):
         self._scene = Scene()
         self._bids: dict[str, list[float]] = {}
         self._actions: dict[str, ActionClient] = {}
-        self._calls = self.create_publisher(CallForBids, "calls", EVENTS)
-        self._status = self.create_publisher(MarketStatus, "market", LATCHED)
+        self._calls = self.create_publisher(CallForBids, "bt_agents/calls", EVENTS)
+        self._status = self.create_publisher(MarketStatus, "bt_agents/market", LATCHED)
         self._collect = self.create_client(CollectFeedback, "feedback/collect", qos_profile=EVENTS)
         self.create_service(RegisterHost, "~/register", self._register, qos_profile=EVENTS)
-        self.create_subscription(Scene, "scene", self._announce, EVENTS)
-        self.create_subscription(Bids, "bids", self._take, EVENTS)
+        self.create_subscription(Scene, "bt_agents/scene", self._announce, EVENTS)
+        self.create_subscription(Bids, "bt_agents/bids", self._take, EVENTS)
         self._deadline = self.create_timer(DEADLINE_S, self._award, autostart=False)
 
     def _register(self, request: Any, response: Any) -> Any:
@@ -129,9 +129,9 @@ class Agent(Node):
         super().__init__(name)
         self._parameters = [age, 3.0, 3.0]
         self._revision = 0
-        self._bids = self.create_publisher(Bids, "bids", EVENTS)
-        self._card = self.create_publisher(HostCard, "cards", EVENTS)
-        self.create_subscription(CallForBids, "calls", self._bid, EVENTS)
+        self._bids = self.create_publisher(Bids, "bt_agents/bids", EVENTS)
+        self._card = self.create_publisher(HostCard, "bt_agents/cards", EVENTS)
+        self.create_subscription(CallForBids, "bt_agents/calls", self._bid, EVENTS)
         self.create_service(SetProfile, "~/set_profile", self._set, qos_profile=EVENTS)
         self._action = ActionServer(
             self, RunAgent, "~/run", execute_callback=self._run, result_timeout=2, **SERVICES

@@ -80,7 +80,7 @@ class System:
             names = (f"agent_{index}_{number:05d}" for number in range(count))
             trees.append(write_trees(graph.folder / str(index), dict.fromkeys(names, TREE)))
         market = components.market(trees[0])
-        parameters = {**market.parameters, "bid_deadline": deadline_s}
+        parameters = {**market.parameters, "bid_deadline": deadline_s, "host_lease": 5.0}
         graph.start(replace(market, parameters=parameters))
         if layer:
             graph.start(components.scene_layer(trees[0]))
@@ -96,10 +96,10 @@ class System:
         self._heard = [
             probe.create_subscription(kind, topic, seen.append, quality)
             for kind, topic, seen, quality in (
-                (CallForBids, "calls", self._calls, EVENTS),
+                (CallForBids, "bt_agents/calls", self._calls, EVENTS),
                 (TreeStatus, "agents0/status", self._ticks, EVENTS),
-                (SceneEnd, "scene_ends", self._ends, LATCHED),
-                (MarketStatus, "market", self._market, LATCHED),
+                (SceneEnd, "bt_agents/scene_ends", self._ends, LATCHED),
+                (MarketStatus, "bt_agents/market", self._market, LATCHED),
             )
         ]
         self._analyze = probe.create_client(Analyze, "scene_layer/analyze", qos_profile=EVENTS)
@@ -131,7 +131,7 @@ class System:
             lambda: answer.done() and self._ends and self._ticks, "a tree runs for the scene"
         )
         assert self._ends[0].code == "SUCCEEDED", self._ends
-        return seconds(self._ticks[0].stamp) - began
+        return seconds(self._ticks[0].header.stamp) - began
 
     def auction(self) -> Any:
         """Hold a round that gives nobody a run; return its outcome, of which no bid is lost."""
@@ -147,7 +147,7 @@ class System:
         """Hold a round; return the time from the call to the outcome [s]."""
         auction = self.auction()
         assert len(auction.ranking) == self.agents, (len(auction.ranking), auction.reason)
-        return seconds(auction.stamp) - seconds(self._calls[0].stamp)
+        return seconds(auction.header.stamp) - seconds(self._calls[0].header.stamp)
 
 
 class Bare:
@@ -166,9 +166,11 @@ class Bare:
         for part in parts:
             graph.bare("bare_round.py", part)
         probe = graph.probe
-        self._calls = probe.create_publisher(CallForBids, "calls", EVENTS)
+        self._calls = probe.create_publisher(CallForBids, "bt_agents/calls", EVENTS)
         probe.create_subscription(TreeStatus, "agents/status", self._ticks.append, EVENTS)
-        self._hears_bids = probe.create_subscription(Bids, "bids", self._bids.append, EVENTS)
+        self._hears_bids = probe.create_subscription(
+            Bids, "bt_agents/bids", self._bids.append, EVENTS
+        )
         self._analyze = probe.create_client(Analyze, "scene_layer/analyze", qos_profile=EVENTS)
         self._runs = ActionClient(
             probe, RunAgent, "agents/run", feedback_sub_qos_profile=EVENTS, **SERVICES
@@ -210,7 +212,7 @@ class Bare:
         began = time.time()
         answer = self._analyze.call_async(ANALYZE)
         self.graph.until(lambda: answer.done() and self._ticks, "a bare round")
-        return seconds(self._ticks[0].stamp) - began
+        return seconds(self._ticks[0].header.stamp) - began
 
     def round_trip(self) -> float:
         """Return the time from a call to the bids of a host, there and back by topics [s]."""
@@ -233,7 +235,7 @@ class SilentHost:
 
     def __init__(self, graph: Graph) -> None:
         self._beats = graph.probe.create_publisher(Heartbeat, "/silent/heartbeat", EVENTS)
-        graph.probe.create_publisher(Bids, "bids", EVENTS)
+        graph.probe.create_publisher(Bids, "bt_agents/bids", EVENTS)
         graph.probe.create_timer(0.1, self._beat)
         register = graph.probe.create_client(
             RegisterHost, "marketplace/register", qos_profile=EVENTS

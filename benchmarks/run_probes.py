@@ -56,7 +56,7 @@ class Market:
         self._round = 0
         self._agent = ""
         node = graph.probe
-        self._status = node.create_publisher(MarketStatus, "market", LATCHED)
+        self._status = node.create_publisher(MarketStatus, "bt_agents/market", LATCHED)
         self._heart = node.create_publisher(MarketHeartbeat, "marketplace/heartbeat", EVENTS)
         node.create_service(
             RegisterHost, "marketplace/register", self._register, qos_profile=EVENTS
@@ -141,10 +141,12 @@ def told(graph: Graph, tell: Callable[[], None], condition: Callable[[], Any]) -
     for _ in range(TRIES):
         began = time.time()
         tell()
-        while time.time() < began + TRY_S:
+        while True:
             graph.turn()
             if condition():
                 return began
+            if time.time() >= began + TRY_S:
+                break
     raise RuntimeError(f"{graph.name}: what was told {TRIES} times has no effect")
 
 
@@ -226,7 +228,7 @@ class Results:
         ]
 
     def _took(self, began: float, end: Callable[[], None]) -> float:
-        stamp = self._seen()[0].stamp
+        stamp = self._seen()[0].header.stamp
         end()
         return float(stamp.sec + stamp.nanosec * 1e-9 - began)
 
@@ -246,16 +248,16 @@ class Moods:
         node = graph.probe
         self._valence = node.create_publisher(Float64, "person/valence", SENSOR)
         self._person = node.create_publisher(Bool, "person/present", SENSOR)
-        self._feedback = Told(node, Feedback, "feedback", EVENTS)
-        self._live = Told(node, Scene, "scene/live", SENSOR)
+        self._feedback = Told(node, Feedback, "bt_agents/feedback", EVENTS)
+        self._live = Told(node, Scene, "bt_agents/scene/live", SENSOR)
         graph.until_matched(self._valence, self._feedback.subscription, self._live.subscription)
         if bare:
             return
         graph.until_matched(self._person)
-        self._runs = node.create_publisher(Run, "runs", LATCHED)
-        cards = node.create_publisher(HostCard, "cards", LATCHED)
+        self._runs = node.create_publisher(Run, "bt_agents/runs", LATCHED)
+        cards = node.create_publisher(HostCard, "bt_agents/cards", LATCHED)
         node.create_service(SetProfile, "agents/set_profile", self._set, qos_profile=EVENTS)
-        current = Told(node, Profiles, "profiles", LATCHED)
+        current = Told(node, Profiles, "bt_agents/profiles", LATCHED)
         graph.until_matched(self._runs, count=2)
         rule = MoodRule(when="mood.change >= 0.5", give=MoodRule.POSITIVE)
         card = AgentCard(
@@ -328,8 +330,8 @@ class Cycle:
         self._graph = graph
         node = graph.probe
         self._trigger = node.create_publisher(Empty, "scene_layer/trigger", EVENTS)
-        self._cards = Told(node, HostCard, "cards", EVENTS)
-        self._market = Told(node, MarketStatus, "market", LATCHED)
+        self._cards = Told(node, HostCard, "bt_agents/cards", EVENTS)
+        self._market = Told(node, MarketStatus, "bt_agents/market", LATCHED)
         graph.until_up()
         graph.until_matched(self._trigger, self._cards.subscription)
         graph.until(lambda: any(m.agents == agents for m, _ in self._market.heard), "registered")

@@ -12,6 +12,7 @@ from std_msgs.msg import String
 
 from bare import EVENTS
 from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.supervisor import Component
 from measuring import COLD, HOT, PAUSE_S, Effort, Row, Way, in_turn
 from processes import Graph, graphs, write_trees
 from run_probes import SETTLE_S, Cycle, Market, Moods, Results, Runs
@@ -190,8 +191,15 @@ def _mood(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
 
 
 def _cycle(effort: Effort, make: Callable[[str], Graph]) -> Iterator[Row]:
-    graphs_of = {"ours": make("cycle"), "plain": make("cycle-plain")}
-    _start_ours(graphs_of["ours"])
+    graphs_of = {
+        "ours": make("cycle"),
+        "together": make("cycle-together"),
+        "plain": make("cycle-plain"),
+    }
+    for component in _system(graphs_of["ours"]):
+        graphs_of["ours"].start(component)
+    together = graphs_of["together"]
+    together.start(components.one_process(_system(together)))
     if effort.is_short:
         graphs_of["plain"].bare("replica_paper.py", "plain", *ROLES)
     else:
@@ -206,6 +214,15 @@ def _cycle(effort: Effort, make: Callable[[str], Graph]) -> Iterator[Row]:
         found = in_turn(
             {side: median_of(partial(c.once, pause), number) for side, c in sides.items()}, effort
         )
+        yield Row(
+            case="trigger to the winner's new profile",
+            side="bt-agents, one process",
+            values=found["together"],
+            floor="bt-agents, 4 processes",
+            floor_values=found["ours"],
+            goal=0.45,
+            pace=pace,
+        )
         for floor, (words, goal) in REPLICAS.items():
             if floor in found:
                 yield Row(
@@ -219,15 +236,14 @@ def _cycle(effort: Effort, make: Callable[[str], Graph]) -> Iterator[Row]:
                 )
 
 
-def _start_ours(graph: Graph) -> None:
+def _system(graph: Graph) -> tuple[Component, ...]:
     names = [f"agent_{number}" for number in range(AGENTS)]
-    trees = write_trees(graph.folder / "trees", dict.fromkeys(names, "{check: scene.age >= 1}"))
+    trees = write_trees(graph.folder / "trees", dict.fromkeys(names, "{check: 2 > 1}"))
     told = graph.folder / "feedback.yaml"
     told.write_text(FEEDBACK, encoding="utf-8")
-    for component in (
+    return (
         components.scene_layer(trees),
         components.market(trees),
         components.host(trees),
         components.feedback(trees, str(graph.folder / "ledger.sqlite"), told),
-    ):
-        graph.start(component)
+    )

@@ -17,5 +17,6 @@ setup(
         ("share/bt_agents_core", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
 )

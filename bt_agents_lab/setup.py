@@ -11,12 +11,14 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents_lab", "bt_agents_lab.*"]),
-    package_data={"bt_agents_lab": ["py.typed", "experiments/*.yaml"]},
+    package_data={"bt_agents_lab": ["py.typed", "experiments/*.yaml", "foxglove/*.json"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents_lab"]),
         ("share/bt_agents_lab", ["package.xml"]),
+        ("share/bt_agents_lab/foxglove", ["bt_agents_lab/foxglove/bt_agents.json"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     entry_points={
         "bt_agents.commands": [

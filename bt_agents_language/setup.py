@@ -26,5 +26,6 @@ setup(
         ("share/bt_agents_language", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
 )

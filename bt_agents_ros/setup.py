@@ -17,5 +17,7 @@ setup(
         ("share/bt_agents_ros", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
+    entry_points={"console_scripts": ["one_process = bt_agents_ros.node_main:one_process"]},
 )

@@ -17,6 +17,7 @@ setup(
         ("share/bt_agents_studio", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     entry_points={
         "bt_agents.commands": [

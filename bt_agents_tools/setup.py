@@ -17,6 +17,7 @@ setup(
         ("share/bt_agents_tools", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     entry_points={
         "console_scripts": ["bt-agents = bt_agents_tools.cli:main"],

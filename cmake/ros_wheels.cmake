@@ -11,6 +11,7 @@ execute_process(
   OUTPUT_VARIABLE ros_wheels_prefix
   OUTPUT_STRIP_TRAILING_WHITESPACE
   COMMAND_ERROR_IS_FATAL ANY)
+set(ros_wheels_folder "${CMAKE_CURRENT_LIST_DIR}")
 set(ENV{AMENT_PREFIX_PATH} "${ros_wheels_prefix}")
 list(PREPEND CMAKE_PREFIX_PATH "${ros_wheels_prefix}")
 
@@ -18,6 +19,7 @@ list(PREPEND CMAKE_PREFIX_PATH "${ros_wheels_prefix}")
 macro(ros_wheels_find method package)
   find_package(${package} ${ARGN} BYPASS_PROVIDER)
   ros_wheels_drop_foreign_includes()
+  ros_wheels_parse_once()
 endmacro()
 
 function(ros_wheels_drop_foreign_includes)
@@ -30,6 +32,18 @@ function(ros_wheels_drop_foreign_includes)
     endif()
   endforeach()
 endfunction()
+
+# Each generator is a program that parses all interfaces, and takes long for it.
+macro(ros_wheels_parse_once)
+  foreach(name IN ITEMS
+      generator_c generator_cpp generator_py generator_type_description
+      typesupport_c typesupport_cpp typesupport_fastrtps_c typesupport_fastrtps_cpp
+      typesupport_introspection_c typesupport_introspection_cpp)
+    if(rosidl_${name}_BIN MATCHES "^[^;]+$")
+      list(PREPEND rosidl_${name}_BIN "${ros_wheels_folder}/parse_once.py")
+    endif()
+  endforeach()
+endmacro()
 
 cmake_language(SET_DEPENDENCY_PROVIDER ros_wheels_find SUPPORTED_METHODS FIND_PACKAGE)
 

@@ -17,6 +17,7 @@ setup(
         ("share/feedback_node", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     entry_points={"console_scripts": ["feedback = feedback_node:main"]},
 )

@@ -17,6 +17,7 @@ setup(
         ("share/scene_layer", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     entry_points={"console_scripts": ["scene_layer = scene_layer:main"]},
 )

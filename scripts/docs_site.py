@@ -3,31 +3,17 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
 import click
+from markdown_table import markdown_table
 
 ROOT = Path(__file__).parents[1]
-
-NODES = ("agents", "feedback", "journal", "marketplace", "robot", "scene_layer")
-"""Nodes whose parameters are listed."""
-
-OF_EVERY_NODE = ("start_type_description_service", "use_sim_time")
-"""Parameters that rclpy declares."""
-
-HANG_S = 120.0
-"""How long the nodes of a system may take to describe their parameters [s]."""
 
 
 def start_page() -> str:
@@ -96,7 +82,7 @@ def files_page() -> str:
             (f"`{page.key}`", page.where, page.expected, page.description)
             for page in key_pages(kind)
         ]
-        parts.append(_table(("key", "where", "expected", "means"), rows))
+        parts.append(markdown_table(("key", "where", "expected", "means"), rows))
     return _page(parts)
 
 
@@ -118,108 +104,6 @@ def interfaces_page() -> str:
     return _page(parts)
 
 
-def parameters_page() -> str:
-    """Return the page of all ROS parameters, as the nodes of a running system describe them."""
-    parts = [
-        "# Parameters",
-        "As the nodes describe them; `ros2 param describe /marketplace bid_deadline` says the "
-        "same. A host has [tunables](../tuning.md) of its agents besides, as `<agent>.<name>`. "
-        "How to set them: [the ROS graph](../ros.md#parameters).",
-    ]
-    with TemporaryDirectory() as folder, _system(Path(folder)):
-        for node, rows in _described_parameters():
-            parts += [f"## {node}", _table(("parameter", "default", "allowed", "means"), rows)]
-    return _page(parts)
-
-
-@contextmanager
-def _system(folder: Path) -> Iterator[None]:
-    """Run all nodes in a domain of their own."""
-    from bt_agents_tools.launcher.domain_lock import reserve_domain
-
-    os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
-    words = ("up", str(ROOT / "trees"), "--no-voice", "--journal", str(folder / "journal"))
-    process = subprocess.Popen(
-        [sys.executable, "-m", "bt_agents_tools.cli", *words],
-        env={**os.environ, "XDG_STATE_HOME": str(folder)},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-    )
-    try:
-        yield
-    finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(HANG_S)
-        finally:
-            process.kill()
-
-
-def _described_parameters() -> Iterator[tuple[str, list[tuple[str, ...]]]]:
-    import rclpy
-    from rclpy.parameter_client import AsyncParameterClient
-
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    probe = rclpy.create_node("documentation", context=context)
-    executor = rclpy.executors.SingleThreadedExecutor(context=context)
-    executor.add_node(probe)
-
-    def answer(future: Any) -> Any:
-        executor.spin_until_future_complete(future, HANG_S)
-        if not future.done():
-            raise TimeoutError("a node does not describe its parameters")
-        return future.result()
-
-    try:
-        for name in NODES:
-            client = AsyncParameterClient(probe, name)
-            if not client.wait_for_services(HANG_S):
-                raise TimeoutError(f"there is no node {name}")
-            names = sorted(
-                one
-                for one in answer(client.list_parameters()).result.names
-                if one.count(".") == 0 and one not in OF_EVERY_NODE
-            )
-            described = answer(client.describe_parameters(names)).descriptors
-            values = answer(client.get_parameters(names)).values
-            yield (
-                name,
-                [
-                    (f"`{one.name}`", _default(value), _allowed(one), one.description)
-                    for one, value in zip(described, values, strict=True)
-                ],
-            )
-    finally:
-        executor.shutdown()
-        probe.destroy_node()
-        context.shutdown()
-
-
-def _default(value: Any) -> str:
-    from rclpy.parameter import parameter_value_to_python
-
-    default = parameter_value_to_python(value)
-    is_path = isinstance(default, str) and "/" in default
-    return "" if default == "" or is_path else f"`{json.dumps(default)}`"
-
-
-def _allowed(descriptor: Any) -> str:
-    if descriptor.additional_constraints:
-        return str(descriptor.additional_constraints)
-    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
-    return ", ".join(f"{one.from_value:g} to {one.to_value:g}" for one in ranges)
-
-
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [heads, ["---"] * len(heads), *rows]
-    return "\n".join(f"| {' | '.join(map(_cell, line))} |" for line in lines)
-
-
-def _cell(text: str) -> str:
-    return " ".join(text.replace("|", "\\|").split())
-
-
 def _page(parts: Iterable[str]) -> str:
     return "\n\n".join(parts) + "\n"
 
@@ -230,7 +114,6 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "reference/commands.md": commands_page,
     "reference/files.md": files_page,
     "reference/interfaces.md": interfaces_page,
-    "reference/parameters.md": parameters_page,
 }
 """Page of the site → what makes it."""
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The files of this repository that are made from tables of the code, for scripts/generate."""
+"""The files of this repository that are made from the code, for scripts/generate."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from patterns_page import patterns_page
 from protocol_types import protocol_types
+from ros_reference import ros_reference
 
 from bt_agents_groot.catalogue import with_table
 from bt_agents_language.nodes.symbols import SymbolTable
@@ -44,6 +45,9 @@ GENERATED: Mapping[str, Callable[[], str]] = {
 }
 """File → what stands in it."""
 
+OF_NODES: Mapping[str, Callable[[], str]] = {"docs/ros_reference.md": ros_reference}
+"""The same, for what real nodes are asked for."""
+
 
 def main() -> None:
     """Write all files, or compare them with ``--check``; exit code 1 when one is outdated."""
@@ -51,7 +55,7 @@ def main() -> None:
     if sys.argv[1:] and not check:
         sys.exit("usage: scripts/generate [--check]")
     outdated = []
-    for name, made in GENERATED.items():
+    for name, made in {**GENERATED, **OF_NODES}.items():
         file = ROOT / name
         text = made()
         if file.exists() and file.read_text(encoding="utf-8") == text:

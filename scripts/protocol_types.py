@@ -10,7 +10,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any, Union
 
 from bt_agents_studio import protocol, records
-from bt_agents_studio.operations import OPERATIONS
+from bt_agents_studio.operations import OPERATIONS, OWN_OPERATIONS
 
 _PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
 _REQUEST = {
@@ -46,6 +46,9 @@ def protocol_types() -> str:
     for name, operation in OPERATIONS.items():
         described = "; ".join(_request_fields(operation.service, operation.fields))
         parts.append(f"  {name}: {{ {described} }};\n")
+    for name, described_fields in OWN_OPERATIONS.items():
+        described = "; ".join(_request_fields("", described_fields.fields))
+        parts.append(f"  {name}: {{ {described} }};\n")
     parts.append("}\n")
     return "".join(parts)
 
@@ -79,9 +82,7 @@ def _type(hint: Any) -> str:
     raise TypeError(f"no TypeScript type for {hint}")
 
 
-def _request_fields(
-    service: str, described: Mapping[str, str | Mapping[str, int]]
-) -> Iterator[str]:
+def _request_fields(service: str, described: Mapping[str, Any]) -> Iterator[str]:
     if "{host}" in service:
         yield "host: string"
     for name, kind in described.items():

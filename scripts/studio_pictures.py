@@ -9,7 +9,7 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 FOLDER = Path(__file__).parents[1] / "docs" / "studio"
-PAGES = ("live", "market", "tune", "world", "system")
+PAGES = ("live", "person", "market", "tune", "world", "system")
 SETTLE_MS = 1000
 
 

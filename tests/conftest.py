@@ -1,35 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds for all tests: a private ROS domain on this machine only, and who runs what."""
+"""What holds for all tests: a private ROS domain, laws without a clock, and who runs what."""
 
 from __future__ import annotations
 
+import gc
 import os
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from bt_agents_tools.launcher.domain_lock import reserve_domain
-from bt_agents_tools.launcher.supervisor import set_local_discovery
+from bt_agents_tools.launcher.supervisor import set_discovery
 
 # Child processes inherit the domain.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
-set_local_discovery(os.environ)
+set_discovery(os.environ)
+
+# A law holds on a busy machine, too.
+settings.register_profile(
+    "untimed",
+    settings.get_profile(settings.get_current_profile_name()),
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("untimed")
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Have one worker run all tests of packaging, which share a build; the largest group is first.
-
-    The mark ``xdist_group`` would say so too, but does nothing from pytest 9.2 on.
-    """
+    """Keep tests of processes apart from those that compute."""
     if config.getvalue("dist") != "load":
         return None
-    from xdist.scheduler import LoadScopeScheduling
+    from scheduling import Scheduling
 
-    class PackagingTogether(LoadScopeScheduling):
-        def _split_scope(self, nodeid: str) -> str:
-            together = "tests/packaging/"
-            return together if nodeid.startswith(together) else nodeid
+    return Scheduling(config, log)
 
-    return PackagingTogether(config, log)
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Any:
+    """Spare the garbage collector what stays until the end: the tests and what they import."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.collect()
+        gc.freeze()

@@ -16,6 +16,9 @@ BUTTON = "button"
 MOOD_RULE = "mood rule"
 """Source of feedback that a mood rule of the agent gives."""
 
+FLEET = "fleet"
+"""Source of the steps that other robots of the fleet have made."""
+
 WEIGHTS: Mapping[str, float] = {BUTTON: 1.0, MOOD_RULE: 0.5}
 """How much the sources count that an agent's file does not weigh; all others count 1."""
 
@@ -27,6 +30,14 @@ class FeedbackKind(IntEnum):
     POSITIVE = 1
     NEGATIVE = 2
     SET = 3
+
+
+class Share(StrEnum):
+    """What of an agent's learning the robots of a fleet share."""
+
+    EVERYTHING = "everything"
+    PLACE = "place"
+    NOTHING = "nothing"
 
 
 class Update(StrEnum):
@@ -55,6 +66,7 @@ class LearningRule:
         weights: What the rate is multiplied by for feedback of a source, 0 or more.
         layers: What the agent learns apart: ``person``, ``place``.
         general: How much of what a layer learns the profile for everybody learns, too, 0..1.
+        share: What the robots of a fleet learn together: all but persons, places, or nothing.
     """
 
     rates: Mapping[str, float] = field(default_factory=dict)
@@ -67,6 +79,7 @@ class LearningRule:
     weights: Mapping[str, float] = field(default_factory=dict)
     layers: tuple[str, ...] = ()
     general: float = 1.0
+    share: Share = Share.NOTHING
 
     def weight(self, source: str) -> float:
         """Return the weight of feedback from a source."""

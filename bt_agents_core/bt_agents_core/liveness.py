@@ -6,6 +6,9 @@ from __future__ import annotations
 STALL_S = 0.5
 """A process in which nobody had a turn for longer than this has stalled [s]."""
 
+SLOW_NETWORK = "slow_network"
+"""ROS parameter of market, hosts and robot: how much longer than by cable they wait."""
+
 
 def extended_after_stall(last_seen: float, lease_s: float, since: float, now: float) -> float:
     """Return the last sign of life of a peer, extended as this process has not listened since.

@@ -115,9 +115,11 @@ class SceneParameter:
         return value if math.isnan(value) else min(max(value, self.minimum), self.maximum)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SceneValue:
     """One value of a scene; ``value`` is NaN exactly when ``origin`` is ``MISSING``.
+
+    Two that are missing are equal, though two NaNs are not.
 
     Attributes:
         value: In the unit of the parameter.
@@ -140,6 +142,22 @@ class SceneValue:
     def observed(self) -> bool:
         """True for a measured, given or told value, which is neither estimated nor assumed."""
         return self.origin in (Origin.MEASURED, Origin.GIVEN, Origin.TOLD)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SceneValue) and self._comparable == other._comparable
+
+    def __hash__(self) -> int:
+        return hash(self._comparable)
+
+    @property
+    def _comparable(self) -> tuple[object, ...]:
+        numbers = (self.value, self.age_s, self.std, self.confidence)
+        return (
+            self.name,
+            self.origin,
+            self.source,
+            *(None if math.isnan(number) else number for number in numbers),
+        )
 
     @classmethod
     def missing(cls, name: str) -> SceneValue:

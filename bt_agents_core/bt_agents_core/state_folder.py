@@ -23,6 +23,12 @@ from bt_agents_core.trees_folder import is_installed, is_trees
 ID_FILE = ".bt-agents-id"
 """File of a trees folder with its id."""
 
+STUDIO_ADDRESSES = "studio.json"
+"""File of a state folder with the addresses of the studio of the running system, by role."""
+
+FLEET_SETTINGS = "fleet.json"
+"""File of a state folder with the fleet that its robot has joined."""
+
 _OWNER_FILE = "trees-folder"
 """File of a state folder with the path of its trees folder."""
 

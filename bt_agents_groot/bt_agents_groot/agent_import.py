@@ -189,13 +189,13 @@ class _Import:
         mentions = self._mentions(tree_id)
         shared = any(map(remaps_all, callers))
         passed = [ports_of_call(call) for call in callers]
-        given = set(mentions) if shared else {port for ports in passed for port in ports}
+        given = set(mentions) if shared else set().union(*passed)
         names = TreeNames(mentions, given)
         tree = self._tree(tree_id, names)
         used = {
-            names.rename(port)
+            names.rename(name)
             for ports in passed
-            for port, text in ports.items()
+            for name, text in ports.items()
             if pointed_at(text) is not None
         }
         outputs = tuple(

@@ -7,44 +7,33 @@ import re
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 
-from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.health import PartHealth
 from bt_agents_core.state_folder import state_home
-from bt_agents_interfaces.msg import (
-    AgentFiles,
-    Auction,
-    Bids,
-    CallForBids,
-    Feedback,
-    HostCard,
-    MarketStatus,
-    MoodTrace,
-    Persons,
-    Profiles,
-    Run,
-    RunRecord,
-    Scene,
-    SceneEnd,
-    Trees,
-    TreeStatus,
-    Tunables,
-    Tunings,
-)
+from bt_agents_core.text import printable
+from bt_agents_interfaces.msg import Bookmark, HostCard, RecordingStatus
+from bt_agents_interfaces.srv import Record
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder
 from bt_agents_lab.recorder.file import RecordedMessage, RecordedTopic, definition
+from bt_agents_lab.recorder.health import recording_health
+from bt_agents_lab.recorder.recording_control import MarkedMoment, RecordingControl, RecordingState
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
+from bt_agents_ros.health_publisher import HealthPublisher
+from bt_agents_ros.messages import header_at, to_time
 from bt_agents_ros.parameters import StartParameter, declare, describe, make_from_parameters
 from bt_agents_ros.spinner import run
+from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
 from bt_agents_ros.timers import steady_timer
-from bt_agents_ros.types import prefixes
+from bt_agents_ros.types import load_type, prefixes
 
 FLUSH_S = 1.0
 """Longest time that a message waits in memory [s]."""
@@ -52,43 +41,15 @@ FLUSH_S = 1.0
 MOST_HOSTS = 100
 """Hosts that are recorded, at most."""
 
-_PACKAGE = "bt_agents_interfaces"
+_EVENTS = ("bt_agents/scene", "bt_agents/scene/persons")
+"""Latched topics of which each message is one of its own, and holds for no later file."""
+
+MOST_REPORTING = 200
+"""Nodes and devices whose health is recorded, at most."""
+
+_CARDS = topic_called("bt_agents/cards")
+_DIAGNOSTICS = topic_called("/diagnostics")
 _MESSAGE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Source:
-    """A topic that is recorded; a fact holds until the next message of its topic."""
-
-    name: str
-    kind: Any
-    profile: QoSProfile
-    fact: bool = False
-
-
-_SYSTEM = (
-    _Source(name="scene", kind=Scene, profile=qos.FACTS),
-    _Source(name="scene/live", kind=Scene, profile=qos.SENSOR),
-    _Source(name="scene/persons", kind=Persons, profile=qos.FACTS),
-    _Source(name="calls", kind=CallForBids, profile=qos.EVENTS),
-    _Source(name="bids", kind=Bids, profile=qos.EVENTS),
-    _Source(name="auctions", kind=Auction, profile=qos.FACTS),
-    _Source(name="runs", kind=Run, profile=qos.FACTS),
-    _Source(name="scene_ends", kind=SceneEnd, profile=qos.FACTS),
-    _Source(name="market", kind=MarketStatus, profile=qos.FACTS, fact=True),
-    _Source(name="feedback", kind=Feedback, profile=qos.FACTS),
-    _Source(name="profiles", kind=Profiles, profile=qos.FACTS, fact=True),
-    _Source(name="mood_traces", kind=MoodTrace, profile=qos.FACTS),
-)
-
-_HOST = (
-    _Source(name="files", kind=AgentFiles, profile=qos.FACTS, fact=True),
-    _Source(name="trees", kind=Trees, profile=qos.FACTS, fact=True),
-    _Source(name="tunables", kind=Tunables, profile=qos.FACTS, fact=True),
-    _Source(name="tunings", kind=Tunings, profile=qos.FACTS, fact=True),
-    _Source(name="status", kind=TreeStatus, profile=qos.EVENTS),
-    _Source(name="records", kind=RunRecord, profile=qos.EVENTS),
-)
 
 
 class JournalNode(BaseNode):
@@ -118,11 +79,33 @@ class JournalNode(BaseNode):
         except BtAgentsError:
             self.destroy_node()
             raise
-        for source in _SYSTEM:
-            self._subscribe(source, source.name)
-        self._topic_of_cards = self._topic(HostCard, "cards")
-        self.create_subscription(HostCard, "cards", self._handle_card, qos.FACTS, raw=True)
-        steady_timer(self, FLUSH_S, lambda: self.journal.flush(time.time_ns()))
+        self._folder = folder
+        self._topic_of_status = self._topic(topic_called("journal/status"), "~/status")
+        self._topic_of_bookmarks = self._topic(
+            topic_called("bt_agents/bookmarks"), "bt_agents/bookmarks"
+        )
+        self._status = self.create_publisher(RecordingStatus, "~/status", qos.FACT)
+        self._bookmarks = self.create_publisher(Bookmark, "bt_agents/bookmarks", qos.FACTS)
+        self._health = HealthPublisher(self, self._judge)
+        self._control = RecordingControl(self.journal, self, time.time_ns)
+        self.create_service(Record, "~/record", self._on_record, qos_profile=qos.SERVICE)
+        for heard in heard_by("journal"):
+            if HOST not in heard.name and heard not in (_CARDS, _DIAGNOSTICS):
+                self._subscribe(heard, heard.name)
+        self._topic_of_cards = self._topic(_CARDS, _CARDS.name)
+        self.create_subscription(
+            HostCard, _CARDS.name, self._handle_card, qos.listening(_CARDS), raw=True
+        )
+        self._reported: dict[str, tuple[tuple[str, bytes, str], ...]] = {}
+        self._topic_of_diagnostics = self._topic(_DIAGNOSTICS, _DIAGNOSTICS.name)
+        self.create_subscription(
+            DiagnosticArray,
+            _DIAGNOSTICS.name,
+            self._handle_diagnostics,
+            qos.listening(_DIAGNOSTICS),
+            raw=True,
+        )
+        steady_timer(self, FLUSH_S, self._flush)
         self.get_logger().info(f"the journal is {self.journal.path}")
 
     def destroy_node(self) -> None:
@@ -130,14 +113,88 @@ class JournalNode(BaseNode):
             self.journal.close()
         super().destroy_node()
 
-    def _subscribe(self, source: _Source, name: str) -> None:
-        topic = self._topic(source.kind, name)
-        fact = topic.name if source.fact else ""
+    def on_state(self, state: RecordingState) -> None:
+        """Publish the state of the recording, and record it while there is one."""
+        message = RecordingStatus(
+            header=header_at(to_time(state.since_ns * 1e-9)),
+            recording=state.is_recording,
+            folder=str(self._folder),
+            file=state.file,
+            label=state.label,
+            notes=state.notes,
+            author=state.author,
+            bookmarks=state.bookmarks,
+        )
+        self._status.publish(message)
+        fact = self._topic_of_status.name
+        if state.is_recording:
+            self._record_own(self._topic_of_status, message, fact=fact)
+        else:
+            self.journal.forget(fact)
+
+    def on_bookmark(self, moment: MarkedMoment) -> None:
+        """Publish and record a bookmark."""
+        message = Bookmark(
+            header=header_at(to_time(moment.at_ns * 1e-9)),
+            author=moment.author,
+            label=moment.label,
+            notes=moment.notes,
+        )
+        self._bookmarks.publish(message)
+        self._record_own(self._topic_of_bookmarks, message)
+
+    def _record_own(self, topic: RecordedTopic, message: Any, fact: str = "") -> None:
+        now_ns = time.time_ns()
+        recorded = RecordedMessage(
+            topic=topic, data=serialize_message(message), sent_ns=now_ns, received_ns=now_ns
+        )
+        self.journal.record(recorded, fact=fact)
+
+    def _on_record(self, request: Record.Request, response: Record.Response) -> Record.Response:
+        told = {"label": request.label, "notes": request.notes, "author": request.author}
+        try:
+            match request.action:
+                case Record.Request.START:
+                    response.message = self._control.start(**told)
+                case Record.Request.STOP:
+                    response.message = self._control.stop()
+                case Record.Request.BOOKMARK:
+                    response.message = self._control.mark(**told)
+                case other:
+                    raise Refused("BAD_ACTION", f"the action is {other}, expected 0, 1 or 2")
+        except Refused as refused:
+            response.code, response.message = refused.code, refused.reason
+        else:
+            response.accepted = True
+            self.get_logger().info(printable(response.message))
+        response.file = self._control.state.file
+        return response
+
+    def _flush(self) -> None:
+        self.journal.flush(time.time_ns())
+        self._control.check_file()
+        self._health.update()
+
+    def _judge(self) -> tuple[PartHealth, ...]:
+        journal = self.journal
+        return (
+            recording_health(
+                is_recording=journal.is_recording,
+                file=journal.path.name,
+                trouble=journal.trouble,
+                dropped=journal.dropped,
+            ),
+        )
+
+    def _subscribe(self, heard: SystemTopic, name: str) -> None:
+        topic = self._topic(heard, name)
+        fact = topic.name if heard.profile == "FACT" and heard.name not in _EVENTS else ""
 
         def handle(data: bytes, info: Mapping[str, Any]) -> None:
             self.journal.record(_received(topic, data, info), fact=fact)
 
-        self.create_subscription(source.kind, name, handle, source.profile, raw=True)
+        profile = qos.listening(heard)
+        self.create_subscription(load_type(heard.type), name, handle, profile, raw=True)
 
     def _handle_card(self, data: bytes, info: Mapping[str, Any]) -> None:
         """Record the card of a host, and its other topics from then on."""
@@ -151,19 +208,32 @@ class JournalNode(BaseNode):
                 )
                 return
             self._hosts.add(host)
-            for source in _HOST:
-                self._subscribe(source, f"{host}/{source.name}")
+            for heard in heard_by("journal"):
+                if HOST in heard.name:
+                    self._subscribe(heard, heard.name.replace(HOST, host))
         topic = self._topic_of_cards
         self.journal.record(_received(topic, data, info), fact=f"{topic.name} {host}")
 
-    def _topic(self, kind: Any, name: str) -> RecordedTopic:
-        type_name = f"{_PACKAGE}/msg/{kind.__name__}"
-        if type_name not in self._definitions:
-            self._definitions[type_name] = definition(type_name, definition_text)
+    def _handle_diagnostics(self, data: bytes, info: Mapping[str, Any]) -> None:
+        """Record the health of a node when it changes; it is published each second."""
+        statuses = deserialize_message(data, DiagnosticArray).status
+        node = str(statuses[0].hardware_id or statuses[0].name) if statuses else ""
+        reported = tuple((one.name, one.level, one.message) for one in statuses)
+        before = self._reported.get(node, ())
+        if reported == before or (not before and len(self._reported) >= MOST_REPORTING):
+            return
+        self._reported[node] = reported
+        topic = self._topic_of_diagnostics
+        self.journal.record(_received(topic, data, info), fact=f"{topic.name} {node}")
+
+    def _topic(self, topic: SystemTopic, name: str) -> RecordedTopic:
+        if topic.type not in self._definitions:
+            self._definitions[topic.type] = definition(topic.type, definition_text)
         return RecordedTopic(
             name=self.resolve_topic_name(name),
-            type=type_name,
-            definition=self._definitions[type_name],
+            type=topic.type,
+            definition=self._definitions[topic.type],
+            qos=_offered(qos.listening(topic)),
         )
 
     def _report(self, text: str, is_error: bool) -> None:
@@ -183,6 +253,22 @@ def definition_text(type_name: str) -> str | None:
         except (OSError, UnicodeDecodeError):
             continue
     return None
+
+
+def _offered(profile: QoSProfile) -> str:
+    """Return a profile as ``ros2 bag`` of every version reads it: numbers of rmw, in YAML."""
+    infinite = "{sec: 9223372036, nsec: 854775807}"
+    return (
+        f"- history: {int(profile.history)}\n"
+        f"  depth: {profile.depth}\n"
+        f"  reliability: {int(profile.reliability)}\n"
+        f"  durability: {int(profile.durability)}\n"
+        f"  deadline: {infinite}\n"
+        f"  lifespan: {infinite}\n"
+        "  liveliness: 1\n"
+        f"  liveliness_lease_duration: {infinite}\n"
+        "  avoid_ros_namespace_conventions: false\n"
+    )
 
 
 def _received(topic: RecordedTopic, data: bytes, info: Mapping[str, Any]) -> RecordedMessage:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Vector, finite_or_none
-from marketplace_node.round.decision import AuctionOutcome
+from marketplace_node.outcomes import AuctionOutcome
 
 if TYPE_CHECKING:
     from feedback_node.learning.changes import ProfileChange
@@ -100,7 +100,7 @@ def rows_of_auction(auction: Any) -> Iterator[ResultRow]:
         {
             "epoch": auction.epoch,
             "round": auction.round,
-            "time_s": _seconds(auction.stamp),
+            "time_s": _seconds(auction.header.stamp),
             "scene_id": auction.scene.scene_id,
             "scene": auction.scene.label,
             "strategy": auction.strategy,
@@ -190,7 +190,7 @@ def row_of_feedback(feedback: Any, wrong: bool | None = None) -> ResultRow:
         "row": "feedback",
         "epoch": feedback.epoch or None,
         "round": feedback.round or None,
-        "time_s": _seconds(feedback.stamp),
+        "time_s": _seconds(feedback.header.stamp),
         "agent": feedback.agent,
         "kind": FeedbackKind(feedback.kind).name.lower(),
         "source": feedback.source,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from enum import IntEnum
 
 from bt_agents_core.choices import counted_answer
 from bt_agents_core.errors import Refused
@@ -35,18 +36,37 @@ UNREACHABLE = "nowhere"
 """The place that nobody can drive to, for rehearsing a failure."""
 
 
+class ActKind(IntEnum):
+    """Kind of an act; the numbers are those of ``RobotAct.msg``."""
+
+    SAY = 1
+    ASK = 2
+    SHOW = 3
+    DRIVE = 4
+
+
 class Act:
     """One act; its times are steady times [s].
 
     Attributes:
+        kind: What the robot does.
+        text: What it says, asks or shows, or where it drives.
         line: One line for people, for example ``says: Hello``.
         uses_mouth: Whether it has to wait until no other act speaks.
+        clip: Name of the clip that it shows; empty for none.
+        choices: Answers that count; none means any.
+        rate: Speed of its speech relative to normal.
         begun_at: None while it waits.
     """
 
+    kind: ActKind
     uses_mouth = False
+    clip = ""
+    choices: tuple[str, ...] = ()
+    rate = 1.0
 
-    def __init__(self, line: str, duration_s: float) -> None:
+    def __init__(self, text: str, line: str, duration_s: float) -> None:
+        self.text = text
         self.line = " ".join(line.split())
         self.duration_s = duration_s
         self.begun_at: float | None = None
@@ -73,6 +93,11 @@ class Act:
         """Return whether it holds the mouth."""
         return False
 
+    @property
+    def is_waiting(self) -> bool:
+        """True while it has nothing left to do but wait for a person."""
+        return False
+
     def stop(self) -> None:
         """End it early."""
 
@@ -84,23 +109,22 @@ class Say(Act):
         Refused: The text or the rate cannot be used.
     """
 
+    kind = ActKind.SAY
     uses_mouth = True
 
     def __init__(
         self, text: str, rate: float, *, pace: float, voice: Voice | None, verb: str = "says"
     ) -> None:
-        self._text = check_text(text, "text")
-        self._rate, self._pace, self._voice = check_rate(rate), pace, voice
+        text = check_text(text, "text")
+        self.rate, self._pace, self._voice = check_rate(rate), pace, voice
         self._process: Process | None = None
         self._spoken = False
-        super().__init__(
-            f"{verb}: {self._text}", speaking_time(self._text, self._rate, self._pace)
-        )
+        super().__init__(text, f"{verb}: {text}", speaking_time(text, self.rate, pace))
 
     def begin(self, now: float) -> None:
         super().begin(now)
         if self._voice is not None:
-            self._process = self._voice.say(self._text, self._rate, self._pace)
+            self._process = self._voice.say(self.text, self.rate, self._pace)
 
     def is_speaking(self, now: float) -> bool:
         """Return whether the voice goes on, for at most twice the expected time."""
@@ -141,11 +165,12 @@ class Ask(Say):
         Refused: The question or the waiting time cannot be used.
     """
 
+    kind = ActKind.ASK
+
     def __init__(
         self, text: str, choices: Sequence[str], wait_s: float, *, pace: float, voice: Voice | None
     ) -> None:
-        super().__init__(text, 1.0, pace=pace, voice=voice, verb="asks")
-        self.question = check_text(text, "question")
+        super().__init__(check_text(text, "question"), 1.0, pace=pace, voice=voice, verb="asks")
         self.answer = ""
         self.choices = tuple(choice for choice in choices if choice.strip())
         if choices and not self.choices:
@@ -159,6 +184,10 @@ class Ask(Say):
             self._waiting_since = now
             return True
         return False
+
+    @property
+    def is_waiting(self) -> bool:
+        return self._waiting_since is not None and not self.answer
 
     def receive(self, answer: str) -> bool:
         """Receive the text of a person; return whether it counts as an answer."""
@@ -186,12 +215,17 @@ class Show(Act):
         Refused: There is nothing to show, or the duration cannot be used.
     """
 
+    kind = ActKind.SHOW
+
     def __init__(self, clip: str, text: str, duration_s: float, *, pace: float) -> None:
         parts = [part for part in (clip.strip(), text.strip()) if part]
         shown = check_text(": ".join(parts), "what to show (clip and text)")
-        needed = CLIP_S if clip.strip() else speaking_time(shown, 1.0, 1.0)
+        self.clip = clip.strip()
+        needed = CLIP_S if self.clip else speaking_time(shown, 1.0, 1.0)
         super().__init__(
-            f"shows: {shown}", check_duration(duration_s, "duration_s", needed) / pace
+            text.strip(),
+            f"shows: {shown}",
+            check_duration(duration_s, "duration_s", needed) / pace,
         )
 
 
@@ -202,12 +236,14 @@ class Drive(Act):
         Refused: There is no place, or no way to it.
     """
 
+    kind = ActKind.DRIVE
+
     def __init__(self, destination: str, *, pace: float) -> None:
-        self.destination = check_text(destination, "destination")
-        if self.destination.casefold() == UNREACHABLE:
-            raise Refused("UNREACHABLE", f"there is no way to '{self.destination}'")
-        self.distance = DISTANCES.get(self.destination.casefold(), OTHER_DISTANCE)
-        super().__init__(f"drives to: {self.destination}", self.distance / SPEED / pace)
+        place = check_text(destination, "destination")
+        if place.casefold() == UNREACHABLE:
+            raise Refused("UNREACHABLE", f"there is no way to '{place}'")
+        self.distance = DISTANCES.get(place.casefold(), OTHER_DISTANCE)
+        super().__init__(place, f"drives to: {place}", self.distance / SPEED / pace)
 
     def driven(self, now: float) -> float:
         """Return the distance that is driven [m]."""

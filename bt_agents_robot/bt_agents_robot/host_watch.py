@@ -65,7 +65,7 @@ class HostWatch:
             known.heard_at = now
 
     def lost(self, now: float) -> dict[bytes, str]:
-        """Return the goals whose host is gone, with the reason; polled ten times a second."""
+        """Return the goals whose host is gone, with the reason; polled with each heartbeat."""
         if now - self._polled_at > STALL_S:
             # The robot itself was held up; what its hosts have sent still waits to be read.
             for host in self._hosts.values():

@@ -15,22 +15,35 @@ from rclpy.task import Future
 from std_msgs.msg import Empty, String
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import LONGEST_NAME
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.text import printable
 from bt_agents_interfaces.action import Ask as AskAction
 from bt_agents_interfaces.action import Drive as DriveAction
 from bt_agents_interfaces.action import Say as SayAction
 from bt_agents_interfaces.action import Show as ShowAction
-from bt_agents_interfaces.msg import Heartbeat, OpenGoals, OpenQuestion, OpenQuestions
+from bt_agents_interfaces.msg import (
+    Heartbeat,
+    MarketStatus,
+    OpenGoals,
+    OpenQuestion,
+    OpenQuestions,
+    RobotAct,
+    RobotState,
+)
 from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.acts import Act, Ask, Drive, Say, Show
 from bt_agents_robot.host_watch import HostWatch
+from bt_agents_robot.run_fence import RunFence
 from bt_agents_robot.speech import Voice, check_text
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.goal_cancellation import open_goals_from_msg
-from bt_agents_ros.parameters import declare, declare_and_watch, describe
+from bt_agents_ros.parameters import declare, declare_and_watch, declare_slow_network, describe
 from bt_agents_ros.spinner import run
-from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
+from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
+from bt_agents_ros.workarounds.sender_identity import SenderRates, create_identified_subscription
 
 COLOURS = ("off", "white", "green", "yellow", "blue", "red")
 
@@ -43,26 +56,27 @@ MOST_WAITING = 5
 RESULT_TIMEOUT_S = 5
 """Time for which results are stored [s]; the rclpy default of 900 s slows every further goal."""
 
-_HEARTBEAT_S = 0.1
 _SLOWEST_TICK_S, _FASTEST_TICK_S = 0.02, 0.005
 _FEEDBACK_STEP = 0.1
 
 
 @dataclass(eq=False)
 class _Performed:
-    """Act of a goal; ``begun`` is the stamp of its beginning."""
+    """Act of a goal; ``begun`` is the stamp of its beginning, ``number`` its place among all."""
 
     act: Act
     goal: Any
     done: Future
     reported: float = 0.0
     begun: Any = None
+    number: int = 0
 
 
 class RobotNode(BaseNode):
     """The simulated robot; a given voice takes the place of the parameter ``voice``.
 
-    What a host has sent ends when that host falls silent.
+    What a host has sent ends when that host falls silent. What belongs to a run from which the
+    market has gone on is refused: it was held up on its way.
     """
 
     def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
@@ -90,11 +104,17 @@ class RobotNode(BaseNode):
         )
         self._asked = OpenQuestions()
         self._open_questions.publish(self._asked)
+        self._states = self.create_publisher(RobotState, "robot/state", qos.FACT)
+        self._state = RobotState(light="off")
+        self._begun_acts = 0
+        self._publish_state()
         self._heartbeat = self.create_publisher(Empty, "robot/heartbeat", qos.SENSOR)
         self._watch = HostWatch(self._declare_host_lease(), time.monotonic())
         self._heartbeats: dict[str, Subscription[Heartbeat]] = {}
-        self.create_subscription(OpenGoals, "open_goals", self._on_open_goals, qos.FACTS)
-        steady_timer(self, _HEARTBEAT_S, self._beat)
+        self.create_subscription(OpenGoals, "bt_agents/open_goals", self._on_open_goals, qos.FACTS)
+        self._fence = RunFence()
+        self.create_subscription(MarketStatus, "bt_agents/market", self._on_market, qos.FACT)
+        steady_timer(self, HEARTBEAT_S, self._beat)
         tick_s = min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S)
         self._timer = steady_timer(self, tick_s, self._tick, running=False)
         self._servers = [
@@ -110,12 +130,14 @@ class RobotNode(BaseNode):
     # Hosts
 
     def _declare_host_lease(self) -> float:
+        slowness = declare_slow_network(self)
+
         def take(seconds: float) -> None:
-            self._watch.lease_s = seconds
+            self._watch.lease_s = seconds * slowness
 
         meaning = "a goal is given up when the host that sent it is silent for this long [s]"
-        limits = describe(meaning, minimum=0.3, maximum=60.0)
-        return float(declare_and_watch(self, "host_lease", 1.0, limits, take))
+        limits = describe(meaning, minimum=0.5, maximum=60.0)
+        return slowness * float(declare_and_watch(self, "host_lease", 1.0, limits, take))
 
     def _beat(self) -> None:
         self._heartbeat.publish(Empty())
@@ -142,15 +164,29 @@ class RobotNode(BaseNode):
         if host in self._heartbeats:
             return
         try:
-            self._heartbeats[host] = self.create_subscription(
-                Heartbeat, topic, self._on_heartbeat, qos.EVENTS
+            self._heartbeats[host] = create_identified_subscription(
+                *(self, Heartbeat, topic, self._on_heartbeat, qos.EVENTS),
+                callback_group=PolledGroup(),
+                accepts=SenderRates(),
             )
         except Exception as error:
             # The name comes from outside; rclpy has no common root for what it makes of bad ones.
             raise Refused("BAD_NAME", f"its heartbeat cannot be heard: {error}") from None
 
-    def _on_heartbeat(self, message: Heartbeat) -> None:
+    def _on_heartbeat(self, message: Heartbeat, _sender: str) -> None:
         self._watch.on_heartbeat(message.host, message.host_instance, time.monotonic())
+
+    def _on_market(self, message: MarketStatus) -> None:
+        if max(len(message.epoch), len(message.agent)) <= LONGEST_NAME:
+            self._fence.on_market(RunKey.of(message))
+
+    def _check_run(self, run: Any) -> None:
+        if self._fence.is_over(RunKey.of(run)):
+            raise Refused(
+                "OVER",
+                f"it belongs to the run of {printable(run.agent[:LONGEST_NAME])} in round "
+                f"{run.round}, from which the market has gone on; it was held up on its way",
+            )
 
     # Ending
 
@@ -190,6 +226,7 @@ class RobotNode(BaseNode):
                 raise Refused("STOPPING", "the robot is being switched off")
             if len(self._performed) >= MOST_ACTS:
                 raise Refused("BUSY", f"the robot does {MOST_ACTS} things already; cancel some")
+            self._check_run(goal.request.run)
             act = make_act(goal.request)
         except Refused as refused:
             self.get_logger().warning(f"goal refused: {refused}")
@@ -200,7 +237,7 @@ class RobotNode(BaseNode):
         self._open_goals += 1
         try:
             self._begin_waiting()
-            self._publish_open_questions()
+            self._publish_changes()
             self._timer.reset()
             message: str | None = await performed.done
         finally:
@@ -229,8 +266,7 @@ class RobotNode(BaseNode):
         for performed in self._performed:
             if isinstance(performed.act, Drive):
                 raise Refused(
-                    "BUSY",
-                    f"the robot is driving to {performed.act.destination}; cancel that first",
+                    "BUSY", f"the robot is driving to {performed.act.text}; cancel that first"
                 )
         return Drive(request.destination, pace=self._present_pace())
 
@@ -249,7 +285,7 @@ class RobotNode(BaseNode):
         for performed in list(self._performed):
             self._step(performed, now)
         self._begin_waiting()
-        self._publish_open_questions()
+        self._publish_changes()
         if not self._performed:
             self._timer.cancel()
 
@@ -261,7 +297,7 @@ class RobotNode(BaseNode):
         if act.begun_at is None:
             return
         if isinstance(act, Ask) and act.begins_waiting(now):
-            self._questions.publish(String(data=act.question))
+            self._questions.publish(String(data=act.text))
         if act.is_over(now):
             self._end(performed, None)
         elif act.progress(now) - performed.reported >= _FEEDBACK_STEP:
@@ -279,13 +315,19 @@ class RobotNode(BaseNode):
                 continue
             act.begin(now)
             performed.begun = self.get_clock().now().to_msg()
+            self._begun_acts += 1
+            performed.number = self._begun_acts
             self._report(act.line)
 
-    def _publish_open_questions(self) -> None:
-        """Publish the questions that may be answered now, when they have changed."""
+    def _publish_changes(self) -> None:
+        """Publish the acts and the questions that may be answered now, when they have changed."""
+        acts = [_shown(one) for one in self._performed if one.act.begun_at is not None]
+        if acts != self._state.acts:
+            self._state.acts = acts
+            self._publish_state()
         asked = OpenQuestions(
             questions=[
-                OpenQuestion(stamp=one.begun, text=one.act.question, choices=one.act.choices)
+                OpenQuestion(stamp=one.begun, text=one.act.text, choices=one.act.choices)
                 for one in self._performed
                 if isinstance(one.act, Ask) and one.act.begun_at is not None and not one.act.answer
             ]
@@ -293,6 +335,10 @@ class RobotNode(BaseNode):
         if asked != self._asked:
             self._asked = asked
             self._open_questions.publish(asked)
+
+    def _publish_state(self) -> None:
+        self._state.header.stamp = self.get_clock().now().to_msg()
+        self._states.publish(self._state)
 
     def _end(self, performed: _Performed, message: str | None) -> None:
         """End an act; a message is the reason why it was cut short."""
@@ -308,6 +354,12 @@ class RobotNode(BaseNode):
         self._transcript.publish(String(data=shown))
 
     def _on_light(self, request: Any, response: Any) -> Any:
+        try:
+            self._check_run(request.run)
+        except Refused as refused:
+            self.get_logger().warning(f"light refused: {refused}")
+            response.message = refused.reason
+            return response
         colour = request.colour.strip().lower()
         if colour not in COLOURS:
             response.message = (
@@ -316,19 +368,40 @@ class RobotNode(BaseNode):
             return response
         response.accepted = True
         response.message = f"{colour}, blinking" if request.blink else colour
+        self._state.light, self._state.light_blinks = colour, bool(request.blink)
+        self._publish_state()
         self._report(f"light: {response.message}")
         return response
 
     def _on_sound(self, message: Any) -> None:
         try:
-            self._report(f"sound: {check_text(message.data, 'sound')}")
+            sound = check_text(message.data, "sound")
         except Refused as refused:
             self.get_logger().warning(f"sound refused: {refused}")
+            return
+        self._state.sound = sound
+        self._state.sounds += 1
+        self._publish_state()
+        self._report(f"sound: {sound}")
 
     def _on_answer(self, message: Any) -> None:
         for performed in self._performed:
             if isinstance(performed.act, Ask) and performed.act.receive(message.data):
                 return
+
+
+def _shown(performed: _Performed) -> Any:
+    act = performed.act
+    return RobotAct(
+        stamp=performed.begun,
+        number=performed.number,
+        kind=act.kind,
+        text=act.text,
+        clip=act.clip,
+        choices=act.choices,
+        rate=act.rate,
+        waiting=act.is_waiting,
+    )
 
 
 def _feedback(act: Act, now: float) -> Any:
@@ -350,9 +423,14 @@ def _result(act: Act, now: float, message: str) -> Any:
     return ShowAction.Result(message=message)
 
 
+def make_node() -> RobotNode:
+    """Create the node."""
+    return RobotNode()
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run the robot until a signal ends it; return the exit code."""
-    return run(RobotNode, args)
+    return run(make_node, args)
 
 
 if __name__ == "__main__":

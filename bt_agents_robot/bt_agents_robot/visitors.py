@@ -159,9 +159,9 @@ class VisitorsNode(BaseNode):
         self._answers = self.create_publisher(String, "answers", qos.EVENTS)
         self._current = self.create_publisher(String, "visitors/current", qos.FACT)
         self._done = self.create_publisher(Bool, "visitors/done", qos.FACT)
-        self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
-        self.create_subscription(SceneMsg, "scene", self._on_scene, qos.EVENTS)
-        self.create_subscription(Run, "runs", self._on_run, qos.EVENTS)
+        self.create_subscription(MarketStatus, "bt_agents/market", self._on_market, qos.FACT)
+        self.create_subscription(SceneMsg, "bt_agents/scene", self._on_scene, qos.EVENTS)
+        self.create_subscription(Run, "bt_agents/runs", self._on_run, qos.EVENTS)
         self.create_subscription(String, "robot/questions", self._on_question, qos.EVENTS)
         self.create_subscription(String, "robot/transcript", self._on_act, qos.EVENTS)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,6 +18,24 @@ from bt_agents_ros.timers import OneShot
 _POLL_S = 0.02
 """Period for polling a server that is not ready [s]; rclpy has no event for that."""
 
+REPEAT_S = 0.5
+"""Period in which a request with an id is sent again until it is answered [s]."""
+
+_ID_FIELDS = ("request_id", "feedback_id")
+
+
+def identify(request: Any) -> bool:
+    """Return whether a request may be sent again; it gets an id if its type has one.
+
+    A server takes the same id once. After a server was killed the graph shows it until its lease
+    ends: a request that is sent before the next start of it is discovered reaches nobody.
+    """
+    for name in _ID_FIELDS:
+        if hasattr(request, name):
+            setattr(request, name, getattr(request, name) or uuid.uuid4().hex)
+            return True
+    return False
+
 
 @dataclass(eq=False)
 class _Call:
@@ -25,14 +44,15 @@ class _Call:
     deadline: float
     on_answer: Callable[[Any], None]
     on_failure: Callable[[str], None]
-    future: Any = field(default=None)
+    send_at: float = 0.0
+    futures: list[Any] = field(default_factory=list)
 
 
 class Calls:
     """Client side of service calls; call it from the executor's thread only.
 
     A request waits for its server until the deadline, so a server that is just starting is found.
-    A late answer is discarded.
+    One with an id is sent again until its first answer. A late answer is discarded.
     """
 
     def __init__(self, node: Node) -> None:
@@ -60,14 +80,18 @@ class Calls:
         self._set_timer()
 
     def _send(self, call: _Call) -> None:
-        if call.future is None and call.client.service_is_ready():
-            call.future = call.client.call_async(call.request)
-            call.future.add_done_callback(lambda future: self._on_response(call, future))
+        now = time.monotonic()
+        if now < call.send_at or not call.client.service_is_ready():
+            return
+        call.send_at = now + REPEAT_S if identify(call.request) else math.inf
+        future = call.client.call_async(call.request)
+        call.futures.append(future)
+        future.add_done_callback(lambda future: self._on_response(call, future))
 
     def _on_response(self, call: _Call, future: Any) -> None:
         if call not in self._open:
             return
-        self._open.remove(call)
+        self._end(call)
         self._set_timer()
         error = future.exception()
         if error is not None:
@@ -77,6 +101,11 @@ class Calls:
         else:
             call.on_failure(f"{call.client.srv_name} was cancelled")
 
+    def _end(self, call: _Call) -> None:
+        self._open.remove(call)
+        for future in call.futures:
+            call.client.remove_pending_request(future)
+
     def _poll(self) -> None:
         now = time.monotonic()
         try:
@@ -84,17 +113,14 @@ class Calls:
                 if now < call.deadline:
                     self._send(call)
                     continue
-                self._open.remove(call)
-                if call.future is None:
-                    call.on_failure(f"{call.client.srv_name} is not there")
-                else:
-                    call.client.remove_pending_request(call.future)
+                self._end(call)
+                if call.futures:
                     call.on_failure(f"{call.client.srv_name} did not answer in time")
+                else:
+                    call.on_failure(f"{call.client.srv_name} is not there")
         finally:
             self._set_timer()
 
     def _set_timer(self) -> None:
-        due = min((call.deadline for call in self._open), default=math.inf)
-        if any(call.future is None for call in self._open):
-            due = min(due, time.monotonic() + _POLL_S)
-        self._timer.set(due)
+        due = min((min(call.deadline, call.send_at) for call in self._open), default=math.inf)
+        self._timer.set(max(due, time.monotonic() + _POLL_S))

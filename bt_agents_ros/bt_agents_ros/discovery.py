@@ -31,6 +31,6 @@ def is_matched(
     )
 
 
-def participants(endpoints: list[Any]) -> set[str]:
+def participants(endpoints: list[Any]) -> frozenset[str]:
     """Return the participants of endpoints that the graph shows, as callbacks are told them."""
-    return {bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints}
+    return frozenset(bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints)

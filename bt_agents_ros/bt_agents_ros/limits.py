@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits of messages: the one table of how large a message and each of its fields may be.
 
-The widest system that they are made for has 10,000 agents in a host, scenes of 64 parameters and
-trees of 10,000 nodes.
+The widest system that they are made for has 10,000 agents in a host, with 20 nodes, 5 tunables and
+1,500 characters each, scenes of 64 parameters and trees of 10,000 nodes; its messages have at most
+four fifths of the bytes that they may have.
 """
 
 from __future__ import annotations
@@ -16,36 +17,36 @@ TOO_LARGE = "TOO_LARGE"
 """Code of a message, or of a request, that is larger than it may be."""
 
 MESSAGE_BYTES = 256 * KIB
-"""Bytes of a serialized message of ``bt_agents_interfaces``.
-
-rclpy takes a request as an object only; what counts there are all its characters and entries.
-"""
+"""Bytes of a serialized message of ``bt_agents_interfaces``, and of any request."""
 
 BYTES_OF: Mapping[str, int] = {
-    "AgentFiles": 64 * MIB,
-    "Auction": 64 * MIB,
+    "AgentFiles": 32 * MIB,
+    "Auction": 48 * MIB,
     "Bids": 16 * MIB,
     "CallForBids": MIB,
-    "HostCard": 64 * MIB,
+    "HostCard": 48 * MIB,
     "ManageProfiles_Request": 5 * MIB,
+    "ManageProfiles_Response": 5 * MIB,
     "MarketStatus": 4 * MIB,
     "MoodTrace": 4 * MIB,
+    "NodeDetails": MIB,
     "OpenGoals": MIB,
     "Persons": 4 * MIB,
-    "Profiles": 64 * MIB,
+    "Profiles": 32 * MIB,
     "RegisterHost_Request": 8 * MIB,
+    "RunControl": MIB,
     "RunRecord": MIB,
-    "SelectAgent_Request": 64 * MIB,
+    "SelectAgent_Request": 12 * MIB,
     "TreeStatus": 8 * MIB,
-    "Trees": 64 * MIB,
+    "Trees": 48 * MIB,
     "Tune_Request": 16 * MIB,
-    "Tunables": 64 * MIB,
+    "Tunables": 32 * MIB,
     "Tunings": 32 * MIB,
 }
 """The same of messages that grow with agents, trees or files, instead of :data:`MESSAGE_BYTES`."""
 
 FOREIGN_BYTES = 4 * MIB
-"""Bytes of a serialized message of another package, such as a reading of a sensor."""
+"""Bytes of a serialized message of another package, such as a reading of a sensor or an answer."""
 
 TEXT_CHARACTERS = 20_000
 """Characters of a text in a field; an author may write as many."""
@@ -53,13 +54,25 @@ TEXT_CHARACTERS = 20_000
 LIST_ENTRIES = 20_000
 """Entries of a list in a field."""
 
+FOREIGN_ENTRIES = 5_000
+"""Entries of a list of texts or messages in a message of another package."""
+
+MOST_PARAMETERS = 1_000
+"""Parameters, or levels of loggers, in one request; for more of them there are several."""
+
 CHARACTERS_OF: Mapping[str, int] = {
     "AgentFiles.texts": MIB,
     "Analyze_Request.label": 1_000,
+    "Analyze_Request.request_id": 200,
     "Auction.explanation": MIB,
     "Auction.reason": MIB,
     "ManageProfiles_Request.document": 4_000_000,
+    "ManageProfiles_Response.document": 4_000_000,
     "MarketStatus.message": MIB,
+    "Record_Request.author": 200,
+    "Record_Request.label": 200,
+    "Record_Request.notes": 2_000,
+    "RegisterHost_Request.earlier_instance": 200,
     "RegisterHost_Request.host_instance": 200,
     "RunRecord.record": 200_000,
 }
@@ -68,14 +81,27 @@ CHARACTERS_OF: Mapping[str, int] = {
 ENTRIES_OF: Mapping[str, int] = {
     "Bids.vectors": 1_000_000,
     "Bids.weights": 1_000_000,
+    "DescribeParameters_Request.names": MOST_PARAMETERS,
+    "GetLoggerLevels_Request.names": MOST_PARAMETERS,
+    "GetParameterTypes_Request.names": MOST_PARAMETERS,
+    "GetParameters_Request.names": MOST_PARAMETERS,
+    "GoalStatusArray.status_list": 1_000,
+    "HostCard.agents": 10_000,
+    "ListParameters_Request.prefixes": MOST_PARAMETERS,
+    "OpenGoals.goals": 1_000,
     "Profiles.agents": 200_000,
     "Profiles.layers": 200_000,
     "Profiles.revisions": 200_000,
     "Profiles.vectors": 2_000_000,
+    "RegisterHost_Request.unreported": 1_000,
+    "Remember_Request.facts": 100,
     "SelectAgent_Request.vectors": 1_000_000,
-    "Tunables.tunables": 200_000,
+    "SetLoggerLevels_Request.levels": MOST_PARAMETERS,
+    "SetParametersAtomically_Request.parameters": MOST_PARAMETERS,
+    "SetParameters_Request.parameters": MOST_PARAMETERS,
+    "Tunables.tunables": 100_000,
 }
-"""Entries of a list in a field, instead of :data:`LIST_ENTRIES`."""
+"""Entries of a list in a field, instead of :data:`LIST_ENTRIES` or :data:`FOREIGN_ENTRIES`."""
 
 SCENE_CHARACTERS: Mapping[str, int] = {
     "scene_id": 200,

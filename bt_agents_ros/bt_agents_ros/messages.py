@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import math
+import uuid
 from collections.abc import Mapping
+from copy import copy
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.person_facts import Fact, facts, message_fields, values_of
@@ -38,10 +41,15 @@ def to_time(value: float) -> Time:
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
 
 
+def header_at(stamp: Time) -> Header:
+    """Return the header of a message with its time; nothing of the system is in a frame."""
+    return Header(stamp=stamp)
+
+
 def scene_to_msg(scene: Scene) -> SceneMsg:
     """Return the message of a scene."""
     return SceneMsg(
-        stamp=to_time(scene.stamp),
+        header=header_at(to_time(scene.stamp)),
         values=[
             SceneValueMsg(
                 name=v.name,
@@ -85,10 +93,40 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
         values.append(SceneValue(name=value.name, origin=origin, source=value.source, **numbers))
     return Scene(
         values=space.scene(values),
-        stamp=seconds(message.stamp),
+        stamp=seconds(message.header.stamp),
         remembered=facts(values_of(message.remembered)),
         **{field: getattr(message, field) for field in _SAME},
     )
+
+
+def partial_scene_from_msg(message: Any, space: SceneSpace) -> Scene:
+    """Check a scene message that may leave everything out, complete it, and return the scene.
+
+    A value without an origin is given. Values that are not there are unknown ones of somebody,
+    or of nobody where no value is there and ``person`` is false.
+
+    Raises:
+        Refused: As in :func:`scene_from_msg`.
+    """
+    complete = copy(message)
+    complete.scene_id = message.scene_id or f"goal/{uuid.uuid4()}"
+    complete.values = [_given(value) for value in message.values]
+    there = {value.name for value in message.values}
+    complete.values += [
+        SceneValueMsg(name=name, origin=int(Origin.MISSING), value=math.nan)
+        for name in space.names
+        if name not in there
+    ]
+    met = message.person or bool(there)
+    return space.completed(scene_from_msg(complete, space), met=met)
+
+
+def _given(value: SceneValueMsg) -> SceneValueMsg:
+    if value.origin != Origin.MISSING or math.isnan(value.value):
+        return value
+    given = copy(value)
+    given.origin = int(Origin.GIVEN)
+    return given
 
 
 def facts_to_msg(remembered: Mapping[str, Fact]) -> list[PersonFact]:

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import sys
 
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_ros.signals import end_silently
 
 SUPERVISED = "BT_AGENTS_SUPERVISED"
@@ -18,7 +20,16 @@ READY = "BT_AGENTS_READY"
 def start(module: str) -> int:
     """Import a node's module, which takes long, and run its ``main``; return the exit code."""
     end_silently()
-    return int(importlib.import_module(module).main())
+    with gc_paused():
+        node = importlib.import_module(module)
+    # What stays until the end is not looked through again, not even then.
+    gc.freeze()
+    return int(node.main())
+
+
+def one_process() -> int:
+    """Run the nodes of several modules, which the command line names; return the exit code."""
+    return start("bt_agents_ros.one_process")
 
 
 if __name__ == "__main__":

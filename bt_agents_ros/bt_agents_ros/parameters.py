@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -13,6 +14,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.liveness import SLOW_NETWORK
+from bt_agents_core.text import ellipsize, printable_line
+from bt_agents_ros.qos_overrides import PREFIX as QOS_OVERRIDES
+from bt_agents_ros.signals import check_interrupt
 
 Value = bool | int | float | str
 
@@ -95,6 +100,42 @@ def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
     return float(declare_and_watch(node, LIVE_LEASE, LEASE_S, limits, changed))
 
 
+def declare_slow_network(node: Node) -> float:
+    """Declare :data:`~bt_agents_core.liveness.SLOW_NETWORK`; return the factor."""
+    limits = describe(
+        "factor for deadlines and leases that a slow network prolongs, the same for market, hosts "
+        "and robot; 4 suits 300 ms each way",
+        minimum=1.0,
+        maximum=20.0,
+        read_only=True,
+    )
+    return float(declare(node, SLOW_NETWORK, 1.0, limits))
+
+
+def report_unknown(node: Node, *others: Node) -> None:
+    """Log each parameter that was given to a node and that neither it nor another one has.
+
+    Args:
+        node: The node.
+        others: Those of the same process, which is given the parameters of all.
+    """
+    for name in sorted(getattr(node, "_parameter_overrides", {})):
+        if any(one.has_parameter(name) for one in (node, *others)):
+            continue
+        if name.startswith(QOS_OVERRIDES):
+            node.get_logger().warning(
+                f"QOS_OVERRIDE: '{ellipsize(printable_line(name), 200)}' is for a publisher or "
+                f"subscription that {node.get_name()} does not have, at least not yet"
+            )
+            continue
+        known = difflib.get_close_matches(name, node.list_parameters([], 0).names, n=1)
+        near = f"did you mean '{known[0]}'?" if known else "'ros2 param list' shows what it has"
+        node.get_logger().warning(
+            f"UNKNOWN_PARAMETER: {node.get_name()} has no parameter "
+            f"'{ellipsize(printable_line(name))}', so its value counts for nothing; {near}"
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class StartParameter:
     """Read-only text that says what a node is made of, so it is read before; else empty."""
@@ -118,14 +159,16 @@ def make_from_parameters(
     """
     reader = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
     try:
-        values = {p.name: str(_declare(reader, p)) for p in parameters}
+        values = {p.name: str(declare_start(reader, p)) for p in parameters}
     finally:
         reader.destroy_node()
+    check_interrupt()
     node = make(values)
     for parameter in parameters:
-        _declare(node, parameter)
+        declare_start(node, parameter)
     return node
 
 
-def _declare(node: Node, parameter: StartParameter) -> object:
+def declare_start(node: Node, parameter: StartParameter) -> object:
+    """Declare what a node is made of; return its value."""
     return declare(node, parameter.name, "", describe(parameter.description, read_only=True))

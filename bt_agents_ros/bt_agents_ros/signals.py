@@ -4,53 +4,97 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+import socket
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Thread
 from types import FrameType
+from typing import ClassVar
+
+from bt_agents_core.gc_pause import gc_paused
 
 STOPPING = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupted(BaseException):
-    """Raised by SIGINT or SIGTERM within :meth:`Interrupt.raising`."""
+    """Raised by :func:`check_interrupt` when SIGINT or SIGTERM has come."""
 
 
 class Interrupt:
-    """Flag that SIGINT or SIGTERM sets."""
+    """Flag that SIGINT or SIGTERM sets.
+
+    Nothing is raised out of the signal handler: that may happen within ``Condition.__enter__`` or
+    the import of a module, whose lock would then be held for ever, or in a finalizer, where the
+    exception would be lost.
+    """
+
+    newest: ClassVar[Interrupt | None] = None
 
     def __init__(self) -> None:
+        Interrupt.newest = self
         self._requested = False
-        self._raises = False
+        self._ends_at_second = False
         self._before = {number: signal.signal(number, self._handle) for number in STOPPING}
 
     def _handle(self, _signal: int, _frame: FrameType | None) -> None:
         self._requested = True
-        if self._raises:
-            self._raises = False
-            raise Interrupted
+        if self._ends_at_second:
+            for number in STOPPING:
+                signal.signal(number, signal.SIG_DFL)
 
     def __bool__(self) -> bool:
         return self._requested
 
     def release(self) -> None:
         """Give the signals back to those who had them before."""
+        Interrupt.newest = None
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
     @contextmanager
-    def raising(self) -> Iterator[None]:
-        """Have a signal raise an exception within this block, which may take long.
+    def waking(self, wake: Callable[[], None]) -> Iterator[None]:
+        """Have ``wake`` called in a thread of its own when a signal comes within this block.
 
-        Raises:
-            Interrupted: A signal has come, perhaps before the block.
+        A wait within a C library goes on when a signal comes, and the flag is set only after it.
         """
-        self._raises = True
+        receiving, sending = socket.socketpair()
+        sending.setblocking(False)
+
+        def wait() -> None:
+            while receiving.recv(1):
+                wake()
+
+        thread = Thread(target=wait, name="signals", daemon=True)
+        thread.start()
+        before = signal.set_wakeup_fd(sending.fileno(), warn_on_full_buffer=False)
         try:
-            if self._requested:
-                raise Interrupted
             yield
         finally:
-            self._raises = False
+            signal.set_wakeup_fd(before)
+            sending.close()
+            thread.join()
+            receiving.close()
+
+    @contextmanager
+    def ending_at_second(self) -> Iterator[None]:
+        """Have a second signal end the process at once within this block, which may take long."""
+        self._ends_at_second = True
+        try:
+            yield
+        finally:
+            self._ends_at_second = False
+            for number in STOPPING:
+                signal.signal(number, self._handle)
+
+
+def check_interrupt() -> None:
+    """Give up a start where nothing is half done; no effect without an :class:`Interrupt`.
+
+    Raises:
+        Interrupted: SIGINT or SIGTERM has come.
+    """
+    if Interrupt.newest:
+        raise Interrupted
 
 
 def end_silently() -> None:
@@ -67,11 +111,13 @@ def end_silently() -> None:
 def loading() -> Iterator[None]:
     """Let a Ctrl-C end the process without output while modules are imported in this block.
 
-    A ``KeyboardInterrupt`` would come out of a library of ROS as an error of that library.
+    A ``KeyboardInterrupt`` would come out of a library of ROS as an error of that library. The
+    garbage collector pauses: modules stay.
     """
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
-        yield
+        with gc_paused():
+            yield
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -18,17 +18,18 @@ from bt_agents_ros.types import resolved, slots_of
 _OWN_PACKAGE = "bt_agents_interfaces."
 
 LOG_PERIOD_S = 5.0
-"""Time between two lines about one topic or service [s]."""
+"""Time between two lines about one topic or service and one code [s]."""
 
 
 def largest_bytes(kind: Any) -> int:
     """Return how many bytes a serialized message of a type may have."""
-    if not _is_own(kind):
+    if not is_own(kind) and not kind.__name__.endswith("_Request"):
         return limits.FOREIGN_BYTES
     return limits.BYTES_OF.get(kind.__name__, limits.MESSAGE_BYTES)
 
 
-def _is_own(kind: Any) -> bool:
+def is_own(kind: Any) -> bool:
+    """Return whether a type is one of ``bt_agents_interfaces``."""
     return str(kind.__module__).startswith(_OWN_PACKAGE)
 
 
@@ -45,6 +46,30 @@ def check_bytes(kind: Any, size: int) -> None:
         )
 
 
+def may_exceed(kind: Any, size: int) -> bool:
+    """Return whether a message of so many bytes can have a text or a list that is too large."""
+    return size > _smallest(kind)
+
+
+def most_entries(kind: Any, field: str, entry: Any) -> int | None:
+    """Return how many entries of a rosidl type a list may have; None for any number."""
+    usual: int | None = limits.LIST_ENTRIES
+    if not is_own(kind):
+        # Numbers become one array, everything else an object each.
+        usual = None if isinstance(entry, idl.BasicType) else limits.FOREIGN_ENTRIES
+    return limits.ENTRIES_OF.get(f"{kind.__name__}.{field}", usual)
+
+
+def check_entries(kind: Any, field: str, count: int, most: int | None) -> None:
+    """Check the number of entries of a list.
+
+    Raises:
+        Refused: ``TOO_LARGE``.
+    """
+    if most is not None and count > most:
+        raise _too_large(kind, field, count, "entries", most)
+
+
 def check_fields(message: Any, size: int) -> None:
     """Check the texts and lists of a message, unless it is of another package.
 
@@ -54,20 +79,22 @@ def check_fields(message: Any, size: int) -> None:
         Refused: ``TOO_LARGE``, with the first field that is.
     """
     kind: Any = type(message)
-    if _is_own(kind) and size > _smallest(kind):
+    if is_own(kind) and may_exceed(kind, size):
         _content(message, kind)
 
 
-def check_request(request: Any) -> None:
-    """Check the texts and lists of a request, and all of them together, as :func:`check_fields`.
+def check_content(message: Any) -> None:
+    """Check the texts and lists of a message whose size is not known, and all of them together.
+
+    One of another package is not looked at.
 
     Raises:
         Refused: ``TOO_LARGE``.
     """
-    kind: Any = type(request)
-    if not _is_own(kind):
+    kind: Any = type(message)
+    if not is_own(kind):
         return
-    content, largest = _content(request, kind), largest_bytes(kind)
+    content, largest = _content(message, kind), largest_bytes(kind)
     if content > largest:
         raise Refused(
             limits.TOO_LARGE,
@@ -75,21 +102,25 @@ def check_request(request: Any) -> None:
         )
 
 
-class OversizeLog:
-    """Lines for the log about what was refused, at most one in :data:`LOG_PERIOD_S` a source."""
+class RefusalLog:
+    """Lines for the log about what was refused.
+
+    A source has at most one line in :data:`LOG_PERIOD_S` for each code, so that one flood does not
+    hide another fault of the same source.
+    """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._refused: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
-        self._next_s: WeakKeyDictionary[Any, float] = WeakKeyDictionary()
+        self._next_s: WeakKeyDictionary[Any, dict[str, float]] = WeakKeyDictionary()
 
     def line(self, source: Any, name: str, refused: Refused) -> str | None:
         """Count a refusal of a subscription or a service; return its line if one is due."""
         count = self._refused[source] = self._refused.get(source, 0) + 1
-        now = self._clock()
-        if now < self._next_s.get(source, now):
+        now, next_s = self._clock(), self._next_s.setdefault(source, {})
+        if now < next_s.get(refused.code, now):
             return None
-        self._next_s[source] = now + LOG_PERIOD_S
+        next_s[refused.code] = now + LOG_PERIOD_S
         return f"{refused.code}: {name}: {refused.reason}; {count} refused since the start"
 
 
@@ -106,7 +137,7 @@ class _List:
     """Field with a list, and how many entries it may have."""
 
     field: str
-    entries: int
+    entries: int | None
 
 
 @dataclass(frozen=True)
@@ -135,8 +166,7 @@ def _content(message: Any, kind: Any) -> int:
     for one in checks.lists:
         value: Sized = getattr(message, one.field)
         content += len(value)
-        if len(value) > one.entries:
-            raise _too_large(kind, one.field, len(value), "entries", one.entries)
+        check_entries(kind, one.field, len(value), one.entries)
     for text in checks.texts:
         value = getattr(message, text.field)
         content += len(value)
@@ -173,7 +203,7 @@ def _checks_of(kind: Any) -> _Checks:
         name = f"{kind.__name__}.{field}"
         is_list = isinstance(slot, idl.AbstractNestedType)
         if isinstance(slot, idl.AbstractSequence):
-            lists.append(_List(field, limits.ENTRIES_OF.get(name, limits.LIST_ENTRIES)))
+            lists.append(_List(field, most_entries(kind, field, slot.value_type)))
         entry = slot.value_type if is_list else slot
         if isinstance(entry, idl.AbstractGenericString):
             text = _Text(field, limits.CHARACTERS_OF.get(name, limits.TEXT_CHARACTERS))
@@ -192,7 +222,7 @@ def _smallest(kind: Any) -> int:
     """Return the least of all limits in a type; a message with fewer bytes keeps them all."""
     checks = _checks_of(kind)
     own = [
-        *(one.entries for one in checks.lists),
+        *(one.entries for one in checks.lists if one.entries is not None),
         *(text.characters for text in (*checks.texts, *checks.text_lists)),
     ]
     inner = [_smallest(part.kind) for part in (*checks.nested, *checks.nested_lists)]

@@ -10,24 +10,33 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from typing import Protocol, TypeVar
+from contextlib import AbstractContextManager, nullcontext, suppress
+from typing import Any, Protocol
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from bt_agents_core.errors import NodeMustEnd
+from bt_agents_ros.local_bus import LocalBus
 from bt_agents_ros.node_main import READY, SUPERVISED
+from bt_agents_ros.parameters import report_unknown
 from bt_agents_ros.signals import Interrupt, Interrupted
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
-_POLL_S = 0.1
+_POLL_S = 0.2
+_CHECK_S = 1.0
 STOP_LIMIT_S = 1.0
-"""Time that a node that is stopped has to end what it has under way [s]."""
+"""Time that a node that is stopped has to end what it has under way [s].
 
-_LAST_RESULTS_S = 0.05
+A node that waits for others, who are perhaps told to end with it, says ``stop_limit_s`` itself.
+"""
+
+LAST_RESULTS_S = 0.05
+"""Time in which the executor sends the results of what has ended [s]."""
+
 _PR_SET_PDEATHSIG = 1
 
 
@@ -41,16 +50,19 @@ class Stopping(Protocol):
         """Return True when nothing is under way any more."""
 
 
-NodeT = TypeVar("NodeT", bound=Node)
-
-
 class Spinner:
-    """Executor of one node; an exception in a callback is logged and survived."""
+    """Executor of nodes; an exception in a callback is logged and survived.
 
-    def __init__(self, node: Node) -> None:
-        self.node = node
-        self.executor = CachedExecutor()
-        self.executor.add_node(node)
+    Args:
+        nodes: One, or those of a process that hand over to each other on a bus.
+        bus: Their bus.
+    """
+
+    def __init__(self, *nodes: Any, bus: LocalBus | None = None) -> None:
+        self.nodes = nodes
+        self.executor = CachedExecutor(bus=bus)
+        for node in nodes:
+            self.executor.add_node(node)
 
     def spin_once(self, timeout_s: float = _POLL_S) -> None:
         """Wait up to ``timeout_s`` seconds for work and do one piece of it.
@@ -63,11 +75,11 @@ class Spinner:
         except (ExternalShutdownException, NodeMustEnd):
             raise
         except Exception:
-            if not self.node.context.ok():
+            if not self.nodes[0].context.ok():
                 raise ExternalShutdownException from None
-            self.node.get_logger().error(
-                "a callback failed and was skipped:\n" + traceback.format_exc()
-            )
+            alone = len(self.nodes) == 1
+            logger = self.nodes[0].get_logger() if alone else get_logger("bt_agents")
+            logger.error("a callback failed and was skipped:\n" + traceback.format_exc())
 
     def spin_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         """Spin until ``done()`` is true or ``limit_s`` seconds have passed; return ``done()``."""
@@ -80,57 +92,95 @@ class Spinner:
         return True
 
     def close(self) -> None:
-        """Stop the executor and destroy the node, in the order that Fast DDS survives."""
+        """Stop the executor and destroy the nodes, in the order that Fast DDS survives."""
         self.executor.shutdown(timeout_sec=0.5)
-        self.node.destroy_node()
+        for node in self.nodes:
+            node.destroy_node()
 
 
-def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> int:
+def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node and spin it until SIGINT, SIGTERM or a shutdown of its context.
 
-    A node with the methods of :class:`Stopping` gets up to a second to end what it has under way.
+    A node with the methods of :class:`Stopping` gets a while to end what it has under way.
     ``make_node`` is called after ``rclpy.init``; if it raises, the process ends with one line.
 
     Returns:
         Exit code: 0 after a clean stop, 1 when the node could not be created or had to end.
     """
+    return run_together((make_node,), args, bus=nullcontext)
+
+
+def run_together(
+    makers: Sequence[Callable[[], Node]],
+    args: Sequence[str] | None,
+    *,
+    bus: Callable[[], AbstractContextManager[LocalBus | None]],
+) -> int:
+    """Run several nodes on one executor, as :func:`run` does with one.
+
+    Args:
+        makers: Called one after the other. Their nodes are stopped in this order, too: each when
+            the one before has ended what it has under way.
+        args: Of the command line.
+        bus: Gives what connects the nodes that are made within its block; None for nothing.
+    """
     interrupt = Interrupt()
-    _die_with_parent()
+    die_with_parent()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    nodes: list[Any] = []
     try:
-        try:
-            with interrupt.raising():
-                node = make_node()
-        except Interrupted:
-            return 0
-        except Exception as error:
-            print(f"error: {error}", file=sys.stderr)
-            return 1
-        spinner = Spinner(node)
-        code = 0
-        try:
-            _report_ready()
+        with bus() as connecting:
             try:
-                while not interrupt and rclpy.ok():
-                    spinner.spin_once()
-            except NodeMustEnd as reason:
-                print(f"error: {reason}", file=sys.stderr)
-                code = 1
-            if hasattr(node, "request_stop") and rclpy.ok():
-                node.request_stop()
-                spinner.spin_until(node.stopped, STOP_LIMIT_S)
-                # The executor still has to send the results of what has just ended.
-                spinner.spin_until(lambda: False, _LAST_RESULTS_S)
-        except (ExternalShutdownException, NodeMustEnd):
-            pass
-        finally:
-            spinner.close()
-        return code
+                with interrupt.ending_at_second():
+                    for make_node in makers:
+                        nodes.append(make_node())
+                    for node in nodes:
+                        # One that is not active has yet to declare most of them.
+                        if getattr(node, "is_active", True):
+                            report_unknown(node, *nodes)
+            except BaseException as error:
+                for node in nodes:
+                    node.destroy_node()
+                if isinstance(error, Interrupted):
+                    return 0
+                if not isinstance(error, Exception):
+                    raise
+                print(f"error: {error}", file=sys.stderr)
+                return 1
+            spinner = Spinner(*nodes, bus=connecting)
+            try:
+                return _spin(spinner, interrupt)
+            finally:
+                spinner.close()
     finally:
         rclpy.try_shutdown()
 
 
-def _report_ready() -> None:
+def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
+    """Spin until the end, then let nodes end what they have under way; return the exit code."""
+    code = 0
+    with suppress(ExternalShutdownException, NodeMustEnd):
+        report_ready()
+        try:
+            with interrupt.waking(spinner.executor.wake):
+                while not interrupt and rclpy.ok():
+                    spinner.spin_once(_CHECK_S)
+        except NodeMustEnd as reason:
+            print(f"error: {reason}", file=sys.stderr)
+            code = 1
+        stopping = [node for node in spinner.nodes if hasattr(node, "request_stop")]
+        for node in stopping:
+            if rclpy.ok():
+                node.request_stop()
+                limit_s = float(getattr(node, "stop_limit_s", STOP_LIMIT_S))
+                spinner.spin_until(node.stopped, limit_s)
+        if stopping and rclpy.ok():
+            spinner.spin_until(lambda: False, LAST_RESULTS_S)
+    return code
+
+
+def report_ready() -> None:
+    """Report to the supervisor, if there is one, that this process is up."""
     descriptor = os.environ.pop(READY, "")
     if descriptor.isdecimal():
         # The parent may have ended.
@@ -138,7 +188,8 @@ def _report_ready() -> None:
             parent.write(b"up")
 
 
-def _die_with_parent() -> None:
+def die_with_parent() -> None:
+    """Have this process end with its supervisor, if there is one."""
     parent = os.environ.get(SUPERVISED)
     if parent and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

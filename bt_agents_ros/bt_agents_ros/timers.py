@@ -13,6 +13,9 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer
 
+HEARTBEAT_S = 0.2
+"""Time between two heartbeats of a node [s]; the shortest lease is more than twice as long."""
+
 LIMIT_S = 5.0
 """How long a future is waited for [s]; its work goes on after that."""
 

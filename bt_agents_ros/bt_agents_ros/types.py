@@ -240,7 +240,11 @@ def resolved(slot: Any) -> Any:
     """Return the class of a nested message type; any other rosidl type as it is."""
     if not isinstance(slot, idl.NamespacedType):
         return slot
-    return getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
+    # Goal, result and feedback of an action are attributes of its class.
+    found: Any = importlib.import_module(".".join(slot.namespaces))
+    for name in slot.name.split("_"):
+        found = getattr(found, name)
+    return found
 
 
 def _no_field_text(part: str, done: Sequence[str], fields: Collection[str]) -> str:

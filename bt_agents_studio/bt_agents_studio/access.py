@@ -5,16 +5,16 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import json
+import math
+import re
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import StrEnum
 from ipaddress import ip_address
 
 from bt_agents_core.errors import Refused
-
-COOKIE = "bt_agents_studio"
-"""Name of the cookie that holds the id of a session."""
 
 LARGEST_BODY = 256 * 1024
 """Bytes of the body of a request."""
@@ -25,17 +25,39 @@ MOST_SESSIONS = 200
 SESSION_S = 7 * 24 * 3600.0
 """Time after which a session that is not used ends [s]."""
 
+TOKEN_S = 30 * 24 * 3600.0
+"""Age at which the start tokens are replaced when the studio starts again [s]."""
+
+LARGEST_STATE = 256 * 1024
+"""Characters of the text that keeps tokens and sessions."""
+
 _TOKEN_BYTES = 32
+_COOKIE = "bt_agents_studio"
+_HEX = re.compile(r"[0-9a-f]{64}")
+_PORT = re.compile(r":([0-9]{1,5})$")
+_NOTE_S = 3600.0
 _JSON = "application/json"
 
 
-class SessionRole(IntEnum):
-    """What a session may do; one that may more has the larger number."""
+class SessionRole(StrEnum):
+    """What a session may do.
 
-    VIEW = 1
-    """See everything, change nothing."""
-    OPERATE = 2
-    """Stop, give feedback, pin, veto, announce scenes and tune."""
+    Attributes:
+        VIEW: See everything, change nothing.
+        OPERATE: Stop, answer, give feedback, pin, veto, announce scenes and tune.
+        AUTHOR: The same, and write into the trees folder.
+        PERSON: See what the robot says and asks, answer, stop, give feedback, begin an encounter.
+    """
+
+    VIEW = "view"
+    OPERATE = "operate"
+    AUTHOR = "author"
+    PERSON = "person"
+
+
+ALL_ROLES = frozenset(SessionRole)
+OPERATORS = frozenset({SessionRole.OPERATE, SessionRole.AUTHOR})
+OBSERVERS = OPERATORS | {SessionRole.VIEW}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +70,16 @@ class WebRequest:
     fetch_site: str
     content_type: str
     session: str
+    opens_socket: bool = False
+
+
+def cookie_name(host: str) -> str:
+    """Return the name of the cookie that holds the id of a session with the studio at ``host``.
+
+    The port is in it, as a browser does not tell the ports of one address apart.
+    """
+    port = _PORT.search(host)
+    return f"{_COOKIE}_{port[1]}" if port else _COOKIE
 
 
 class AccessControl:
@@ -58,7 +90,9 @@ class AccessControl:
             ``127.0.0.1:8770``; a browser that was led to the studio by another name is refused.
         scheme: ``http`` or ``https``.
         random_bytes: Source of secrets.
-        clock: A clock that never goes back [s].
+        clock: Time of day [s since 1970], as sessions outlive the process.
+        kept: What :meth:`text` returned in an earlier start; what is wrong in it is left out.
+        keep: Called with :meth:`text` whenever that has changed enough.
     """
 
     def __init__(
@@ -68,20 +102,27 @@ class AccessControl:
         scheme: str,
         random_bytes: Callable[[int], bytes],
         clock: Callable[[], float],
+        kept: str = "",
+        keep: Callable[[str], None] = lambda _text: None,
     ) -> None:
         self._hosts = hosts
         self._scheme = scheme
         self._random_bytes = random_bytes
         self._clock = clock
-        self._tokens: dict[SessionRole, str] = {
-            role: random_bytes(_TOKEN_BYTES).hex() for role in SessionRole
-        }
-        # Digest of the id of a session → its role and when it was used last.
-        self._sessions: OrderedDict[bytes, tuple[SessionRole, float]] = OrderedDict()
+        self._keep = keep
+        self._made_at, self._tokens, self._sessions = self._read(kept)
+        self._noted_at = clock()
+        self._keep(self.text())
 
     def token(self, role: SessionRole) -> str:
         """Return the start token of a role, 256 bit in hexadecimal digits."""
         return self._tokens[role]
+
+    def text(self) -> str:
+        """Return tokens and sessions as JSON; of a session only the digest of its id."""
+        sessions = [[digest.hex(), role, used] for digest, (role, used) in self._sessions.items()]
+        kept = {"made_at": self._made_at, "tokens": self._tokens, "sessions": sessions}
+        return json.dumps(kept)
 
     def log_in(self, token: str) -> str:
         """Return the id of a new session with the role of a start token.
@@ -105,17 +146,22 @@ class AccessControl:
         self._sessions[_digest(session)] = (fitting[0], self._clock())
         while len(self._sessions) > MOST_SESSIONS:
             self._sessions.popitem(last=False)
+        self._keep(self.text())
         return session
 
     def log_out(self, session: str) -> None:
         """End a session."""
         self._sessions.pop(_digest(session), None)
+        self._keep(self.text())
 
-    def check_address(self, request: WebRequest) -> None:
+    def check_sender(self, request: WebRequest) -> None:
         """Refuse a request that a foreign page may have made.
 
+        What changes something or opens a WebSocket has to name its origin, as browsers do; a
+        ``POST`` has to be JSON, which no form can send.
+
         Raises:
-            Refused: ``FOREIGN_HOST`` or ``FOREIGN_ORIGIN``.
+            Refused: ``FOREIGN_HOST``, ``FOREIGN_ORIGIN``, ``NO_ORIGIN`` or ``NOT_JSON``.
         """
         if request.host not in self._hosts:
             raise Refused("FOREIGN_HOST", f"this studio is not called '{request.host[:80]}'")
@@ -124,38 +170,24 @@ class AccessControl:
             raise Refused("FOREIGN_ORIGIN", f"a page of '{request.origin[:80]}' may not ask this")
         if request.fetch_site not in ("", "same-origin", "none"):
             raise Refused("FOREIGN_ORIGIN", "a page of another site may not ask this")
+        changes = request.method not in ("GET", "HEAD")
+        if (changes or request.opens_socket) and not request.origin:
+            raise Refused("NO_ORIGIN", "a change and a WebSocket need the header Origin")
+        if request.method == "POST" and _media_type(request.content_type) != _JSON:
+            raise Refused("NOT_JSON", f"expected the content type {_JSON}")
 
-    def check(self, request: WebRequest, needed: SessionRole) -> SessionRole:
-        """Return the role of a request; it has to have at least the one that is needed.
+    def check(self, request: WebRequest, allowed: Collection[SessionRole]) -> SessionRole:
+        """Return the role of a request; it has to be one of those that are allowed.
 
         Raises:
-            Refused: As by :meth:`check_address`; ``NO_SESSION``, ``FORBIDDEN``, and for what
-                changes something ``NO_ORIGIN`` or ``NOT_JSON``.
+            Refused: As by :meth:`check_sender`; ``NO_SESSION`` or ``FORBIDDEN``.
         """
-        self.check_address(request)
+        self.check_sender(request)
         role = self._role(request.session)
-        if role < needed:
-            raise Refused(
-                "FORBIDDEN",
-                f"this needs the role {needed.name.lower()}, the session has {role.name.lower()}",
-            )
-        if request.method not in ("GET", "HEAD"):
-            if not request.origin:
-                raise Refused("NO_ORIGIN", "a change needs the header Origin")
-            if request.content_type.partition(";")[0].strip().lower() != _JSON:
-                raise Refused("NOT_JSON", f"expected the content type {_JSON}")
+        if role not in allowed:
+            needed = " or ".join(one for one in SessionRole if one in allowed)
+            raise Refused("FORBIDDEN", f"this needs the role {needed}, the session has {role}")
         return role
-
-    def check_socket(self, request: WebRequest) -> SessionRole:
-        """Return the role of a request for a WebSocket.
-
-        Raises:
-            Refused: As by :meth:`check`; a browser always sends ``Origin`` here.
-        """
-        self.check_address(request)
-        if not request.origin:
-            raise Refused("NO_ORIGIN", "a WebSocket needs the header Origin")
-        return self._role(request.session)
 
     def _role(self, session: str) -> SessionRole:
         digest = _digest(session)
@@ -169,7 +201,35 @@ class AccessControl:
             )
         self._sessions[digest] = (role, now)
         self._sessions.move_to_end(digest)
+        if now - self._noted_at > _NOTE_S:
+            self._noted_at = now
+            self._keep(self.text())
         return role
+
+    def _read(
+        self, kept: str
+    ) -> tuple[float, dict[SessionRole, str], OrderedDict[bytes, tuple[SessionRole, float]]]:
+        now = self._clock()
+        new = {role: self._random_bytes(_TOKEN_BYTES).hex() for role in SessionRole}
+        sessions: OrderedDict[bytes, tuple[SessionRole, float]] = OrderedDict()
+        try:
+            found = json.loads(kept) if len(kept) <= LARGEST_STATE else {}
+            made_at = float(found["made_at"])
+            tokens = {role: str(found["tokens"][role]) for role in SessionRole}
+            for digest, role, used in found["sessions"][-MOST_SESSIONS:]:
+                if _HEX.fullmatch(digest) and 0 <= now - float(used) <= SESSION_S:
+                    sessions[bytes.fromhex(digest)] = (SessionRole(role), float(used))
+        except (KeyError, RecursionError, TypeError, ValueError):
+            return now, new, OrderedDict()
+        sound = math.isfinite(made_at) and all(map(_HEX.fullmatch, tokens.values()))
+        different = len(set(tokens.values())) == len(tokens)
+        if not (sound and different and 0 <= now - made_at <= TOKEN_S):
+            return now, new, sessions
+        return made_at, tokens, sessions
+
+
+def _media_type(content_type: str) -> str:
+    return content_type.partition(";")[0].strip().lower()
 
 
 def security_headers(*, secure: bool) -> Mapping[str, str]:

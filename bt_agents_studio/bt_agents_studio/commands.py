@@ -24,7 +24,7 @@ from bt_agents_studio.protocol import VERSION, Delta, Hello, Resume, Snapshot, e
 from bt_agents_studio.records import LogRecord
 from bt_agents_studio.studio import Studio
 from bt_agents_tools.cli.trees_choice import state_option, take_trees
-from bt_agents_tools.launcher.supervisor import set_local_discovery
+from bt_agents_tools.launcher.supervisor import set_discovery
 
 _PERIOD_S = 0.05
 _FIND_S = 3.0
@@ -64,19 +64,26 @@ def studio(
     """Show the running system of a trees DIRECTORY in a browser, until Ctrl-C."""
     trees = take_trees(directory)
     space = read_scene(trees / "scene.yaml").space
-    folder = journal or find_state(trees, state).journal
-    set_local_discovery(os.environ)
+    found = find_state(trees, state)
+    set_discovery(os.environ)
     with loading():
         from bt_agents_studio.service import Address, serve
 
     def ready(addresses: Mapping[SessionRole, str]) -> None:
-        click.echo(f"studio: {addresses[SessionRole.OPERATE]}")
+        click.echo(f"studio: {addresses[SessionRole.AUTHOR]}")
+        click.echo(f"to write no files: {addresses[SessionRole.OPERATE]}")
         click.echo(f"to look on only: {addresses[SessionRole.VIEW]}")
+        click.echo(f"to be the person: {addresses[SessionRole.PERSON]}")
         if opens:
-            webbrowser.open(addresses[SessionRole.OPERATE])
+            webbrowser.open(addresses[SessionRole.AUTHOR])
 
-    where = Address(host=address, port=port, certificate=certificate, key=key)
-    serve(where, space=space, journal=folder, ready=ready)
+    serve(
+        Address(host=address, port=port, certificate=certificate, key=key),
+        space=space,
+        journal=journal or found.journal,
+        kept=found.path if found.path.is_dir() else None,
+        ready=ready,
+    )
 
 
 @click.command()
@@ -90,7 +97,7 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     """
     trees = take_trees(directory)
     space = read_scene(trees / "scene.yaml").space
-    set_local_discovery(os.environ)
+    set_discovery(os.environ)
     with loading():
         from bt_agents_studio.node import NodeThread, StudioNode
     interrupt = Interrupt()
@@ -105,18 +112,21 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
             later(shown.receive),
             later(shown.beat),
             later(shown.value),
+            later(shown.graph),
             namespace=os.environ.get("ROS_NAMESPACE", ""),
         )
     )
-    namespace = thread.start().get_namespace()
-    feed = Feed(shown.store, shown.history, shown.name, lambda _source: History())
+    node = thread.start()
+    node.watch(True)
+    namespace = node.get_namespace()
+    feed = Feed(shown.store, shown.history, shown.name, lambda _source, _at_s: History())
     feed.take(Resume(version=VERSION, studio="", sequence=0))
     if as_json:
         hello = Hello(
             version=VERSION,
             studio=shown.name,
             now_s=time.time(),
-            role=SessionRole.VIEW.name.lower(),
+            role=SessionRole.VIEW,
             parameters=shown.parameters,
             namespace=namespace,
         )

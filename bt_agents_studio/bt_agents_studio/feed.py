@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from bt_agents_core.errors import Refused
 from bt_agents_studio.history import History
@@ -17,7 +17,8 @@ from bt_agents_studio.protocol import (
     ServerMessage,
     Snapshot,
 )
-from bt_agents_studio.store import Store
+from bt_agents_studio.records import BookmarkRecord
+from bt_agents_studio.store import Entries, Store
 
 
 class Feed:
@@ -30,12 +31,20 @@ class Feed:
         store: Of the running system.
         history: Its last minutes.
         studio: Name of this start of the studio.
-        recorded: Returns the history of a journal file by its name; it raises ``Refused``.
+        recorded: Returns the history of a journal file by its name, for a moment; it raises
+            ``Refused``.
+        collections: Those that the client may see, and only as they are now; None for all.
     """
 
     def __init__(
-        self, store: Store, history: History, studio: str, recorded: Callable[[str], History]
+        self,
+        store: Store,
+        history: History,
+        studio: str,
+        recorded: Callable[[str, float], History],
+        collections: Collection[str] | None = None,
     ) -> None:
+        self._collections = collections
         self._store = store
         self._history = history
         self._studio = studio
@@ -48,7 +57,7 @@ class Feed:
         """Act on a message of the client; :meth:`next` has the answer.
 
         Raises:
-            Refused: ``OTHER_VERSION`` or ``NOT_RESUMED``.
+            Refused: ``OTHER_VERSION``, ``NOT_RESUMED`` or ``FORBIDDEN``.
         """
         if isinstance(message, Resume):
             if message.version != VERSION:
@@ -64,6 +73,8 @@ class Feed:
         elif not self._resumed:
             raise Refused("NOT_RESUMED", f"'{message.type}' comes after 'resume'")
         elif isinstance(message, Seek):
+            if self._collections is not None:
+                raise Refused("FORBIDDEN", "this session is shown what happens now, nothing else")
             self._seek, self._sent = message, None
         else:
             self._seek, self._sent = None, None
@@ -84,20 +95,25 @@ class Feed:
         changes = self._store.since(self._sent) if self._sent is not None else None
         self._sent = self._store.sequence
         if changes is not None:
-            return Delta.of(self._sent, changes)
+            shown = [one for one in changes if self._shows(one.collection)]
+            return Delta.of(self._sent, shown) if shown else None
         return Snapshot(
             sequence=self._sent,
             at_s=None,
             source="",
             first_s=self._history.first_s,
             last_s=self._history.last_s,
-            entries=self._store.snapshot(),
+            bookmarks=_bookmarks(self._history) if self._shows("bookmarks") else (),
+            entries=shown_entries(self._store.snapshot(), self._collections),
         )
+
+    def _shows(self, collection: str) -> bool:
+        return self._collections is None or collection in self._collections
 
     def _moment(self, seek: Seek) -> ServerMessage:
         self._sent = self._store.sequence
         try:
-            history = self._recorded(seek.source) if seek.source else self._history
+            history = self._recorded(seek.source, seek.at_s) if seek.source else self._history
         except Refused as refused:
             self._seek, self._sent = None, None
             return Failure(code=refused.code, message=refused.reason)
@@ -107,5 +123,17 @@ class Feed:
             source=seek.source,
             first_s=history.first_s,
             last_s=history.last_s,
+            bookmarks=_bookmarks(history),
             entries=history.at(seek.at_s),
         )
+
+
+def shown_entries(entries: Entries, collections: Collection[str] | None) -> Entries:
+    """Return the entries of some collections; None for all."""
+    if collections is None:
+        return entries
+    return {name: found for name, found in entries.items() if name in collections}
+
+
+def _bookmarks(history: History) -> tuple[BookmarkRecord, ...]:
+    return tuple(one for one in history.newest("bookmarks") if isinstance(one, BookmarkRecord))

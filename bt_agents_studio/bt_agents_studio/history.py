@@ -80,6 +80,10 @@ class History:
             found.setdefault(collection, {})[key] = value
         return found
 
+    def newest(self, collection: str) -> tuple[object, ...]:
+        """Return the values of a collection after the last change."""
+        return tuple(value for (name, _), value in self._newest.items() if name == collection)
+
     def _drop(self) -> None:
         self._base_s, change = self._changes.popleft()
         _apply(self._base, change)

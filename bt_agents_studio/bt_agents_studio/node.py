@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -15,37 +17,44 @@ from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException
 from rclpy.parameter import parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import Empty, String
+from rclpy.subscription import Subscription
+from std_msgs.msg import String
 
 import bt_agents_interfaces.srv as services
+from bt_agents.host.tuning.tunable import profile_values
+from bt_agents.host.tuning.tune_service import info_from_msg
 from bt_agents_core.errors import Refused
-from bt_agents_interfaces.msg import (
-    AgentFiles,
-    Auction,
-    Feedback,
-    Heartbeat,
-    HostCard,
-    MarketHeartbeat,
-    MarketStatus,
-    OpenQuestions,
-    Profiles,
-    Run,
-    Scene,
-    SceneEnd,
-    Trees,
-    TreeStatus,
-    Tunables,
-    Tunings,
-)
+from bt_agents_core.field_types import BindingKind
+from bt_agents_interfaces.msg import HostCard, OpenQuestions, Scene, SceneValue, Tunables, Tunings
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.limits import MOST_PARAMETERS
+from bt_agents_ros.messages import header_at
 from bt_agents_ros.spinner import Spinner
+from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
+from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.types import load_type
+from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
+from bt_agents_studio.records import ListeningRecord
+from bt_agents_tools.client import open_questions, publication
+from bt_agents_tools.client.write_back import ParameterState
 
 MOST_HOSTS = 100
 """Hosts that are watched, at most."""
 
+MOST_WAITING = 20
+"""Answers and messages that are being published at a time."""
+
 _JOIN_S = 3.0
+_ADVANCE_S = 0.02
+_DETAILS = f"{HOST}/details"
+_GRAPH_S = 1.0
+_TAKEN_S = 3.0
+_VALUES_S = 5.0
+
+Wait = Generator[None, None, str]
+"""Work that waits between its steps; it returns what was done, in words."""
 
 Receive = Callable[[str, Any, float, bool], None]
 """Called with type, message, time of sending [s since 1970] and whether it is the live scene."""
@@ -58,6 +67,7 @@ class StudioNode(BaseNode):
         receive: Called with each message.
         beat: Called with the name of a part for each of its heartbeats.
         value: Called with host, name and value of each tunable when it may have changed.
+        graph: Called with the topics that trees listen to now, and whether a journal runs.
         node_kwargs: For :class:`rclpy.node.Node`.
     """
 
@@ -66,32 +76,219 @@ class StudioNode(BaseNode):
         receive: Receive,
         beat: Callable[[str], None],
         value: Callable[[str, str, Any], None],
+        graph: Callable[[Mapping[str, ListeningRecord], bool], None],
         **node_kwargs: Any,
     ) -> None:
         super().__init__("studio", **node_kwargs)
         self._receive = receive
         self._beat = beat
         self._value = value
-        self._hosts: set[str] = set()
-        self._names: dict[str, list[str]] = {}
+        self._graph = graph
+        self._questions: Sequence[Any] = ()
+        self._tunables: dict[str, Tunables] = {}
+        self._cards: dict[str, HostCard] = {}
+        self._fields: dict[str, Mapping[str, str]] = {}
+        self._waiting: list[tuple[Wait, Future[str]]] = []
         self._calls = Calls(self)
         self._service_clients: dict[str, Client] = {}
-        for kind, topic, profile in (
-            (Auction, "auctions", qos.FACTS),
-            (Feedback, "feedback", qos.FACTS),
-            (MarketStatus, "market", qos.FACT),
-            (OpenQuestions, "robot/open_questions", qos.FACT),
-            (Profiles, "profiles", qos.FACT),
-            (Run, "runs", qos.FACTS),
-            (Scene, "scene", qos.FACT),
-            (SceneEnd, "scene_ends", qos.FACTS),
-            (String, "robot/transcript", qos.EVENTS),
-        ):
-            self._subscribe(kind, topic, profile)
-        self._subscribe(Scene, "scene/live", qos.SENSOR, live=True)
-        self.create_subscription(HostCard, "cards", self._handle_card, qos.FACTS)
-        for kind, name in ((MarketHeartbeat, "marketplace"), (Empty, "robot")):
-            self._subscribe_heartbeat(kind, name)
+        self._is_watched = False
+        self._details: list[Subscription[Any]] = []
+        for topic in heard_by("studio"):
+            if HOST not in topic.name:
+                self._subscribe(topic, topic.name)
+        self._reading = steady_timer(self, _GRAPH_S, self._read_graph, running=False)
+        self._advancing = steady_timer(self, _ADVANCE_S, self._advance, running=False)
+
+    def watch(self, is_watched: bool) -> None:
+        """Take over whether somebody looks at the studio; from any thread.
+
+        While nobody does, it neither has hosts trace values nor reads the graph.
+        """
+        self.executor.create_task(partial(self._watch, is_watched))
+
+    def _watch(self, is_watched: bool) -> None:
+        if is_watched == self._is_watched:
+            return
+        self._is_watched = is_watched
+        if is_watched:
+            for host in self._cards:
+                self._subscribe_details(host)
+            self._reading.reset()
+            self._read_graph()
+            return
+        self._reading.cancel()
+        for subscription in self._details:
+            self.destroy_subscription(subscription)
+        self._details.clear()
+
+    def _subscribe_details(self, host: str) -> None:
+        self._details.append(self._subscribe(topic_called(_DETAILS), _DETAILS.replace(HOST, host)))
+
+    def answer(self, text: str) -> Future[str]:
+        """Answer an open question, as ``bt-agents answer`` does; from any thread.
+
+        The future has what was done, in words, or raises ``Refused``.
+        """
+        return self._begin(partial(self._answer, text))
+
+    def publish(self, topic: str, values: Sequence[str]) -> Future[str]:
+        """Publish what a tree waits for, as ``bt-agents publish`` does; from any thread.
+
+        The future has what was done, in words, or raises ``Refused``.
+        """
+        return self._begin(partial(self._publish, topic, values))
+
+    def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
+        """Ask the market who would win for a scene; as :meth:`call`.
+
+        Args:
+            values: Scene parameters in their order; NaN where missing.
+            limit_s: Longest time for the answer [s].
+        """
+        scene = Scene(
+            header=header_at(self.get_clock().now().to_msg()),
+            scene_id="preview",
+            person=True,
+            values=[
+                SceneValue(name=name, value=value, origin=SceneValue.GIVEN, std=0.0)
+                if value == value
+                else SceneValue(
+                    name=name, value=value, origin=SceneValue.MISSING, age_s=value, std=value
+                )
+                for name, value in values.items()
+            ],
+        )
+        return self.call("PreviewAuction", "marketplace/preview", {"scene": scene}, limit_s)
+
+    def tuned(self) -> Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]]:
+        """Return trees folder, parameters and profile values of each host; from any thread."""
+        answer: Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]] = Future()
+        self.executor.create_task(partial(self._read_tuned, answer))
+        return answer
+
+    def _begin(self, make: Callable[[], Wait]) -> Future[str]:
+        done: Future[str] = Future()
+
+        def begin() -> None:
+            if len(self._waiting) >= MOST_WAITING:
+                done.set_exception(
+                    Refused("BUSY", f"{MOST_WAITING} messages are being published; try again")
+                )
+                return
+            self._waiting.append((make(), done))
+            self._advancing.reset()
+            self._advance()
+
+        self.executor.create_task(begin)
+        return done
+
+    def _advance(self) -> None:
+        """Go on with all that waits."""
+        for one in list(self._waiting):
+            wait, done = one
+            try:
+                next(wait)
+                continue
+            except StopIteration as ended:
+                done.set_result(ended.value)
+            except Exception as error:
+                # Whoever has asked is told.
+                done.set_exception(error)
+            self._waiting.remove(one)
+        if not self._waiting:
+            self._advancing.cancel()
+
+    def _answer(self, text: str) -> Wait:
+        asked, taken = open_questions.asked_by(self._questions, text)
+        yield from self._published("answers", String(data=taken))
+        limit_s = time.monotonic() + _TAKEN_S
+        while asked in self._questions:
+            if time.monotonic() > limit_s:
+                raise open_questions.not_taken(text)
+            yield
+        return f"answered '{taken}' to: {asked.text}"
+
+    def _publish(self, topic: str, values: Sequence[str]) -> Wait:
+        message = publication.heard_message(self._heard(), topic, values)
+        if not (yield from self._published(topic, message)):
+            raise publication.not_taken(topic)
+        return f"published on {topic}"
+
+    def _published(self, topic: str, message: Any) -> Generator[None, None, bool]:
+        pending = publication.PendingPublication(self, topic, message, time.monotonic())
+        try:
+            while (reached := pending.poll(time.monotonic())) is None:
+                yield
+        finally:
+            pending.close()
+        return reached
+
+    def _heard(self) -> Mapping[str, str]:
+        return publication.heard_topics(self, sorted(self._cards))
+
+    def _read_graph(self) -> None:
+        found = {
+            topic: ListeningRecord(type=kind, fields=self._fields_of(kind))
+            for topic, kind in self._heard().items()
+            if not topic.endswith("heartbeat")
+        }
+        self._graph(found, bool(self.count_publishers("journal/status")))
+
+    def _fields_of(self, kind: str) -> Mapping[str, str]:
+        if kind not in self._fields:
+            try:
+                message = load_type(kind, BindingKind.TOPIC)
+                self._fields[kind] = dict(message.get_fields_and_field_types())
+            except Refused:
+                self._fields[kind] = {}
+        return self._fields[kind]
+
+    def _handle_questions(self, message: OpenQuestions, info: Mapping[str, Any]) -> None:
+        self._questions = message.questions
+        at_s = int(info["source_timestamp"]) * 1e-9
+        self._receive("bt_agents_interfaces/msg/OpenQuestions", message, at_s, False)
+
+    def _read_tuned(
+        self, answer: Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]]
+    ) -> None:
+        found: dict[str, tuple[Path, Sequence[ParameterState]]] = {}
+        hosts = sorted(self._tunables.keys() & self._cards.keys())
+        if not hosts:
+            answer.set_exception(Refused("NO_HOST", "no host of agents is running"))
+            return
+
+        def fail(host: str, reason: str) -> None:
+            if not answer.done():
+                answer.set_exception(Refused("NO_ANSWER", f"{host}: {reason}"))
+
+        def read(host: str, values: Sequence[Any]) -> None:
+            card = self._cards[host]
+            found[host] = (
+                Path(card.trees),
+                [
+                    *(
+                        ParameterState(
+                            parameter=info_from_msg(one), value=parameter_value_to_python(value)
+                        )
+                        for one, value in zip(self._tunables[host].tunables, values, strict=False)
+                    ),
+                    *(
+                        ParameterState(parameter=parameter, value=float(value))
+                        for one in card.agents
+                        for parameter, value in zip(
+                            profile_values(one.name, card.parameters, one.profile),
+                            one.current,
+                            strict=True,
+                        )
+                    ),
+                ],
+            )
+            if len(found) == len(hosts) and not answer.done():
+                answer.set_result(found)
+
+        for host in hosts:
+            names = [one.name for one in self._tunables[host].tunables]
+            self._get_parameters(host, names, partial(read, host), partial(fail, host))
 
     def call(
         self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
@@ -134,45 +331,49 @@ class StudioNode(BaseNode):
             on_failure=lambda reason: answer.set_exception(Refused("NO_ANSWER", reason)),
         )
 
-    def _subscribe(self, kind: Any, topic: str, profile: Any, *, live: bool = False) -> None:
-        package = "std_msgs" if kind is String else "bt_agents_interfaces"
-        name = f"{package}/msg/{kind.__name__}"
+    def _subscribe(self, topic: SystemTopic, name: str) -> Subscription[Any]:
+        part, _, last = name.rpartition("/")
+        profile = qos.listening(topic)
+        kind = load_type(topic.type)
+        if last == "heartbeat":
+            # The content does not matter, so it is not decoded.
+            return self.create_subscription(
+                *(kind, name, lambda _data: self._beat(part), profile),
+                raw=True,
+                callback_group=PolledGroup(),
+            )
+        own: dict[str, Callable[..., None]] = {
+            "cards": self._handle_card,
+            "open_questions": self._handle_questions,
+            "tunables": partial(self._handle_tunables, part),
+            "tunings": partial(self._handle_tunings, part),
+        }
+        live = topic.name == "bt_agents/scene/live"
 
         def handle(message: Any, info: Mapping[str, Any]) -> None:
-            self._receive(name, message, int(info["source_timestamp"]) * 1e-9, live)
+            self._receive(topic.type, message, int(info["source_timestamp"]) * 1e-9, live)
 
-        self.create_subscription(kind, topic, handle, profile)
-
-    def _subscribe_heartbeat(self, kind: Any, name: str) -> None:
-        # The content does not matter, so it is not decoded.
-        self.create_subscription(
-            kind, f"{name}/heartbeat", lambda _data: self._beat(name), qos.SENSOR, raw=True
-        )
+        return self.create_subscription(kind, name, own.get(last, handle), profile)
 
     def _handle_card(self, message: HostCard, info: Mapping[str, Any]) -> None:
         at_s = int(info["source_timestamp"]) * 1e-9
         self._receive("bt_agents_interfaces/msg/HostCard", message, at_s, False)
         host = message.host
-        if host in self._hosts or len(self._hosts) >= MOST_HOSTS:
+        is_new = host not in self._cards
+        if is_new and len(self._cards) >= MOST_HOSTS:
             return
-        self._hosts.add(host)
-        for kind, topic, profile in (
-            (AgentFiles, "files", qos.FACT),
-            (Trees, "trees", qos.FACT),
-            (TreeStatus, "status", qos.EVENTS),
-        ):
-            self._subscribe(kind, f"{host}/{topic}", profile)
-        self.create_subscription(
-            Tunables, f"{host}/tunables", partial(self._handle_tunables, host), qos.FACT
-        )
-        self.create_subscription(
-            Tunings, f"{host}/tunings", partial(self._handle_tunings, host), qos.FACT
-        )
-        self._subscribe_heartbeat(Heartbeat, host)
+        self._cards[host] = message
+        if not is_new:
+            return
+        for topic in heard_by("studio"):
+            if HOST in topic.name and topic.name != _DETAILS:
+                self._subscribe(topic, topic.name.replace(HOST, host))
+        if self._is_watched:
+            self._subscribe_details(host)
 
     def _handle_tunables(self, host: str, message: Tunables) -> None:
         now_s = self.get_clock().now().nanoseconds * 1e-9
-        self._names[host] = [one.name for one in message.tunables]
+        self._tunables[host] = message
         self._receive("bt_agents_interfaces/msg/Tunables", message, now_s, False)
         self._read_values(host)
 
@@ -182,24 +383,50 @@ class StudioNode(BaseNode):
         self._read_values(host)
 
     def _read_values(self, host: str) -> None:
+        known = self._tunables.get(host)
+        names = [one.name for one in known.tunables] if known is not None else []
+
+        def report(values: Sequence[Any]) -> None:
+            for name, value in zip(names, values, strict=False):
+                self._value(host, name, parameter_value_to_python(value))
+
+        def fail(reason: str) -> None:
+            self.get_logger().warning(f"values of {host}: {reason}")
+
+        self._get_parameters(host, names, report, fail)
+
+    def _get_parameters(
+        self,
+        host: str,
+        names: Sequence[str],
+        on_values: Callable[[Sequence[Any]], None],
+        on_failure: Callable[[str], None],
+        known: Sequence[Any] = (),
+    ) -> None:
+        """Ask for values of parameters; there are fewer than names when one is gone meanwhile."""
+
+        def take(answer: Any) -> None:
+            values = [*known, *answer.values]
+            if not answer.values or len(values) >= len(names):
+                on_values(values)
+            else:
+                self._get_parameters(host, names, on_values, on_failure, values)
+
+        self._calls.call(
+            self._parameter_client(host),
+            GetParameters.Request(names=names[len(known) : len(known) + MOST_PARAMETERS]),
+            deadline_s=_VALUES_S,
+            on_answer=take,
+            on_failure=on_failure,
+        )
+
+    def _parameter_client(self, host: str) -> Client:
         service = f"{host}/get_parameters"
         if service not in self._service_clients:
             self._service_clients[service] = self.create_client(
                 GetParameters, service, qos_profile=qos.SERVICE
             )
-        names = list(self._names.get(host, ()))
-
-        def report(answer: Any) -> None:
-            for name, value in zip(names, answer.values, strict=False):
-                self._value(host, name, parameter_value_to_python(value))
-
-        self._calls.call(
-            self._service_clients[service],
-            GetParameters.Request(names=names),
-            deadline_s=5.0,
-            on_answer=report,
-            on_failure=lambda reason: self.get_logger().warning(f"values of {host}: {reason}"),
-        )
+        return self._service_clients[service]
 
 
 class NodeThread:

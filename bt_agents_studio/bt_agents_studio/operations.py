@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from bt_agents_core.errors import Refused
+from bt_agents_studio.access import OPERATORS, SessionRole
 
 LIMIT_S = 30.0
 """Longest time for the answer of a service [s]."""
@@ -20,30 +21,56 @@ MOST_VALUES = 500
 """Entries of a list of an operation."""
 
 
+Fields = Mapping[str, str | Mapping[str, int]]
+"""Field of a request → ``text``, ``number``, ``bool``, ``texts``, ``numbers``, or the numbers of
+its constants by their names."""
+
+_WITH_PERSON = OPERATORS | {SessionRole.PERSON}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Operation:
     """One way to change a running system.
 
     Attributes:
+        roles: Whose sessions may do it.
         service: Name of the service, relative to the namespace of the system; ``{host}`` stands
             for a field of that name, which is no field of the request.
         kind: Type of the service in ``bt_agents_interfaces``.
-        fields: Field of the request → ``text``, ``number``, ``bool``, ``texts``, ``numbers``, or
-            the numbers of its constants by their names.
+        fields: Of the request.
+        person_fields: The same for a person, where that may name less.
+        person_values: What the request of a person says in fields that it may not name.
     """
 
+    roles: frozenset[SessionRole] = OPERATORS
     service: str
     kind: str
-    fields: Mapping[str, str | Mapping[str, int]]
+    fields: Fields
+    person_fields: Fields = field(default_factory=dict)
+    person_values: Mapping[str, str] = field(default_factory=dict)
 
 
 OPERATIONS: Mapping[str, Operation] = {
     "cancel": Operation(
+        roles=_WITH_PERSON,
         service="marketplace/cancel",
         kind="CancelRun",
         fields={"reason": "text", "round": "number", "by": {"OPERATOR": 1}},
     ),
+    "control": Operation(
+        service="{host}/control",
+        kind="ControlRun",
+        fields={
+            "action": {"PAUSE": 0, "RESUME": 1, "STEP": 2, "BREAKPOINTS": 3},
+            "author": "text",
+            "epoch": "text",
+            "round": "number",
+            "agent": "text",
+            "paths": "texts",
+        },
+    ),
     "feedback": Operation(
+        roles=_WITH_PERSON,
         service="feedback/give",
         kind="GiveFeedback",
         fields={
@@ -54,6 +81,13 @@ OPERATIONS: Mapping[str, Operation] = {
             "source": "text",
             "reason": "text",
         },
+        person_fields={
+            "feedback_id": "text",
+            "kind": {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2},
+            "values": "numbers",
+            "reason": "text",
+        },
+        person_values={"source": "person"},
     ),
     "operate": Operation(
         service="marketplace/operate",
@@ -63,6 +97,16 @@ OPERATIONS: Mapping[str, Operation] = {
             "agent": "text",
             "author": "text",
             "reason": "text",
+        },
+    ),
+    "record": Operation(
+        service="journal/record",
+        kind="Record",
+        fields={
+            "action": {"START": 0, "STOP": 1, "BOOKMARK": 2},
+            "author": "text",
+            "label": "text",
+            "notes": "text",
         },
     ),
     "profiles": Operation(
@@ -77,6 +121,7 @@ OPERATIONS: Mapping[str, Operation] = {
         },
     ),
     "scene": Operation(
+        roles=_WITH_PERSON,
         service="scene_layer/analyze",
         kind="Analyze",
         fields={
@@ -85,6 +130,13 @@ OPERATIONS: Mapping[str, Operation] = {
             "values": "numbers",
             "person": {"AS_MEASURED": 0, "PRESENT": 1, "ABSENT": 2},
             "urgent": "bool",
+            "announce": "bool",
+        },
+        person_fields={
+            "label": "text",
+            "names": "texts",
+            "values": "numbers",
+            "person": {"AS_MEASURED": 0, "PRESENT": 1, "ABSENT": 2},
             "announce": "bool",
         },
     ),
@@ -97,15 +149,45 @@ OPERATIONS: Mapping[str, Operation] = {
             "reason": "text",
             "names": "texts",
             "values": "texts",
+            "compare": "bool",
+            "seen": "number",
             "preset": "text",
             "agents": "texts",
         },
     ),
 }
-"""Name in the address ``/api/do/<name>`` → operation."""
+"""Name in the address ``/api/do/<name>`` → operation of a service."""
 
 
-def read_request(operation: Operation, body: object) -> tuple[str, dict[str, Any]]:
+@dataclass(frozen=True, kw_only=True)
+class OwnOperation:
+    """What the studio does itself, by the modules of the command line.
+
+    Attributes:
+        roles: Whose sessions may do it.
+        fields: Of the request.
+    """
+
+    roles: frozenset[SessionRole] = OPERATORS
+    fields: Fields
+
+
+OWN_OPERATIONS: Mapping[str, OwnOperation] = {
+    "answer": OwnOperation(roles=_WITH_PERSON, fields={"text": "text"}),
+    "dry_run": OwnOperation(
+        fields={"names": "texts", "values": "numbers", "across": "text", "up": "text"}
+    ),
+    "keep": OwnOperation(
+        roles=frozenset({SessionRole.AUTHOR}), fields={"profile": "bool", "digest": "text"}
+    ),
+    "publish": OwnOperation(fields={"topic": "text", "values": "texts"}),
+}
+"""Name in the address ``/api/do/<name>`` → operation of the studio itself."""
+
+
+def read_request(
+    operation: Operation, body: object, role: SessionRole
+) -> tuple[str, dict[str, Any]]:
     """Return the service that is asked, and the fields of its request.
 
     Raises:
@@ -120,13 +202,27 @@ def read_request(operation: Operation, body: object) -> tuple[str, dict[str, Any
         if not host.startswith("/") or not host.replace("/", "").replace("_", "").isalnum():
             raise Refused("BAD_FIELD", f"'host' is '{host[:80]}', expected a name such as /agents")
         service = service.format(host=host)
-    unknown = found.keys() - operation.fields.keys()
+    is_person = role is SessionRole.PERSON
+    fields = (operation.person_fields if is_person else {}) or operation.fields
+    read = read_fields(fields, found)
+    return service, {**read, **(operation.person_values if is_person else {})}
+
+
+def read_fields(fields: Fields, body: object) -> dict[str, Any]:
+    """Return the fields of a request; those that are not given are left out.
+
+    Raises:
+        Refused: ``BAD_FIELD``.
+    """
+    if not isinstance(body, dict):
+        raise Refused("BAD_FIELD", "expected an object")
+    unknown = body.keys() - fields.keys()
     if unknown:
         raise Refused(
             "BAD_FIELD",
-            f"'{min(map(str, unknown))[:40]}' is no field, expected {', '.join(operation.fields)}",
+            f"'{min(map(str, unknown))[:40]}' is no field, expected {', '.join(fields)}",
         )
-    return service, {name: _read(name, operation.fields[name], found[name]) for name in found}
+    return {name: _read(name, fields[name], body[name]) for name in body}
 
 
 def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:

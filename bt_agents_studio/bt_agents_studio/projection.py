@@ -9,26 +9,38 @@ from dataclasses import replace
 from typing import Any
 
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.health import Health
 from bt_agents_core.scene import Origin
 from bt_agents_core.stop_cause import StoppedBy
+from bt_agents_core.text import printable_line
 from bt_agents_studio.records import (
     AgentRecord,
     BidRecord,
+    BookmarkRecord,
+    ControlRecord,
+    CountdownRecord,
     FileRecord,
+    HealthRecord,
     HostRecord,
     Json,
+    ListeningRecord,
     LogRecord,
     MarketRecord,
     MoodRecord,
     MoodRuleRecord,
     NodeRecord,
+    NodeValueRecord,
+    NodeValuesRecord,
     PresetRecord,
     ProblemRecord,
     ProfileRecord,
     ProfileStepRecord,
     QuestionRecord,
     QuestionsRecord,
+    RecordingRecord,
     RefusedBidRecord,
+    RobotActRecord,
+    RobotRecord,
     RoundRecord,
     RunRecord,
     SceneRecord,
@@ -50,9 +62,24 @@ _STATUSES = ("INVALID", "RUNNING", "SUCCESS", "FAILURE")
 _EVENTS = ("", "STARTED", "CANCELLING", "ENDED", "REFUSED")
 _OUTCOMES = ("NONE", "SUCCEEDED", "FAILED", "CANCELLED", "LOST")
 _DECISIONS = ("", "AWARDED", "NO_BIDS", "PREEMPTS", "WAITS")
+_ACTS = ("", "SAY", "ASK", "SHOW", "DRIVE")
 _CLOSINGS = ("", "ALL_ANSWERED", "DEADLINE", "STOPPED")
+_LEVELS = tuple(level.name for level in Health)
 _KINDS = ("TUNABLE", "LEARNING_RATE", "TICK_RATE")
 _TYPES = ("NUMBER", "DURATION", "LENGTH", "ANGLE", "INTEGER", "BOOLEAN", "TEXT")
+
+UNTOLD_S = 5.0
+"""Time without news after which the health of a part is stale [s]."""
+
+_MOST_STATUSES = 500
+_LONGEST_NAME = 200
+_LONGEST_HEALTH = 500
+
+_TIME, _ATTEMPTS = 1, 2
+"""Units of countdowns."""
+
+_MOST_VALUES = 40
+"""Values that are shown of a node, the newest."""
 
 _VALUE_FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value"}
 
@@ -70,21 +97,28 @@ class Projection:
         self._mood = mood
         self._lines = 0
         self._moods = 0
+        self._heard: dict[str, float] = {}
         self._handlers: Mapping[str, Callable[[Any, float], None]] = {
             "bt_agents_interfaces/msg/AgentFiles": self._files,
             "bt_agents_interfaces/msg/Auction": self._auction,
+            "bt_agents_interfaces/msg/Bookmark": self._bookmark,
             "bt_agents_interfaces/msg/Feedback": self._feedback,
             "bt_agents_interfaces/msg/HostCard": self._card,
             "bt_agents_interfaces/msg/MarketStatus": self._market,
+            "bt_agents_interfaces/msg/NodeDetails": self._details,
             "bt_agents_interfaces/msg/OpenQuestions": self._questions,
             "bt_agents_interfaces/msg/Profiles": self._profiles,
+            "bt_agents_interfaces/msg/RobotState": self._robot,
+            "bt_agents_interfaces/msg/RecordingStatus": self._recording,
             "bt_agents_interfaces/msg/Run": self._run,
+            "bt_agents_interfaces/msg/RunControl": self._control,
             "bt_agents_interfaces/msg/Scene": self._scene,
             "bt_agents_interfaces/msg/SceneEnd": self._scene_end,
             "bt_agents_interfaces/msg/TreeStatus": self._tree_status,
             "bt_agents_interfaces/msg/Trees": self._trees,
             "bt_agents_interfaces/msg/Tunables": self._tunables,
             "bt_agents_interfaces/msg/Tunings": self._tunings,
+            "diagnostic_msgs/msg/DiagnosticArray": self._health,
             "std_msgs/msg/String": self._act,
         }
 
@@ -115,7 +149,7 @@ class Projection:
             MarketRecord(
                 epoch=message.epoch,
                 state=_name(_STATES, message.state),
-                since_s=_seconds(message.stamp),
+                since_s=_seconds(message.header.stamp),
                 round=int(message.round),
                 scene_id=message.scene_id,
                 scene_label=message.scene_label,
@@ -143,8 +177,13 @@ class Projection:
 
     def _scene(self, message: Any, at_s: float) -> None:
         record = _scene(message)
-        self._store.put("scene", "", record)
+        if not self._is_running():
+            self._store.put("scene", "", record)
         self._log(at_s, "scene", text=record.label or record.scene_id)
+
+    def _is_running(self) -> bool:
+        runs = (self._store.get("runs", agent) for agent in self._store.keys("runs"))
+        return any(isinstance(run, RunRecord) and run.ended_s is None for run in runs)
 
     def _live(self, message: Any, at_s: float) -> None:
         record = _scene(message)
@@ -155,7 +194,7 @@ class Projection:
             self._store.put("moods", str(self._moods), MoodRecord(at_s=at_s, mood=mood))
 
     def _auction(self, message: Any, at_s: float) -> None:
-        record = _round(message)
+        record = round_record(message)
         self._store.put("rounds", f"{record.epoch}/{record.round}", record)
         if not record.preview:
             self._log(at_s, "market", agent=record.winner, text=record.reason)
@@ -170,7 +209,8 @@ class Projection:
         )
         if event == "STARTED" and not same:
             self._begin(message.agent)
-        stamp = _seconds(message.stamp)
+            self._store.put("scene", "", _scene(message.scene))
+        stamp = _seconds(message.header.stamp)
         record = RunRecord(
             agent=message.agent,
             host=message.host,
@@ -194,15 +234,18 @@ class Projection:
             duration_s=float(message.duration_s),
         )
         self._store.put("runs", message.agent, record)
+        if record.ended_s is not None:
+            self._store.clear("countdowns", f"{message.agent}|")
         self._log(at_s, "run", agent=message.agent, text=f"{event.lower()}: {message.message}")
 
     def _begin(self, agent: str) -> None:
         """Forget what the nodes of an agent did in the run before."""
-        self._store.clear("nodes", f"{agent}|")
+        for collection in ("nodes", "countdowns", "values"):
+            self._store.clear(collection, f"{agent}|")
         self._store.clear("moods")
 
     def _tree_status(self, message: Any, at_s: float) -> None:
-        stamp = _seconds(message.stamp) or at_s
+        stamp = _seconds(message.header.stamp) or at_s
         run = self._store.get("runs", message.agent)
         ours = isinstance(run, RunRecord) and (run.epoch, run.round) == (
             message.epoch,
@@ -235,8 +278,7 @@ class Projection:
                 since_s=stamp,
                 tick=int(message.tick),
                 # One that ends in the tick in which it begins is not reported as running before.
-                starts=before.starts
-                + (status == "RUNNING" or (before.status != "RUNNING" and status != "INVALID")),
+                starts=before.starts + (before.status != "RUNNING" and status != "INVALID"),
                 successes=before.successes + (status == "SUCCESS"),
                 failures=before.failures + failed,
                 busy_s=before.busy_s
@@ -248,6 +290,85 @@ class Projection:
             text = f"{change.name}: {status.lower()}"
             text += f" ({change.message})" if change.message else ""
             self._log(stamp, "tree", agent=message.agent, path=change.path, text=text)
+
+    def _details(self, message: Any, at_s: float) -> None:
+        stamp = _seconds(message.header.stamp) or at_s
+        run = self._store.get("runs", message.agent)
+        ours = isinstance(run, RunRecord) and (run.epoch, run.round) == (
+            message.epoch,
+            message.round,
+        )
+        if isinstance(run, RunRecord) and not ours and run.began_s > stamp:
+            return
+        if not ours:
+            # The details of the first tick may be received before its changes.
+            self._begin(message.agent)
+            run = _unannounced(message, stamp)
+            self._store.put("runs", message.agent, run)
+        for one in message.values:
+            self._value(message, one, stamp)
+        assert isinstance(run, RunRecord)
+        if run.ended_s is not None:
+            return
+        times = {one.path: one for one in message.countdowns if int(one.unit) == _TIME}
+        rounds = {one.path: one for one in message.countdowns if int(one.unit) == _ATTEMPTS}
+        left = {
+            path: CountdownRecord(
+                at_s=at_s,
+                kind=one.kind,
+                remaining_s=_number(times[path].remaining_s) if path in times else None,
+                remaining=int(rounds[path].remaining) if path in rounds else None,
+            )
+            for path, one in {**times, **rounds}.items()
+        }
+        head = f"{message.agent}|"
+        for key in self._store.keys("countdowns"):
+            if key.startswith(head) and key.removeprefix(head) not in left:
+                self._store.remove("countdowns", key)
+        for path, record in left.items():
+            self._store.put("countdowns", f"{head}{path}", record)
+
+    def _value(self, message: Any, value: Any, stamp: float) -> None:
+        key = f"{message.agent}|{value.path}"
+        before = self._store.get("values", key)
+        known = before.values if isinstance(before, NodeValuesRecord) else ()
+        record = NodeValueRecord(
+            at_s=stamp,
+            tick=int(message.tick),
+            name=value.name,
+            value=value.value,
+            written=bool(value.written),
+        )
+        others = [one for one in known if (one.name, one.written) != (record.name, record.written)]
+        self._store.put(
+            "values", key, NodeValuesRecord(values=(*others[1 - _MOST_VALUES :], record))
+        )
+
+    def _control(self, message: Any, at_s: float) -> None:
+        before = self._store.get("controls", message.host)
+        breakpoints: dict[str, tuple[str, ...]] = {}
+        for one in message.breakpoints:
+            breakpoints[one.agent] = (*breakpoints.get(one.agent, ()), one.path)
+        record = ControlRecord(
+            host=message.host,
+            epoch=message.epoch,
+            round=int(message.round),
+            agent=message.agent,
+            paused=bool(message.paused),
+            paused_at=message.paused_at,
+            author=message.author,
+            since_s=_seconds(message.header.stamp) or at_s,
+            breakpoints=breakpoints,
+        )
+        self._store.put("controls", message.host, record)
+        was = (before.paused, before.paused_at) if isinstance(before, ControlRecord) else None
+        if record.paused and was != (True, record.paused_at):
+            text = "is paused" + (f" by {record.author}" if record.author else "")
+            if record.paused_at:
+                text = f"is paused before {record.paused_at}"
+            self._log(at_s, "run", agent=record.agent, path=record.paused_at, text=text)
+        elif was is not None and was[0] and not record.paused and record.agent:
+            self._log(at_s, "run", agent=record.agent, text="goes on")
 
     def _trees(self, message: Any, at_s: float) -> None:
         del at_s
@@ -317,7 +438,7 @@ class Projection:
 
     def _feedback(self, message: Any, at_s: float) -> None:
         record = ProfileStepRecord(
-            at_s=_seconds(message.stamp),
+            at_s=_seconds(message.header.stamp),
             agent=message.agent,
             layer=message.layer,
             kind=_name(_FEEDBACKS, message.kind),
@@ -355,6 +476,65 @@ class Projection:
             for one in message.questions
         )
         self._store.put("questions", "", QuestionsRecord(questions=questions))
+
+    def _robot(self, message: Any, at_s: float) -> None:
+        del at_s
+        acts = tuple(
+            RobotActRecord(
+                at_s=_seconds(one.stamp),
+                number=int(one.number),
+                kind=_name(_ACTS, one.kind),
+                text=one.text,
+                clip=one.clip,
+                choices=tuple(one.choices),
+                rate=_number(one.rate) or 1.0,
+                waiting=bool(one.waiting),
+            )
+            for one in message.acts
+        )
+        record = RobotRecord(
+            acts=acts,
+            light=message.light,
+            light_blinks=bool(message.light_blinks),
+            sound=message.sound,
+            sounds=int(message.sounds),
+        )
+        self._store.put("robot", "", record)
+
+    def _recording(self, message: Any, at_s: float) -> None:
+        del at_s
+        self._store.put(
+            "recording",
+            "",
+            RecordingRecord(
+                since_s=_seconds(message.header.stamp),
+                recording=bool(message.recording),
+                folder=message.folder,
+                file=message.file,
+                label=message.label,
+                notes=message.notes,
+                author=message.author,
+                bookmarks=int(message.bookmarks),
+            ),
+        )
+
+    def _bookmark(self, message: Any, at_s: float) -> None:
+        stamp = _seconds(message.header.stamp)
+        record = BookmarkRecord(
+            at_s=stamp, label=message.label, notes=message.notes, author=message.author
+        )
+        self._store.put("bookmarks", f"{stamp:.6f}", record)
+        text = f"{record.label or 'a moment'} is marked"
+        self._log(at_s, "journal", text=text + (f" by {record.author}" if record.author else ""))
+
+    def graph(self, listening: Mapping[str, ListeningRecord], *, is_journal_there: bool) -> None:
+        """Take what trees listen to now, by topic, and whether a journal runs."""
+        for topic in set(self._store.keys("listening")) - listening.keys():
+            self._store.remove("listening", topic)
+        for topic, record in listening.items():
+            self._store.put("listening", topic, record)
+        if not is_journal_there:
+            self._store.remove("recording", "")
 
     def _files(self, message: Any, at_s: float) -> None:
         del at_s
@@ -401,6 +581,48 @@ class Projection:
         record = self._store.get("tunables", key)
         if isinstance(record, TunableRecord):
             self._store.put("tunables", key, replace(record, value=value))
+
+    def _health(self, message: Any, at_s: float) -> None:
+        for one in message.status[:_MOST_STATUSES]:
+            name = printable_line(one.name)[:_LONGEST_NAME]
+            self._heard[name] = at_s
+            self._put_health(
+                name,
+                HealthRecord(
+                    level=_name(_LEVELS, _octet(one.level)),
+                    message=printable_line(one.message)[:_LONGEST_HEALTH],
+                    values={
+                        printable_line(pair.key)[:_LONGEST_NAME]: printable_line(pair.value)[
+                            :_LONGEST_HEALTH
+                        ]
+                        for pair in one.values[:_MOST_VALUES]
+                    },
+                    since_s=at_s,
+                ),
+            )
+
+    def check_health(self, now_s: float) -> None:
+        """Note of which parts nothing is told any more; call it a few times a second."""
+        for name, heard_s in list(self._heard.items()):
+            record = self._store.get("health", name)
+            if not isinstance(record, HealthRecord):
+                del self._heard[name]
+            elif now_s - heard_s > UNTOLD_S:
+                values = record.values
+                stale = HealthRecord(
+                    level=Health.STALE.name,
+                    message="nothing is told",
+                    values=values,
+                    since_s=heard_s,
+                )
+                self._put_health(name, stale)
+
+    def _put_health(self, name: str, record: HealthRecord) -> None:
+        before = self._store.get("health", name)
+        if isinstance(before, HealthRecord) and before.level == record.level:
+            record = replace(record, since_s=before.since_s)
+        if record != before:
+            self._store.put("health", name, record)
 
     def _tunings(self, message: Any, at_s: float) -> None:
         before = self._store.get("tunings", message.host)
@@ -485,7 +707,7 @@ def _unannounced(message: Any, stamp: float) -> RunRecord:
 
 def _scene(message: Any) -> SceneRecord:
     return SceneRecord(
-        at_s=_seconds(message.stamp),
+        at_s=_seconds(message.header.stamp),
         scene_id=message.scene_id,
         label=message.label,
         person=bool(message.person),
@@ -510,9 +732,10 @@ def _scene(message: Any) -> SceneRecord:
     )
 
 
-def _round(message: Any) -> RoundRecord:
+def round_record(message: Any) -> RoundRecord:
+    """Return the record of an ``Auction``."""
     return RoundRecord(
-        at_s=_seconds(message.stamp),
+        at_s=_seconds(message.header.stamp),
         epoch=message.epoch,
         round=int(message.round),
         follows=int(message.follows),
@@ -618,6 +841,11 @@ def _parameter(value: Any) -> Json:
 
 def _seconds(stamp: Any) -> float:
     return float(stamp.sec) + float(stamp.nanosec) * 1e-9
+
+
+def _octet(value: bytes | int) -> int:
+    """Return the number of a ``byte``: rclpy receives bytes, MCAP reads a number."""
+    return value if isinstance(value, int) else value[0]
 
 
 def _name(names: Sequence[str], number: int) -> str:

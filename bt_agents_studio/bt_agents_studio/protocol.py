@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from bt_agents_core.errors import Refused
-from bt_agents_studio.records import ParameterRecord
+from bt_agents_studio.records import BookmarkRecord, ParameterRecord
 from bt_agents_studio.store import Change
 
 VERSION = 1
@@ -52,6 +52,7 @@ class Snapshot:
         source: Name of the journal file it is from; empty for the running system.
         first_s: Earliest moment that can be asked for [s since 1970]; None while there is none.
         last_s: Latest one.
+        bookmarks: All marked moments of the source, those after the shown one, too.
     """
 
     type: ClassVar[str] = "snapshot"
@@ -60,6 +61,7 @@ class Snapshot:
     source: str
     first_s: float | None
     last_s: float | None
+    bookmarks: tuple[BookmarkRecord, ...]
     entries: Mapping[str, Mapping[str, object]]
 
 

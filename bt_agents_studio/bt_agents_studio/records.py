@@ -150,6 +150,63 @@ class NodeRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CountdownRecord:
+    """What is left of the limits of a node.
+
+    Attributes:
+        at_s: When that was so.
+        kind: Key of the node: ``timeout``, ``wait``, ``retry``.
+        remaining_s: Until its time is over, from ``at_s`` [s]; None without a time.
+        remaining: Attempts or rounds after the current one; None without a limit of them.
+    """
+
+    at_s: float
+    kind: str
+    remaining_s: float | None
+    remaining: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeValueRecord:
+    """A value that a node has read or written last under a name, as an author writes it."""
+
+    at_s: float
+    tick: int
+    name: str
+    value: str
+    written: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeValuesRecord:
+    """What a node has read and written in the last run, the newest last."""
+
+    values: tuple[NodeValueRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlRecord:
+    """What a person has told a host about its runs.
+
+    Attributes:
+        epoch: Of the run under way; empty without one.
+        paused_at: Path of the node whose breakpoint paused the run; empty otherwise.
+        since_s: When this came into force.
+        breakpoints: Agent → paths of the nodes before which its runs pause.
+    """
+
+    host: str
+    epoch: str
+    round: int
+    agent: str
+    paused: bool
+    paused_at: str
+    author: str
+    since_s: float
+    breakpoints: Mapping[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunRecord:
     """The last run of an agent; names are those of the constants of ``Run``.
 
@@ -322,6 +379,16 @@ class HostRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HealthRecord:
+    """Health of a part of a node, of this system or of another one that tells it."""
+
+    level: str
+    message: str
+    values: Mapping[str, str]
+    since_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class TunableRecord:
     """A value that may be changed while everything runs; names as in ``TunableInfo``."""
 
@@ -390,6 +457,36 @@ class QuestionsRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RobotActRecord:
+    """Something that the robot does now; ``kind`` is SAY, ASK, SHOW or DRIVE.
+
+    Attributes:
+        number: Counts up with each act of this start of the robot.
+        waiting: An answer is expected now.
+    """
+
+    at_s: float
+    number: int
+    kind: str
+    text: str
+    clip: str
+    choices: tuple[str, ...]
+    rate: float
+    waiting: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotRecord:
+    """What a person sees and hears of the robot now."""
+
+    acts: tuple[RobotActRecord, ...]
+    light: str
+    light_blinks: bool
+    sound: str
+    sounds: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class MoodRecord:
     """The mood of the person at one moment of a run."""
 
@@ -417,11 +514,103 @@ class PartRecord:
     seen_s: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class RecordingRecord:
+    """Whether everything is recorded, and the recording that is written, or was last."""
+
+    since_s: float
+    recording: bool
+    folder: str
+    file: str
+    label: str
+    notes: str
+    author: str
+    bookmarks: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class BookmarkRecord:
+    """A moment of a recording that somebody has marked."""
+
+    at_s: float
+    label: str
+    notes: str
+    author: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListeningRecord:
+    """A topic that a tree listens to now, with the fields of its messages and their types."""
+
+    type: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JournalRecord:
+    """A file of the journal, or a bag beside them, as the list of them shows it."""
+
+    name: str
+    bytes: int
+    label: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneMapRecord:
+    """Who would win where, over two scene parameters.
+
+    Attributes:
+        xs: Values of the parameter ``across``.
+        ys: Values of the parameter ``up``.
+        agents: Those who win anywhere; empty for nobody.
+        winners: Place in ``agents`` of the winner at each place, row by row, the lowest first.
+        is_asked: The market was asked at each place; else it was computed from the bids.
+    """
+
+    across: str
+    up: str
+    xs: tuple[float, ...]
+    ys: tuple[float, ...]
+    agents: tuple[str, ...]
+    winners: tuple[int, ...]
+    is_asked: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class DryRunRecord:
+    """What would be decided for a scene, and for scenes around it."""
+
+    round: RoundRecord
+    map: SceneMapRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeepRecord:
+    """What keeping tuned values changes in the agents' files.
+
+    Attributes:
+        diff: Of all files, as text; empty when everything stands as the files say.
+        tests: What the agents' tests say of it, in lines.
+        breaks: A test that passes now would fail.
+        digest: Names exactly this change, when it is confirmed.
+    """
+
+    diff: str
+    tests: tuple[str, ...]
+    breaks: bool
+    digest: str
+
+
 COLLECTIONS: Mapping[str, type] = {
     "agents": AgentRecord,
+    "controls": ControlRecord,
+    "countdowns": CountdownRecord,
+    "bookmarks": BookmarkRecord,
     "feedback": ProfileStepRecord,
     "files": FileRecord,
+    "health": HealthRecord,
     "hosts": HostRecord,
+    "listening": ListeningRecord,
     "live": SceneRecord,
     "log": LogRecord,
     "market": MarketRecord,
@@ -430,25 +619,34 @@ COLLECTIONS: Mapping[str, type] = {
     "parts": PartRecord,
     "profiles": ProfileRecord,
     "questions": QuestionsRecord,
+    "robot": RobotRecord,
+    "recording": RecordingRecord,
     "rounds": RoundRecord,
     "runs": RunRecord,
     "scene": SceneRecord,
     "trees": TreeRecord,
     "tunables": TunableRecord,
     "tunings": TuningsRecord,
+    "values": NodeValuesRecord,
 }
 """Collection → the type of its values.
 
 Keys: agents, runs and trees by agent; feedback by agent, layer and revision; files by path;
-hosts, tunings and parts by name; log and moods by number; nodes by ``agent|path``; profiles by
-``agent|layer``; rounds by ``epoch/round``; tunables by name; the others have one entry, of key "".
+controls, health, hosts, tunings and parts by name; log and moods by number; countdowns, nodes and
+values by ``agent|path``; profiles by ``agent|layer``; rounds by ``epoch/round``; listening by
+topic; bookmarks by their time; tunables by name; the others have one entry, of key "".
 """
 
 MOST_ENTRIES: Mapping[str, int] = {
+    "bookmarks": 1000,
     "feedback": 500,
     "files": 500,
+    "health": 500,
     "log": 1000,
     "moods": 1200,
     "rounds": 100,
 }
 """Collection → entries that are held; the oldest are removed first."""
+
+OF_A_PERSON = frozenset({"live", "parts", "robot"})
+"""Collections that a session of a person is shown."""

@@ -4,28 +4,37 @@
 from __future__ import annotations
 
 import asyncio
+import gzip
 import json
 import mimetypes
 import time
-from collections.abc import Awaitable, Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from collections.abc import Awaitable, Callable, Collection, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Protocol
+from urllib.parse import quote
 
 from aiohttp import WSMsgType, web
 
 from bt_agents_core.errors import Refused
 from bt_agents_studio.access import (
-    COOKIE,
+    ALL_ROLES,
     LARGEST_BODY,
+    OBSERVERS,
     AccessControl,
     SessionRole,
     WebRequest,
+    cookie_name,
     security_headers,
 )
-from bt_agents_studio.feed import Feed
-from bt_agents_studio.operations import LIMIT_S, OPERATIONS, read_request
+from bt_agents_studio.feed import Feed, shown_entries
+from bt_agents_studio.operations import (
+    LIMIT_S,
+    OPERATIONS,
+    OWN_OPERATIONS,
+    read_fields,
+    read_request,
+)
+from bt_agents_studio.own_operations import Caller, OwnOperations
 from bt_agents_studio.protocol import (
     LARGEST_MESSAGE,
     VERSION,
@@ -35,6 +44,7 @@ from bt_agents_studio.protocol import (
     decode,
     encode,
 )
+from bt_agents_studio.records import OF_A_PERSON
 from bt_agents_studio.studio import Studio
 
 PERIOD_S = 1 / 30
@@ -43,7 +53,9 @@ PERIOD_S = 1 / 30
 MOST_CLIENTS = 32
 """WebSockets at a time."""
 
+
 _BEAT_S = 10.0
+_SOCKET = "/api/socket"
 _PAGE = Path(__file__).parent / "page"
 _STATUSES = {
     "NO_SESSION": 401,
@@ -56,17 +68,9 @@ _STATUSES = {
     "NO_ANSWER": 504,
     "TOO_MANY_CLIENTS": 503,
     "NOT_FOUND": 404,
+    "NO_JOURNAL": 404,
 }
 _BAD_REQUEST = 400
-
-
-class Caller(Protocol):
-    """Whoever asks services of the system."""
-
-    def call(
-        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
-    ) -> Future[Any]:
-        """See :meth:`StudioNode.call`."""
 
 
 class Server:
@@ -76,6 +80,7 @@ class Server:
         studio: What is shown.
         access: Who may see and change it.
         caller: Asks the services.
+        watch: Called with whether any page is open, whenever one is opened or closed.
         namespace: Of the system.
         secure: The server speaks TLS.
     """
@@ -85,6 +90,7 @@ class Server:
         studio: Studio,
         access: AccessControl,
         caller: Caller,
+        watch: Callable[[bool], None],
         *,
         namespace: str = "/",
         secure: bool = False,
@@ -92,21 +98,24 @@ class Server:
         self._studio = studio
         self._access = access
         self._caller = caller
+        self._watch = watch
         self._namespace = namespace
         self._secure = secure
         self._clients: set[web.WebSocketResponse] = set()
         self._changed = asyncio.Event()
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
+        self._own = OwnOperations(studio, caller)
         self._readers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="journal")
         self.application = web.Application(client_max_size=LARGEST_BODY, middlewares=[self._guard])
         self.application.add_routes(
             [
                 web.post("/api/session", self._log_in),
                 web.delete("/api/session", self._log_out),
-                web.get("/api/socket", self._socket),
+                web.get(_SOCKET, self._socket),
                 web.get("/api/state", self._state),
                 web.get("/api/journals", self._journals),
+                web.get("/api/journals/{name}", self._journal),
                 web.post("/api/do/{operation}", self._do),
                 web.get("/{path:.*}", self._page),
             ]
@@ -123,7 +132,7 @@ class Server:
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
         try:
-            self._access.check_address(_described(request))
+            self._access.check_sender(_described(request))
             answer = await handler(request)
         except Refused as refused:
             status = _STATUSES.get(refused.code, _BAD_REQUEST)
@@ -137,41 +146,59 @@ class Server:
         return answer
 
     async def _log_in(self, request: web.Request) -> web.Response:
-        described = _described(request)
-        if not described.origin:
-            raise Refused("NO_ORIGIN", "a change needs the header Origin")
         body = await _body(request)
         token = body.get("token") if isinstance(body, dict) else None
         session = self._access.log_in(token if isinstance(token, str) else "")
         answer = _json({"code": "", "message": ""})
         answer.set_cookie(
-            COOKIE, session, httponly=True, samesite="Strict", secure=self._secure, path="/"
+            _cookie_name(request),
+            session,
+            httponly=True,
+            samesite="Strict",
+            secure=self._secure,
+            path="/",
         )
         return answer
 
     async def _log_out(self, request: web.Request) -> web.Response:
         described = _described(request)
-        self._access.check(_as_json(described), SessionRole.VIEW)
+        self._access.check(described, ALL_ROLES)
         self._access.log_out(described.session)
         answer = _json({"code": "", "message": ""})
-        answer.del_cookie(COOKIE, path="/")
+        answer.del_cookie(_cookie_name(request), path="/")
         return answer
 
     async def _state(self, request: web.Request) -> web.Response:
-        self._access.check(_described(request), SessionRole.VIEW)
-        return _json({"sequence": self._studio.store.sequence, **self._studio.store.snapshot()})
+        role = self._access.check(_described(request), ALL_ROLES)
+        entries = shown_entries(self._studio.store.snapshot(), _collections_of(role))
+        return _json({"sequence": self._studio.store.sequence, **entries})
 
     async def _journals(self, request: web.Request) -> web.Response:
-        self._access.check(_described(request), SessionRole.VIEW)
-        return _json([{"name": name, "bytes": size} for name, size in self._studio.journals()])
+        self._access.check(_described(request), OBSERVERS)
+        loop = asyncio.get_running_loop()
+        return _json(await loop.run_in_executor(self._readers, self._studio.journal_list))
+
+    async def _journal(self, request: web.Request) -> web.StreamResponse:
+        self._access.check(_described(request), OBSERVERS)
+        file = self._studio.journal_file(request.match_info["name"])
+        if file.is_dir():
+            raise Refused("NO_FILE", f"'{file.name}' is a bag, a folder of files; copy it instead")
+        headers = {
+            "Content-Type": "application/octet-stream",
+            "Content-Disposition": f'attachment; filename="{quote(file.name)}"',
+        }
+        return web.FileResponse(file, headers=headers)
 
     async def _do(self, request: web.Request) -> web.Response:
         name = request.match_info["operation"]
+        if (own := OWN_OPERATIONS.get(name)) is not None:
+            self._access.check(_described(request), own.roles)
+            return _json(await self._own.do(name, read_fields(own.fields, await _body(request))))
         operation = OPERATIONS.get(name)
         if operation is None:
             raise Refused("NOT_FOUND", f"no operation '{name[:40]}'; there are {_names()}")
-        self._access.check(_described(request), SessionRole.OPERATE)
-        service, fields = read_request(operation, await _body(request))
+        role = self._access.check(_described(request), operation.roles)
+        service, fields = read_request(operation, await _body(request), role)
         future = self._caller.call(operation.kind, service, fields, LIMIT_S)
         answer = await asyncio.wrap_future(future)
         return _json(
@@ -190,11 +217,15 @@ class Server:
         )
         if found is None:
             raise Refused("NOT_FOUND", f"there is no '/{path[:80]}' here")
-        kind, data = found
-        return web.Response(body=data, content_type=kind, charset="utf-8")
+        kind, data, packed = found
+        headers = {"Vary": "Accept-Encoding"}
+        if "gzip" in request.headers.get("Accept-Encoding", ""):
+            headers["Content-Encoding"] = "gzip"
+            data = packed
+        return web.Response(body=data, content_type=kind, charset="utf-8", headers=headers)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        role = self._access.check_socket(_described(request))
+        role = self._access.check(_described(request), ALL_ROLES)
         if len(self._clients) >= MOST_CLIENTS:
             raise Refused(
                 "TOO_MANY_CLIENTS",
@@ -205,8 +236,13 @@ class Server:
         )
         await socket.prepare(request)
         self._clients.add(socket)
+        self._watch(True)
         feed = Feed(
-            self._studio.store, self._studio.history, self._studio.name, self._studio.recorded
+            self._studio.store,
+            self._studio.history,
+            self._studio.name,
+            self._studio.recorded,
+            _collections_of(role),
         )
         pump = asyncio.create_task(self._pump(socket, feed, role))
         try:
@@ -220,6 +256,7 @@ class Server:
                 self.changed()
         finally:
             self._clients.discard(socket)
+            self._watch(bool(self._clients))
             pump.cancel()
         return socket
 
@@ -231,7 +268,7 @@ class Server:
                 version=VERSION,
                 studio=self._studio.name,
                 now_s=time.time(),
-                role=role.name.lower(),
+                role=role,
                 parameters=self._studio.parameters,
                 namespace=self._namespace,
             ),
@@ -258,6 +295,11 @@ class Server:
         for socket in list(self._clients):
             await socket.close(code=1001, message=b"the studio ends")
         self._readers.shutdown(wait=False, cancel_futures=True)
+        self._own.close()
+
+
+def _cookie_name(request: web.Request) -> str:
+    return cookie_name(request.headers.get("Host", ""))
 
 
 def _described(request: web.Request) -> WebRequest:
@@ -268,18 +310,16 @@ def _described(request: web.Request) -> WebRequest:
         origin=headers.get("Origin", ""),
         fetch_site=headers.get("Sec-Fetch-Site", ""),
         content_type=headers.get("Content-Type", ""),
-        session=request.cookies.get(COOKIE, ""),
+        session=request.cookies.get(_cookie_name(request), ""),
+        opens_socket=request.path == _SOCKET,
     )
 
 
-def _as_json(request: WebRequest) -> WebRequest:
-    """Return a request without a body as one with JSON."""
-    return replace(request, content_type="application/json")
+def _collections_of(role: SessionRole) -> Collection[str] | None:
+    return OF_A_PERSON if role is SessionRole.PERSON else None
 
 
 async def _body(request: web.Request) -> object:
-    if request.content_type != "application/json":
-        raise Refused("NOT_JSON", "expected the content type application/json")
     try:
         return json.loads(await request.text())
     except (ValueError, RecursionError, LookupError):
@@ -292,14 +332,19 @@ def _json(value: object, status: int = 200) -> web.Response:
 
 
 def _names() -> str:
-    return ", ".join(OPERATIONS)
+    return ", ".join([*OPERATIONS, *OWN_OPERATIONS])
 
 
-def _read_page(folder: Path) -> Mapping[str, tuple[str, bytes]]:
-    """Return the files of the page by their addresses; no other file is ever opened."""
+def _read_page(folder: Path) -> Mapping[str, tuple[str, bytes, bytes]]:
+    """Return type, content and packed content of each file of the page by its address.
+
+    No other file is ever opened.
+    """
     found = {}
     for file in sorted(folder.rglob("*")):
         if file.is_file():
             kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
-            found[file.relative_to(folder).as_posix()] = (kind, file.read_bytes())
+            data = file.read_bytes()
+            packed = gzip.compress(data, mtime=0)
+            found[file.relative_to(folder).as_posix()] = (kind, data, packed)
     return found

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import asyncio
-import errno
 import os
 import secrets
 import signal
@@ -22,18 +21,20 @@ from typing import Any
 from aiohttp import web
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.listening import STUDIO_PORTS, listen
 from bt_agents_core.scene import SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, is_loopback
+from bt_agents_studio.access_file import AccessFile
 from bt_agents_studio.node import NodeThread, StudioNode
 from bt_agents_studio.server import Server
 from bt_agents_studio.studio import Studio
 
-PORT = 8770
-"""Port that is taken when it is free."""
-
-_PORTS = 20
+_END_S = 1.0
+_PAGES = {SessionRole.PERSON: "person"}
 _CHECK_S = 0.25
 _SWITCH_S = 0.0005
+_NICENESS = 5
+"""The processor is first for those that tick, then for those that look on."""
 _KEEPALIVE_S = 15.0
 
 
@@ -43,15 +44,17 @@ class Address:
 
     Attributes:
         host: Name or address to listen on.
-        port: Port; 0 takes :data:`PORT` or one of the next.
+        port: Port; 0 takes the first of :data:`STUDIO_PORTS` that is free.
         certificate: File with the certificate, and perhaps its key, for TLS; None without.
         key: File with the key.
+        listening: Socket that listens there already; None has one opened.
     """
 
     host: str = "127.0.0.1"
     port: int = 0
     certificate: Path | None = None
     key: Path | None = None
+    listening: socket.socket | None = None
 
     def context(self) -> ssl.SSLContext | None:
         """Return the settings of TLS, None without.
@@ -110,6 +113,7 @@ def serve(
     *,
     space: SceneSpace,
     journal: Path | None,
+    kept: Path | None,
     ready: Callable[[Mapping[SessionRole, str]], None],
 ) -> None:
     """Serve a studio until SIGINT or SIGTERM.
@@ -118,6 +122,7 @@ def serve(
         address: Where.
         space: The scene parameters.
         journal: Folder of journal files; None for none.
+        kept: Folder for the tokens and sessions, which then survive a restart; None for none.
         ready: Called with the address for a browser of each role, token included, when it can be
             opened.
 
@@ -126,7 +131,8 @@ def serve(
     """
     # Long work of this thread must not hold up the messages: facts of the interpreter's lock.
     sys.setswitchinterval(_SWITCH_S)
-    asyncio.run(_serve(address, space=space, journal=journal, ready=ready))
+    os.nice(_NICENESS)
+    asyncio.run(_serve(address, space=space, journal=journal, kept=kept, ready=ready))
 
 
 async def _serve(
@@ -134,6 +140,7 @@ async def _serve(
     *,
     space: SceneSpace,
     journal: Path | None,
+    kept: Path | None,
     ready: Callable[[Mapping[SessionRole, str]], None],
 ) -> None:
     context = address.context()
@@ -141,7 +148,8 @@ async def _serve(
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
-    studio = Studio(uuid.uuid4().hex[:12], space=space, journal=journal)
+    namespace = os.environ.get("ROS_NAMESPACE", "")
+    studio = Studio(uuid.uuid4().hex[:12], space=space, journal=journal, namespace=namespace)
     server: Server | None = None
     bridge = Bridge(loop, lambda: server.changed() if server is not None else None)
     thread = NodeThread(
@@ -149,30 +157,51 @@ async def _serve(
             bridge.to(studio.receive),
             bridge.to(studio.beat),
             bridge.to(studio.value),
-            namespace=os.environ.get("ROS_NAMESPACE", ""),
+            bridge.to(studio.graph),
+            namespace=namespace,
         )
     )
     node = await asyncio.to_thread(thread.start)
     try:
-        listening = _bound(address)
+        ports = (address.port,) if address.port else STUDIO_PORTS
+        listening = address.listening or listen(address.host, ports)
         port = listening.getsockname()[1]
         scheme = "https" if context is not None else "http"
         names = {address.host, *(("127.0.0.1", "localhost") if is_loopback(address.host) else ())}
+        # Nobody else has the port, so nobody else writes this file.
+        file = AccessFile(kept / f"studio-{port}.json" if kept is not None else None)
         access = AccessControl(
             frozenset(f"{name}:{port}" for name in names),
             scheme=scheme,
             random_bytes=secrets.token_bytes,
-            clock=time.monotonic,
+            clock=time.time,
+            kept=file.read(),
+            keep=file.write,
         )
         server = Server(
-            studio, access, node, namespace=node.get_namespace(), secure=context is not None
+            studio,
+            access,
+            node,
+            node.watch,
+            namespace=node.get_namespace(),
+            secure=context is not None,
         )
-        runner = web.AppRunner(server.application, access_log=None, keepalive_timeout=_KEEPALIVE_S)
+        runner = web.AppRunner(
+            server.application,
+            access_log=None,
+            keepalive_timeout=_KEEPALIVE_S,
+            shutdown_timeout=_END_S,
+        )
         await runner.setup()
         try:
             await web.SockSite(runner, listening, ssl_context=context).start()
             base = f"{scheme}://{address.host}:{port}/"
-            ready({role: f"{base}#{access.token(role)}" for role in SessionRole})
+            ready(
+                {
+                    role: f"{base}{_PAGES.get(role, '')}#{access.token(role)}"
+                    for role in SessionRole
+                }
+            )
             while not stopped.is_set():
                 studio.check_parts()
                 server.changed()
@@ -184,21 +213,3 @@ async def _serve(
             await runner.cleanup()
     finally:
         await asyncio.to_thread(thread.stop)
-
-
-def _bound(address: Address) -> socket.socket:
-    """Return a socket that listens on the port, or on the first one that is free.
-
-    Raises:
-        BtAgentsError: The address or the port cannot be taken.
-    """
-    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
-    ports = [address.port] if address.port else range(PORT, PORT + _PORTS)
-    for port in ports:
-        try:
-            return socket.create_server((address.host, port), family=family)
-        except OSError as error:
-            if error.errno != errno.EADDRINUSE:
-                raise BtAgentsError(f"{address.host}: {error.strerror}") from None
-    taken = f"port {address.port} is" if address.port else f"ports {PORT} to {ports[-1]} are"
-    raise BtAgentsError(f"{taken} taken; give another one with --port")

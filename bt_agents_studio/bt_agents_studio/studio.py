@@ -5,16 +5,26 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.history import History
 from bt_agents_studio.projection import Projection
-from bt_agents_studio.records import MOST_ENTRIES, Json, ParameterRecord, PartRecord
+from bt_agents_studio.records import (
+    MOST_ENTRIES,
+    JournalRecord,
+    Json,
+    ListeningRecord,
+    ParameterRecord,
+    PartRecord,
+    RecordingRecord,
+)
 from bt_agents_studio.store import Change, Store
 
 SILENT_S = 1.0
@@ -23,8 +33,17 @@ SILENT_S = 1.0
 MOST_JOURNALS = 2
 """Journal files that are held in memory."""
 
+MOST_LABELS = 200
+"""Journal files of which labels are read, the newest first."""
+
 _LARGEST_JOURNAL = 512 * 1024 * 1024
+_WRITTEN_S = 1.2
+"""The journal writes once a second what it has received [s]."""
+
+_LOOK_S = 0.05
 _SUFFIX = ".mcap"
+_BAG = "metadata.yaml"
+"""File that each bag of ``ros2 bag record`` has."""
 
 
 class Studio:
@@ -33,8 +52,10 @@ class Studio:
     Args:
         name: Of this start of the studio.
         space: The scene parameters.
-        journal: Folder of journal files; None for none.
+        journal: Folder of journal files and bags; None for none.
+        namespace: Of the system, also in bags of several systems.
         clock: Time of day [s since 1970].
+        sleep: Waits [s]; called where files are read.
 
     Attributes:
         parameters: The scene parameters, as a page gets them.
@@ -48,7 +69,9 @@ class Studio:
         *,
         space: SceneSpace,
         journal: Path | None = None,
+        namespace: str = "",
         clock: Callable[[], float] = time.time,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.name = name
         self.parameters = tuple(_record(one, space.mood) for one in space.parameters)
@@ -56,8 +79,12 @@ class Studio:
         self.history = History()
         self.store = Store(MOST_ENTRIES, self._record)
         self._journal = journal
+        self._namespace = namespace
         self._clock = clock
+        self._sleep = sleep
         self._projection = Projection(self.store, self._mood)
+        # Name → size at which it was read, and label.
+        self._labels: dict[str, tuple[int, str]] = {}
         self._journals: OrderedDict[tuple[str, int, int], History] = OrderedDict()
 
     def receive(self, kind: str, message: Any, at_s: float, live: bool) -> None:
@@ -67,6 +94,10 @@ class Studio:
     def value(self, host: str, name: str, value: Json) -> None:
         """Take the current value of a tunable."""
         self._projection.value(host, name, value)
+
+    def graph(self, listening: Mapping[str, ListeningRecord], is_journal_there: bool) -> None:
+        """Take what trees listen to now, by topic, and whether a journal runs."""
+        self._projection.graph(listening, is_journal_there=is_journal_there)
 
     def beat(self, part: str) -> None:
         """Take a heartbeat; one is written down in a second, as long as they go on."""
@@ -82,6 +113,7 @@ class Studio:
     def check_parts(self) -> None:
         """Note which parts have gone silent; call it a few times a second."""
         now = self._clock()
+        self._projection.check_health(now)
         for part in self.store.keys("parts"):
             record = self.store.get("parts", part)
             assert isinstance(record, PartRecord)
@@ -89,45 +121,97 @@ class Studio:
                 self.store.put("parts", part, replace(record, alive=False))
 
     def journals(self) -> list[tuple[str, int]]:
-        """Return names and sizes [bytes] of the journal files, the newest first."""
+        """Return names and sizes [bytes] of the journal files and bags, the newest first."""
         if self._journal is None:
             return []
         try:
-            files = [one for one in self._journal.iterdir() if one.suffix == _SUFFIX]
-            return [(one.name, one.stat().st_size) for one in sorted(files, reverse=True)]
+            inside = sorted(self._journal.iterdir(), reverse=True)
+            return [(one.name, _size(one)) for one in inside if _is_recording(one)]
         except OSError:
             return []
 
-    def recorded(self, source: str) -> History:
-        """Return the history of a journal file by its name.
+    def journal_list(self) -> list[JournalRecord]:
+        """Return the journal files with the labels under which they were begun, newest first."""
+        found = self.journals()
+        with suppress(ModuleNotFoundError):
+            from bt_agents_lab.recorder.reading import recording_label
+
+            for name, size in found[:MOST_LABELS]:
+                # The label is in the file when its first messages are; a bag has none.
+                is_new = self._labels.get(name, (0, ""))[0] != size
+                if is_new and self._journal is not None and name.endswith(_SUFFIX):
+                    self._labels[name] = (size, recording_label(self._journal / name))
+        return [
+            JournalRecord(name=name, bytes=size, label=self._labels.get(name, (0, ""))[1])
+            for name, size in found
+        ]
+
+    def journal_file(self, name: str) -> Path:
+        """Return the path of a journal file or bag by its name.
+
+        Raises:
+            Refused: ``NO_JOURNAL``.
+        """
+        if self._journal is None or name not in [one for one, _ in self.journals()]:
+            raise Refused("NO_JOURNAL", f"there is no journal '{name[:80]}'")
+        return self._journal / name
+
+    def recorded(self, source: str, at_s: float) -> History:
+        """Return the history of a journal file or bag by its name; it may take its time.
+
+        When a moment is wanted that is not over yet, of the file that is being written, it waits
+        until the journal has written what it has received so far.
 
         Raises:
             Refused: ``NO_JOURNAL``, ``TOO_LARGE`` or ``UNREADABLE``.
         """
-        names = [name for name, _ in self.journals()]
-        if self._journal is None or source not in names:
-            raise Refused("NO_JOURNAL", f"there is no journal '{source[:80]}'")
-        file = self._journal / source
-        state = file.stat()
-        key = (source, state.st_size, state.st_mtime_ns)
+        file = self.journal_file(source)
+        recording = self.store.get("recording")
+        if (
+            isinstance(recording, RecordingRecord)
+            and recording.recording
+            and recording.file == source
+            and at_s > self._clock()
+        ):
+            self._wait_until_written(file)
+        size = _size(file)
+        key = (source, size, file.stat().st_mtime_ns)
         if key not in self._journals:
-            if state.st_size > _LARGEST_JOURNAL:
+            if size > _LARGEST_JOURNAL:
                 raise Refused(
                     "TOO_LARGE",
-                    f"'{source}' has {state.st_size} bytes, at most {_LARGEST_JOURNAL} are shown",
+                    f"'{source}' has {size} bytes, at most {_LARGEST_JOURNAL} are shown",
                 )
-            self._journals[key] = read_journal(file, self._mood)
+            self._journals[key] = read_journal(file, self._mood, self._namespace)
             while len(self._journals) > MOST_JOURNALS:
                 self._journals.popitem(last=False)
         self._journals.move_to_end(key)
         return self._journals[key]
 
+    def _wait_until_written(self, file: Path) -> None:
+        """Wait for a change of a file, which does not come while the system is quiet."""
+        before = file.stat().st_mtime_ns
+        for _ in range(round(_WRITTEN_S / _LOOK_S)):
+            if file.stat().st_mtime_ns != before:
+                return
+            self._sleep(_LOOK_S)
+
     def _record(self, change: Change) -> None:
         self.history.record(self._clock(), change)
 
 
-def read_journal(file: Path, mood: str) -> History:
-    """Return the history that a journal file holds.
+def _is_recording(path: Path) -> bool:
+    return path.suffix == _SUFFIX or (path / _BAG).is_file()
+
+
+def _size(path: Path) -> int:
+    """Return the bytes of a journal file, or of all files of a bag; raises OSError."""
+    files = path.iterdir() if path.is_dir() else (path,)
+    return sum(one.stat().st_size for one in files)
+
+
+def read_journal(file: Path, mood: str, namespace: str = "") -> History:
+    """Return the history that a journal file or a bag holds.
 
     Raises:
         Refused: ``UNREADABLE``.
@@ -135,11 +219,7 @@ def read_journal(file: Path, mood: str) -> History:
     try:
         from bt_agents_lab.recorder.reading import JournalReader
     except ModuleNotFoundError as error:
-        raise Refused(
-            "UNREADABLE",
-            f"a journal needs the package {error.name}; install it with "
-            "pip install 'bt-agents[lab]'",
-        ) from None
+        raise Refused("UNREADABLE", journal_needs(error.name)) from None
     history = History(span_s=float("inf"))
     moment = 0.0
 
@@ -148,13 +228,13 @@ def read_journal(file: Path, mood: str) -> History:
 
     projection = Projection(Store(MOST_ENTRIES, record), mood)
     try:
-        for entry in JournalReader([file]).entries(frozenset(projection.types)):
+        for entry in JournalReader([file], namespace).entries(frozenset(projection.types)):
             moment = entry.sent_ns * 1e-9
             live = entry.topic.endswith("/live")
             try:
                 projection.handle(entry.type, entry.decode(), moment, live=live)
-            except (AttributeError, BtAgentsError, ValueError):
-                # Of an earlier format, or damaged: what can be read is shown.
+            except Exception:
+                # Of an earlier format, of other types, or damaged: what can be read is shown.
                 continue
     except BtAgentsError as error:
         raise Refused("UNREADABLE", str(error)) from None

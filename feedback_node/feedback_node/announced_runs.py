@@ -39,6 +39,8 @@ class AnnouncedRuns:
         self._last: AnnouncedRun | None = None
         self._of_agent: dict[str, AnnouncedRun] = {}
         self._ended: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED_ENDS)
+        self._collected: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED_ENDS)
+        self._uncollected: tuple[str, int, str] | None = None
 
     def started(self, run: AnnouncedRun) -> bool:
         """Take a start; return True when this run is now the current one and was not before."""
@@ -59,6 +61,21 @@ class AnnouncedRuns:
         if is_new and self.current is None:
             self._remember(run)
         return False
+
+    @property
+    def collecting(self) -> bool:
+        """True until the market has asked for feedback on the run that goes on or ended last."""
+        return self.current is not None or self._uncollected is not None
+
+    def expect(self, run: AnnouncedRun) -> None:
+        """Expect the market to ask for feedback on a run, unless it has done so before."""
+        self._uncollected = None if run.key in self._collected else run.key
+
+    def collected(self, run: AnnouncedRun) -> None:
+        """Take that the market has asked for feedback on a run."""
+        self._collected.append(run.key)
+        if self._uncollected == run.key:
+            self._uncollected = None
 
     def told(self, live: Scene) -> None:
         """Take what the person has told in the current run, from its live scene."""

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from bt_agents_core.scene import Vector
 from bt_agents_language.model.experiment import PreparedFeedback
 
+_OTHERS = ""
+
 
 class SimulatedFeedback:
     """Hands out prepared feedback vectors, one for each run.
@@ -19,27 +21,34 @@ class SimulatedFeedback:
     def __init__(self, prepared: PreparedFeedback) -> None:
         self._prepared = prepared
         self._given = 0
-        self._used = 0
+        # Rows used of the list of each agent, and of that of all others.
+        self._used: dict[str, int] = {}
 
     def resume(self, given: Mapping[str, int]) -> None:
         """Go on after a restart before which each agent was given some feedback, so often."""
-        prepared = self._prepared
         self._given = sum(given.values())
-        self._used = sum(count for agent, count in given.items() if agent not in prepared.each)
-        if prepared.repeat and prepared.sequence:
-            self._used %= len(prepared.sequence)
+        self._used.clear()
+        for agent, count in given.items():
+            whose = self._whose(agent)
+            self._used[whose] = self._used.get(whose, 0) + count
 
     def next(self, agent: str) -> Vector | None:
         """Return the feedback for a run of ``agent`` that has just ended; None for no feedback."""
         prepared = self._prepared
         meant = prepared.each.get(agent)
         if meant is None:
-            if prepared.repeat and self._used >= len(prepared.sequence):
-                self._used = 0
-            if self._used >= len(prepared.sequence):
+            whose = self._whose(agent)
+            rows = prepared.sequences.get(whose, prepared.sequence)
+            used = self._used.get(whose, 0)
+            if not rows or (used >= len(rows) and not prepared.repeat):
                 return None
-            meant = prepared.sequence[self._used]
-            self._used += 1
+            meant = rows[used % len(rows)]
+            self._used[whose] = used + 1
         wrong = prepared.errors.instead(self._given) if prepared.errors else None
         self._given += 1
         return meant if wrong is None else wrong
+
+    def _whose(self, agent: str) -> str:
+        """Return whose rows an agent uses up: its own, or, with no name, those of all others."""
+        prepared = self._prepared
+        return agent if agent in prepared.sequences or agent in prepared.each else _OTHERS

@@ -12,6 +12,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_core.stop_cause import StopCause, StoppedBy
+from marketplace_node.outcomes import RunEventKind, RunOutcome
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.decision import Decision, UndecidedRule
 
@@ -25,25 +26,6 @@ class State(IntEnum):
     RUNNING = 3
     CANCELLING = 4
     COLLECTING = 5
-
-
-class RunEventKind(IntEnum):
-    """Event in the life of a run; the numbers are those of ``Run.msg``."""
-
-    STARTED = 1
-    CANCELLING = 2
-    ENDED = 3
-    REFUSED = 4
-
-
-class RunOutcome(IntEnum):
-    """Outcome of a run; the numbers are those of ``Run.msg``."""
-
-    NONE = 0
-    SUCCEEDED = 1
-    FAILED = 2
-    CANCELLED = 3
-    LOST = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,20 +228,30 @@ class StatusChanged(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneEnded(Effect):
-    """Publish the one end of a scene; fields as in ``SceneEnd.msg``."""
+    """Publish the one end of a scene; fields as in ``SceneEnd.msg``.
+
+    Attributes:
+        epoch: The market that has ended it; empty for this one.
+    """
 
     scene_id: str
     code: str
     message: str
     round: int = 0
     agent: str = ""
+    epoch: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoreOverrides(Effect):
-    """Store pins, vetoes and counts for :meth:`Market.restore_overrides` of a later start."""
+    """Store pins, vetoes and counts for :meth:`Market.restore_overrides` of a later start.
+
+    Attributes:
+        at_once: Whether an operator is about to hear that it counts.
+    """
 
     text: str
+    at_once: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

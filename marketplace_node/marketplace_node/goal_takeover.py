@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bt_agents_core.open_goals import OpenGoal, name_goals
@@ -13,12 +13,33 @@ MOST_STARTS = 200
 """Starts of hosts whose open goals are known; the oldest that was never registered makes room."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class StoredGoals:
+    """Goals that a start of a host had open at an earlier start of the market."""
+
+    host: str
+    instance: str
+    goals: tuple[OpenGoal, ...]
+
+
 @dataclass(eq=False, kw_only=True)
 class _Start:
-    """One start of a host: what it has open, and whether it was ever alive at this market."""
+    """One start of a host, and what it has open.
+
+    Attributes:
+        was_live: Whether it was ever alive at this market.
+        awaited_until: Until when it may register, steady time [s], if only an earlier market knew
+            it; None for all others.
+    """
 
     goals: tuple[OpenGoal, ...]
     was_live: bool = False
+    awaited_until: float | None = None
+
+    @property
+    def was_registered(self) -> bool:
+        """True if it was alive at this market, or registered at an earlier one."""
+        return self.was_live or self.awaited_until is not None
 
 
 @dataclass(eq=False)
@@ -26,7 +47,8 @@ class GoalTakeover:
     """State machine of the goals of all hosts; nobody acts before those of the dead have ended.
 
     A start that was never registered at this market is none of its business: it may be winding up
-    a run of an earlier one.
+    a run of an earlier one. One that was registered at that one has some time to register here;
+    then it counts as dead.
     """
 
     _open: dict[tuple[str, str], _Start] = field(default_factory=dict)
@@ -43,13 +65,38 @@ class GoalTakeover:
         elif self._has_room():
             self._open[host, instance] = _Start(goals=goals)
 
-    def lost(self, is_live: Callable[[str, str], bool], within_s: float) -> list[CancelOpenGoals]:
+    @property
+    def stored(self) -> tuple[StoredGoals, ...]:
+        """What a later start of the market has to know; also what is being cancelled."""
+        starts = [(key, start.goals) for key, start in self._open.items() if start.was_registered]
+        return tuple(
+            StoredGoals(host=host, instance=instance, goals=goals)
+            for (host, instance), goals in [*self._ending.items(), *starts]
+        )
+
+    def restore(self, stored: Iterable[StoredGoals], until: float) -> None:
+        """Take over what an earlier market had stored; who is silent until then counts as dead."""
+        for one in stored:
+            if one.goals and self._has_room():
+                self._open[one.host, one.instance] = _Start(goals=one.goals, awaited_until=until)
+
+    def extend_after_stall(self, lasted_s: float) -> None:
+        """Wait longer for hosts: the market itself has not listened for so long [s]."""
+        for start in self._open.values():
+            if start.awaited_until is not None:
+                start.awaited_until += lasted_s
+
+    def lost(
+        self, is_live: Callable[[str, str], bool], within_s: float, now: float
+    ) -> list[CancelOpenGoals]:
         """Return the cancellations of the goals whose host is gone since it was last asked."""
         effects = []
         for (host, instance), start in list(self._open.items()):
             if is_live(host, instance):
-                start.was_live = True
-            elif start.was_live:
+                start.was_live, start.awaited_until = True, None
+            elif start.was_live or (
+                start.awaited_until is not None and now >= start.awaited_until
+            ):
                 effects += self.lose(host, instance, within_s)
         return effects
 
@@ -84,6 +131,9 @@ class GoalTakeover:
         """Return why nobody may begin to act; empty when everything has ended."""
         for (host, _), goals in self._ending.items():
             return f"goals of {host} are being cancelled: {name_goals(goals)}"
+        for (host, _), start in self._open.items():
+            if start.awaited_until is not None:
+                return f"{host} may have open goals of an earlier run: {name_goals(start.goals)}"
         return ""
 
     def take_unconfirmed(self) -> str:
@@ -93,7 +143,9 @@ class GoalTakeover:
 
     def _has_room(self) -> bool:
         if len(self._open) >= MOST_STARTS:
-            stranger = next((key for key, one in self._open.items() if not one.was_live), None)
+            stranger = next(
+                (key for key, one in self._open.items() if not one.was_registered), None
+            )
             if stranger is None:
                 return False
             del self._open[stranger]

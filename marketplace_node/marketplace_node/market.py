@@ -6,8 +6,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from typing import TypeAlias
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import PartHealth
 from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.scene import Scene, SceneSpace, scene_name
 from bt_agents_core.text import join_first
@@ -19,11 +21,12 @@ from marketplace_node.effects import (
     Effect,
     Note,
     RunGoal,
-    RunOutcome,
     SceneEnded,
     State,
     StatusChanged,
 )
+from marketplace_node.goal_takeover import StoredGoals
+from marketplace_node.health import queue_health
 from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
 from marketplace_node.interaction.interaction import (
     FEEDBACK_DEFERRED,
@@ -43,10 +46,14 @@ from marketplace_node.interaction.stored_scenes import (
 from marketplace_node.market_state import PREVIEWS, MarketState
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators import OperatorCommands, Previews
+from marketplace_node.outcomes import RunOutcome
 from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.auction import check_round
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
+
+_Stored: TypeAlias = tuple[tuple[StoredScene, ...], int, tuple[StoredGoals, ...], tuple[str, ...]]
+"""Stored scenes, how many were taken so far, open goals, and the hosts that are alive."""
 
 
 class Market:
@@ -83,7 +90,8 @@ class Market:
         self._operator_commands = OperatorCommands(self._market_state, self._admission)
         self._previews = Previews(self._market_state)
         self._inherited = InheritedRuns(self._market_state, self._admission)
-        self._stored: tuple[tuple[StoredScene, ...], int] = ((), 0)
+        self._stored: _Stored = ((), 0, (), ())
+        self._has_stored_ends = False
         self._finished_scene_id = ""
         self._last_round = 0
         self._last_text = "waiting for a scene"
@@ -132,8 +140,15 @@ class Market:
         return self._settle(now)
 
     def malformed(self, scene_id: str, refused: Refused, now: float) -> list[Effect]:
-        """End a scene that could not be read; ``scene_id`` as far as it was found."""
-        self._admission.refuse(scene_id, refused.code, refused.reason)
+        """End a scene that could not be read; ``scene_id`` as far as it was found.
+
+        Nobody can wait for the end of a scene without an id, so none is announced: a flood of them
+        would push the ends of others out of the history that the middleware keeps.
+        """
+        if scene_id:
+            self._admission.refuse(scene_id, refused.code, refused.reason)
+        else:
+            self._market_state.effects.append(Note(message=f"{refused}; no end is announced"))
         return self._settle(now)
 
     def unreported(self, host: str, runs: Iterable[EarlierRun], now: float) -> list[Effect]:
@@ -193,6 +208,7 @@ class Market:
     ) -> list[Effect]:
         """Take what a start of a host has open at servers."""
         self._market_state.takeover.store(host, instance, goals)
+        self._market_state.take_over_goals(now)
         return self._settle(now)
 
     def goals_cancelled(
@@ -262,7 +278,7 @@ class Market:
         """
         message = self._operator_commands.take(command, self._interaction, now)
         if command.action is not OperatorAction.AWARD:
-            self._market_state.store()
+            self._market_state.store(at_once=True)
         return message, self._settle(now)
 
     def restore_overrides(self, text: str, now: float) -> tuple[str, list[Effect]]:
@@ -278,7 +294,7 @@ class Market:
         return self._market_state.overrides.intervention(""), self._settle(now)
 
     def restore_scenes(self, text: str, away_s: float, now: float) -> tuple[int, list[Effect]]:
-        """Take over the scenes that an earlier market had stored, before any scene or host.
+        """Take over what an earlier market had stored, before any scene or host.
 
         Args:
             text: What it has stored.
@@ -286,7 +302,7 @@ class Market:
             now: Steady time [s].
 
         Returns:
-            How many there were, and the effects.
+            How many scenes there were, and the effects.
 
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
@@ -294,6 +310,10 @@ class Market:
         stored = read_scenes(text, self._market_state.space)
         if away_s <= KEPT_S:
             self._admission.remember(stored.taken)
+        self._market_state.takeover.restore(stored.open_goals, now + GATHER_S)
+        self._market_state.earlier_hosts = frozenset(stored.hosts)
+        self._admission.remember(end.scene_id for end in stored.ends)
+        self._market_state.effects += stored.ends
         for one in stored.scenes:
             self._restore(one, away_s, now)
         if stored.scenes:
@@ -402,7 +422,7 @@ class Market:
         if self._interaction is not None:
             self._interaction.tick(now)
         self._market_state.take_over_goals(now)
-        return self._settle(now)
+        return self._settle(now, confirms=True)
 
     def _check_host(self, now: float) -> list[Effect]:
         if self._interaction is not None:
@@ -426,8 +446,13 @@ class Market:
     def _note(self, message: str) -> None:
         self._market_state.effects.append(Note(message=message))
 
-    def _settle(self, now: float) -> list[Effect]:
-        """End what is over, begin what waits, report a changed state, hand over the effects."""
+    def _settle(self, now: float, *, confirms: bool = False) -> list[Effect]:
+        """End what is over, begin what waits, report a changed state, hand over the effects.
+
+        Args:
+            now: Steady time [s].
+            confirms: Whether to store that all ends so far were announced.
+        """
         self._admission.start(now)
         self._previews.update(now)
         self._admission.update(self._interaction, now)
@@ -439,11 +464,29 @@ class Market:
             self._finish(now)
         status = self._describe(now)
         effects = self._market_state.effects
-        stored = self._stored_scenes()
-        if stored != self._stored:
+        hosts = tuple(entry.host for entry in self._market_state.registry.live(now))
+        stored = (*self._stored_scenes(), self._market_state.takeover.stored, hosts)
+        changed = stored != self._stored
+        if changed or (confirms and self._has_stored_ends):
             self._stored = stored
+            # With the scenes that they end, so that neither is there without the other.
+            ends = tuple(
+                replace(effect, epoch=effect.epoch or self.epoch)
+                for effect in effects
+                if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE"
+            )
+            self._has_stored_ends = bool(ends)
             # First, so that whoever hears of an end does not hear of it from the next start, too.
-            effects.insert(0, StoreScenes(scenes=stored[0], taken=self._admission.known))
+            scenes, _, open_goals, hosts = stored
+            store = StoreScenes(
+                scenes=scenes,
+                taken=self._admission.known,
+                open_goals=open_goals,
+                hosts=hosts,
+                ends=ends,
+                at_once=changed,
+            )
+            effects.insert(0, store)
         for effect in effects:
             if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE":
                 self._market_state.overrides.forget(effect.scene_id)
@@ -484,6 +527,12 @@ class Market:
         self._last_text = f"scene '{scene_id}' is over: {interaction.over.message}"
         self._interaction = None
         self._market_state.effects.append(interaction.over)
+
+    def health(self, now: float) -> tuple[PartHealth, ...]:
+        """Return the health of the hosts, and of the line of scenes."""
+        queued = len(self._admission)
+        awaited = self._admission.awaited_hosts(now) if queued else None
+        return self._market_state.health(now), queue_health(queued, tuple(awaited or ()))
 
     def _describe(self, now: float) -> StatusChanged:
         interaction = self._interaction

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import PartHealth
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
@@ -23,6 +24,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.goal_takeover import GoalTakeover
+from marketplace_node.health import hosts_health
 from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms, UndecidedRule
@@ -68,6 +70,7 @@ class MarketState:
         previews: How many rounds there have been that only foretold.
         last_scene: The scene that was taken last; None before the first.
         takeover: Goals that hosts have open at servers.
+        earlier_hosts: Hosts that were alive when the earlier market was last; empty for unknown.
     """
 
     def __init__(
@@ -90,6 +93,7 @@ class MarketState:
         self.previews = 0
         self.last_scene: Scene | None = None
         self.takeover = GoalTakeover()
+        self.earlier_hosts: frozenset[str] = frozenset()
         self._rules = rules
         self._orphans: dict[str, _OrphanRun] = {}
         self._unheard: set[str] = set()
@@ -198,15 +202,16 @@ class MarketState:
         self.effects += [Alarm(message=one) for one in newly_starved]
         self.store()
 
-    def store(self) -> None:
-        """Store what outlives this start of the market."""
+    def store(self, *, at_once: bool = False) -> None:
+        """Store what outlives this start of the market, at once for an operator who waits."""
         stored = {
             **self.overrides.to_dict(),
             "runs": self.record.runs,
             "last_run": self.record.last_run,
             "in_vain": self.record.starvation.in_vain,
         }
-        self.effects.append(StoreOverrides(text=json.dumps(stored, ensure_ascii=False)))
+        text = json.dumps(stored, ensure_ascii=False)
+        self.effects.append(StoreOverrides(text=text, at_once=at_once))
 
     def restore(self, text: str) -> None:
         """Take over what an earlier start of the market has stored.
@@ -234,6 +239,17 @@ class MarketState:
             for entry in self.registry.entries()
             if entry.host not in unasked and not entry.agents.keys() <= names
         ]
+
+    def earlier_hosts_back(self, now: float) -> bool:
+        """Return whether all hosts of the earlier market are known to be back."""
+        if not self.earlier_hosts:
+            return False
+        return self.earlier_hosts <= {one.host for one in self.registry.with_heartbeat(now)}
+
+    def health(self, now: float) -> PartHealth:
+        """Return the health of the registered hosts."""
+        agents = {entry.host: len(entry.agents) for entry in self.registry.entries()}
+        return hosts_health(agents, self._unasked(now))
 
     def _unasked(self, now: float) -> dict[str, str]:
         """Return the hosts that cannot be asked, with the reason."""
@@ -320,6 +336,7 @@ class MarketState:
         self.effects += self.takeover.lost(
             lambda host, instance: self.registry.is_live(host, instance, now),
             self.settings.takeover_deadline_s,
+            now,
         )
 
     def lose_goals(self, goal: RunGoal) -> tuple[str, ...]:
@@ -376,6 +393,7 @@ class MarketState:
     def extend_after_stall(self, since: float, now: float) -> None:
         """Renew leases and move deadlines, as nobody has listened since ``since``."""
         self.registry.extend_after_stall(since, now)
+        self.takeover.extend_after_stall(now - since)
         for orphan in self._orphans.values():
             if orphan.running_since is not None:
                 orphan.running_since += now - since

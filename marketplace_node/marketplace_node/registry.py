@@ -22,7 +22,7 @@ MOST_AGENTS = 10_000
 """Agents that one host may register; more would keep the market from its heartbeats."""
 
 SILENCE_S = 0.3
-"""A host has three heartbeats in this time [s]."""
+"""A host has more than one heartbeat in this time [s]."""
 
 FIRST_HEARTBEAT_S = 3.0
 """A start of a host that was never heard is alive for so long beyond its lease [s].
@@ -40,6 +40,7 @@ class Registration:
 
     Attributes:
         participant: The process it is from, as the middleware says; empty where it does not.
+        earlier_instance: Start of the host that is over; it counts only from its own process.
     """
 
     host: str
@@ -49,6 +50,7 @@ class Registration:
     parameters: tuple[str, ...]
     agents: tuple[str, ...]
     participant: str = ""
+    earlier_instance: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -309,7 +311,7 @@ class Registry:
         held = self._entries.get(registration.host)
         if held is None:
             return
-        if held.instance == registration.instance:
+        if held.instance in (registration.instance, registration.earlier_instance):
             held.check_sender(registration.participant)
         elif self.is_live(held.host, held.instance, now):
             raise Refused(

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from marketplace_node.round.decision import AuctionOutcome, Decision
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import Decision
 
 
 class MarketStatistics:

@@ -55,6 +55,7 @@ class ScriptPerformance:
         self._limit_s = TAKEN_WITHIN_S
         self._scene_id = ""
         self._started_at: float | None = None
+        self._early_start: tuple[str, float] | None = None
         self._changes: list[SceneChange] = []
         self._under_way = False
 
@@ -112,20 +113,27 @@ class ScriptPerformance:
         self._begun_at = now
         self._limit_s = TAKEN_WITHIN_S
         self._scene_id = ""
-        self._started_at = None
+        self._started_at = self._early_start = None
         return self.visit
 
     def announced(self, scene_id: str) -> None:
         """Take the id of the scene that the visit under way has led to; later ones are ignored."""
         if self._under_way and not self._scene_id:
             self._scene_id = scene_id
+            if self._early_start is not None:
+                self.started(*self._early_start)
 
     def started(self, scene_id: str, now: float) -> None:
-        """Take the start of a run; the first one of the visit starts its clock."""
+        """Take the start of a run; the first one of the visit starts its clock.
+
+        It may be received before the scene that it is for, as that is another topic.
+        """
         visit = self.visit
-        if visit is None or not self._is_of_visit(scene_id):
+        if visit is None:
             return
-        if self._started_at is None:
+        if not self._scene_id:
+            self._early_start = scene_id, now
+        elif self._is_of_visit(scene_id) and self._started_at is None:
             self._changes = sorted(visit.changes, key=lambda change: change.after_s)
             self._started_at = now
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
@@ -22,6 +22,7 @@ from bt_agents_language.model.scene_specs import (
     word_of,
 )
 from scene_layer.fusion import Reading, fused, smoothed
+from scene_layer.health import Standing
 
 Message = Callable[[str], object]
 """Returns the field of a message by its dotted path, as plain data.
@@ -39,6 +40,10 @@ _ROUNDING = 1e-6
 
 class _NotMeasuredError(Exception):
     """The message says that nothing was measured."""
+
+
+class _NanFieldError(MissingValue):
+    """A field is NaN, by which many messages say that they know nothing of it."""
 
 
 class Sources:
@@ -147,6 +152,21 @@ class Sources:
         ofs = ((source, person if source.per_person else "") for source in sources)
         return [self._latest[of] for of in ofs if of in self._latest]
 
+    def standings(self, now: float) -> Mapping[str, Standing]:
+        """Return topic → what is known of it, but of topics that are about one person alone."""
+        stale_at = {source: reading.stale_at for (source, _), reading in self._latest.items()}
+        person = (self._spec.person,) if self._spec.person is not None else ()
+        standings: dict[str, Standing] = {}
+        for source in (*self._spec.sources, *person):
+            if source.placeholders or standings.get(source.topic) is Standing.FRESH:
+                continue
+            if source not in stale_at:
+                standings.setdefault(source.topic, Standing.UNREAD)
+            else:
+                holds = now <= stale_at[source]
+                standings[source.topic] = Standing.FRESH if holds else Standing.STALE
+        return standings
+
     def latest_person(self) -> Reading | None:
         """Return the newest reading of the person source, stale or not."""
         return self._latest.get((self._spec.person, "")) if self._spec.person else None
@@ -229,8 +249,19 @@ class Sources:
 
 def _evaluated(source: SourceSpec, expression: Expression, message: Message) -> object:
     skip = len(MESSAGE) + 1
+
+    def known(name: str) -> object:
+        value = message(name[skip:])
+        if isinstance(value, float) and math.isnan(value):
+            raise _NanFieldError(name)
+        return value
+
     try:
-        return expression.evaluate(lambda name: message(name[skip:]))
+        try:
+            return expression.evaluate(known)
+        except _NanFieldError:
+            # No 'else' says what to take in its place: what is wrong with it is up to its use.
+            return expression.evaluate(lambda name: message(name[skip:]))
     except MissingValue:
         raise _NotMeasuredError from None
     except Refused as refused:

@@ -13,7 +13,8 @@ from checkout import PYTHON_PACKAGES, ROOT
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 DOCUMENTS = ("CONTRIBUTING.md", "README.md", "docs/how_to_add.md", "docs/architecture.md")
-FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()}
+# What benchmarks and pages leave in "build" is not of the checkout.
+FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build"}
 NAMED = re.compile(r"`((?:\.\w|\w)[\w.*/-]*)`")
 ADDED = re.compile(r"^`([^`]+)`:\n\n```(?:py|yml)\n", re.MULTILINE)
 MOST_STEPS = 60

@@ -49,3 +49,46 @@ def test_no_two_modules_of_a_package_have_the_same_name():
 def test_no_two_public_classes_have_the_same_name():
     paths = (path for package in packages() for path in package.rglob("*.py"))
     assert namesakes((name, path) for path in paths for name in public_classes(path)) == {}
+
+
+def test_no_comprehension_takes_a_name_that_its_function_has_from_the_module():
+    """Python 3.12.0 to 3.12.3 lose the one of the module then, with an UnboundLocalError."""
+    assert taken_from_module(
+        "import g\ndef f(a):\n    b = {g for g in a}\n    return {g(c) for c in b}"
+    )
+    assert not taken_from_module(
+        "import g\ndef f(a):\n    return {g for g in a}, {h(c) for c in a}"
+    )
+    for path in (path for package in packages() for path in package.rglob("*.py")):
+        assert taken_from_module(path.read_text(encoding="utf-8")) == set(), path
+
+
+def taken_from_module(source: str) -> set[str]:
+    """Return the names that a function uses of its module and that a comprehension binds."""
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    tree = ast.parse(source)
+    found: set[str] = set()
+    for function in ast.walk(tree):
+        if isinstance(function, functions):
+            arguments = {one.arg for one in ast.walk(function) if isinstance(one, ast.arg)}
+            bound, free = _names(function, frozenset(arguments))
+            found |= bound & free
+    own = {getattr(one, "name", "") for one in tree.body}
+    imports = [one for one in tree.body if isinstance(one, ast.Import | ast.ImportFrom)]
+    return found & (own | {name.asname or name.name for one in imports for name in one.names})
+
+
+def _names(node: ast.AST, hidden: frozenset[str]) -> tuple[set[str], set[str]]:
+    """Return the names that comprehensions below a node bind, and those used that are not."""
+    bound: set[str] = set()
+    free: set[str] = set()
+    if isinstance(node, ast.ListComp | ast.SetComp | ast.DictComp):
+        targets = [name for one in node.generators for name in ast.walk(one.target)]
+        bound = {name.id for name in targets if isinstance(name, ast.Name)}
+        hidden |= bound
+    elif isinstance(node, ast.Name) and node.id not in hidden:
+        free = {node.id}
+    for child in ast.iter_child_nodes(node):
+        more_bound, more_free = _names(child, hidden)
+        bound, free = bound | more_bound, free | more_free
+    return bound, free

@@ -10,9 +10,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Browser, Page, expect
 
+from browser import chromium
 from command_server import CommandServer, command_server
+from npm_packages import NotFetched
 from programs import ROOT, Program, children
+from studio_browser import System, opened_page
 
 
 @pytest.fixture
@@ -71,3 +75,24 @@ def ask(commands: CommandServer, environment: dict[str, str]) -> Callable[..., s
 def trees(tmp_path: Path) -> Path:
     """A copy of the shipped trees that a test may change."""
     return Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    try:
+        context = chromium()
+        opened = context.__enter__()
+    except NotFetched as reason:
+        pytest.skip(str(reason))
+    try:
+        yield opened
+    finally:
+        context.__exit__(None, None, None)
+
+
+@pytest.fixture
+def page(browser: Browser, system: System) -> Iterator[Page]:
+    """The page of an operator."""
+    with opened_page(browser, system.address) as opened:
+        expect(opened.locator(".phase")).to_have_text("connected")
+        yield opened

@@ -6,13 +6,14 @@ from __future__ import annotations
 import json
 import re
 import signal
+import urllib.request
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
 
 from bt_agents_tools.launcher.supervisor import FIRST_LIMIT_S, STOP_LIMIT_S
-from programs import ROOT, Program, alive, children
+from programs import ROOT, Program, alive, children, nodes
 
 pytestmark = pytest.mark.e2e
 
@@ -37,7 +38,7 @@ def test_the_demo_tells_the_whole_morning_and_its_journal_does_itself_again(
     demo = start("demo", "--no-voice", "--journal", str(tmp_path))
     demo.until("an airport employee")
     pids = children(demo.process.pid)
-    assert len(pids) == 7
+    assert len(nodes(demo.process.pid)) == 7
     shared = shared_memory([demo.process.pid, *pids])
     assert demo.wait() == 0
     told = demo.output
@@ -64,7 +65,7 @@ def test_the_demo_tells_the_whole_morning_and_its_journal_does_itself_again(
         assert "✔" in chapter
         assert "robot" in chapter
     assert "drives to: Gate 12" in employee
-    assert "mood  rises" in lady
+    assert "mood  rises" in lady, lady
     assert "positive for attentive_guide" in lady
     steps = [
         "attentive_guide wins",
@@ -132,3 +133,20 @@ def test_killing_the_demo_leaves_no_process_behind(start: Start) -> None:
             return
         signal.sigtimedwait([], 0.01)
     pytest.fail(f"still alive: {[pid for pid in pids if alive(pid)]}")
+
+
+def test_in_the_browser_demo_a_page_for_the_visitor_is_there_until_it_is_ended(
+    start: Start,
+) -> None:
+    demo = start("demo", "--browser")
+    demo.until("studio: http")
+    address = demo.until("to be the person: http").split()[-1]
+    assert re.search(r"/person#[0-9a-f]{64}$", address)
+    pids = children(demo.process.pid)
+    assert len(nodes(demo.process.pid)) == 6
+    with urllib.request.urlopen(address, timeout=10) as answer:
+        assert b"bt-agents studio" in answer.read()
+    code, seconds = demo.stop()
+    assert (code, "Traceback" in demo.output) == (0, False), demo.output
+    assert seconds < FIRST_LIMIT_S + STOP_LIMIT_S
+    assert not any(map(alive, pids))

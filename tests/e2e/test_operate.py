@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from model_server import model_server, says, sends
-from programs import Program, children
+from programs import Program, node_of
 
 pytestmark = pytest.mark.e2e
 
@@ -29,7 +29,7 @@ def test_a_model_ranks_and_a_veto_outlives_the_market(
     with model_server() as server:
         server.reply = says("professional_express", "silent_text", reason="she looks at her watch")
         up = start(
-            *("up", "--no-voice", "--params", str(params)),
+            *("up", "--no-voice", "--no-studio", "--params", str(params)),
             *("--selector", server.url, "--model", "small"),
         )
         up.until("ready")
@@ -40,16 +40,11 @@ def test_a_model_ranks_and_a_veto_outlives_the_market(
         assert all(one["description"] for one in told["characters"])
 
         assert "told to stop" in ask("veto", "professional_express", "--reason", "too quick")
-        [market] = [
-            pid
-            for pid in children(up.process.pid)
-            if "marketplace_node.node" in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-        ]
-        os.kill(market, signal.SIGKILL)
+        server.reply = sends(b"no", 503)
+        os.kill(node_of(up.process.pid, "marketplace_node.node"), signal.SIGKILL)
         up.until("marketplace is back")
         assert "vetoed: professional_express may not bid" in ask("status")
 
-        server.reply = sends(b"no", 503)
         # The old market's run ends first; the host is asked by nobody until then.
         up.until("attentive_guide starts")
         preview = ask("preview", *MRS_SMITH)

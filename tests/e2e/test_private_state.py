@@ -28,7 +28,7 @@ def test_every_file_of_a_session_is_private_while_it_runs_and_after(
     start: Callable[..., Program], ask: Callable[..., str], tmp_path: Path
 ) -> None:
     kept = tmp_path / "kept"
-    up = start("up", "--no-voice", "--state", str(kept), "--memory", "--journal")
+    up = start("up", "--no-voice", "--no-studio", "--state", str(kept), "--memory", "--journal")
     up.until("ready")
     ask("trigger", "age=4.5", "familiarity=1", "mood=3")
     up.until("starts")

@@ -19,7 +19,7 @@ def test_an_author_edits_breaks_mends_and_rolls_back_an_agent_of_a_running_syste
 ) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
     first = file.read_text()
-    up = start("up", str(trees), "--no-voice")
+    up = start("up", str(trees), "--no-voice", "--no-studio")
     up.until("ready")
     file.write_text(first.replace("default: 8 s", "default: 12 s"))
     up.until(re.escape("attentive_guide: version 2 in force (patience: 8 s → 12 s)"))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -21,8 +22,9 @@ from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from bt_agents_ros.signals import block_sigint
 from bt_agents_tools.launcher import components as system
+from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile
-from bt_agents_tools.launcher.supervisor import Component, spawn
+from bt_agents_tools.launcher.supervisor import STOP_LIMIT_S, Component, spawn
 from graph import Ros, fresh_graph
 from processes import write_trees
 from programs import HANG_S
@@ -30,8 +32,8 @@ from tree_harness import TREES, scene
 
 pytestmark = pytest.mark.e2e
 
-LIMIT_S = 2.0
-"""From the signal to the end [s]."""
+LIMIT_S = STOP_LIMIT_S
+"""From the signal to the end, or a supervisor would kill it [s]."""
 
 LATEST_S = 1.5
 """From the start, or from the beginning of a run, to the signal [s]."""
@@ -63,14 +65,15 @@ class Told:
     component: Component
     log: LogFile
     number: signal.Signals
-    process: subprocess.Popen[bytes] = field(init=False)
+    fork_server: ForkServer | None = None
+    process: subprocess.Popen[bytes] | ForkedProcess = field(init=False)
     ready: int = field(init=False)
     due: float = 0.0
     sent: float | None = None
     ended: float | None = None
 
     def __post_init__(self) -> None:
-        self.process, self.ready = spawn(self.component, self.log, 1)
+        self.process, self.ready = spawn(self.component, self.log, 1, self.fork_server)
 
     def look(self, now: float) -> None:
         """Signal it when its time has come; note its end."""
@@ -82,6 +85,14 @@ class Told:
 
     def problem(self) -> str:
         """Return what was not clean about its end; empty when all was."""
+        if self.ended is None:
+            # Python's fault handler writes the stacks of all threads into the log. It crashes when
+            # the main thread runs on meanwhile, so that one gets the signal.
+            pid = self.process.pid
+            ctypes.CDLL(None).tgkill(pid, pid, signal.SIGABRT)
+            self.process.wait(HANG_S)
+            said = self.log.path.read_text(errors="replace")
+            return f"{self.component.name}, {self.number.name}: has not ended; it was in\n{said}"
         said = self.log.path.read_text(errors="replace")
         code = self.process.returncode
         up = bool(os.read(self.ready, 8))
@@ -89,13 +100,13 @@ class Told:
         problems = [word for word in ("Traceback", "KeyboardInterrupt", "Fatal") if word in said]
         if self.sent is None:
             problems.append("ended before it was told to")
-        elif self.ended is None or self.ended - self.sent > LIMIT_S:
+        elif self.ended - self.sent > LIMIT_S:
             problems.append(f"took longer than {LIMIT_S:g} s")
         if code not in allowed:
             problems.append(f"exit code {code}, {'up' if up else 'not yet up'}")
         if not problems:
             return ""
-        took = (self.ended or 0.0) - (self.sent or 0.0)
+        took = self.ended - (self.sent or self.ended)
         return (
             f"{self.component.name}, {self.number.name}, {took:.2f} s: "
             f"{', '.join(problems)}\n{said}"
@@ -123,13 +134,16 @@ def busy() -> Iterator[None]:
             burner.wait()
 
 
-def signalled(components: list[Component], folder: Path, random: Random) -> list[Told]:
-    """Start processes, each of which is signalled at a time of its own."""
+def signalled(
+    components: list[Component], folder: Path, random: Random, fork_server: ForkServer
+) -> list[Told]:
+    """Start processes, half of them forked, each of which is signalled at a time of its own."""
     told = [
         Told(
             component,
             LogFile(folder / f"{number}-{component.name}.log"),
             random.choice([signal.SIGINT, signal.SIGTERM]),
+            random.choice([fork_server, None]),
         )
         for number, component in enumerate(components)
     ]
@@ -161,18 +175,38 @@ def everything(trees: Path, folder: Path) -> list[Component]:
     ]
 
 
+def test_a_process_that_does_not_end_is_reported_with_its_stack(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONFAULTHANDLER", "1")
+    told = Told(
+        system.scene_layer(TREES), LogFile(tmp_path / "scene_layer.log"), signal.Signals.SIGTERM
+    )
+    try:
+        os.set_blocking(told.ready, True)
+        assert os.read(told.ready, 8), "it is up"
+        problem = told.problem()
+    finally:
+        told.close()
+    assert problem.startswith("scene_layer, SIGTERM: has not ended")
+    assert "in start" in problem
+
+
 @pytest.mark.usefixtures("busy")
 def test_a_hundred_of_a_hundred_signals_at_random_moments_end_a_node_cleanly(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
+    monkeypatch.setenv("PYTHONFAULTHANDLER", "1")
     random = Random(20260518)
     trees = write_trees(tmp_path / "trees", speaker=(3.0, SPEAKER))
+    fork_server = ForkServer(one.module for one in everything(trees, tmp_path))
+    request.addfinalizer(fork_server.close)
     problems: list[str] = []
     count = 0
     for batch in range(EARLY):
         folder = tmp_path / f"early{batch}"
         folder.mkdir()
-        told = signalled(everything(TREES, folder), folder, random)
+        told = signalled(everything(TREES, folder), folder, random, fork_server)
         count += len(told)
         try:
             problems += watch(told, lambda: time.sleep(0.005))
@@ -184,7 +218,7 @@ def test_a_hundred_of_a_hundred_signals_at_random_moments_end_a_node_cleanly(
         folder.mkdir()
         with fresh_graph() as ros:
             components = [*everything(trees, folder), system.host(TREES)]
-            told = signalled(components, folder, random)
+            told = signalled(components, folder, random, fork_server)
             count += len(told)
             try:
                 problems += in_a_run(ros, told, random)
@@ -196,7 +230,7 @@ def test_a_hundred_of_a_hundred_signals_at_random_moments_end_a_node_cleanly(
 
 
 COMMANDS = (
-    ("up", "--no-voice"),
+    ("up", "--no-voice", "--no-studio"),
     ("status",),
     ("trigger", "age=3"),
     ("check", str(TREES)),
@@ -258,9 +292,9 @@ def started_silently(command: tuple[str, ...], output: Path) -> subprocess.Popen
 
 def in_a_run(ros: Ros, told: list[Told], random: Random) -> list[str]:
     """Signal all once an agent runs."""
-    runs = ros.collect(Run, "runs", qos.HISTORY)
-    statuses: list[Any] = ros.collect(MarketStatus, "market", qos.FACT)
-    scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
+    runs = ros.collect(Run, "bt_agents/runs", qos.HISTORY)
+    statuses: list[Any] = ros.collect(MarketStatus, "bt_agents/market", qos.FACT)
+    scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
     ros.until(lambda: statuses and statuses[-1].agents > 0 and scenes.get_subscription_count())
     scenes.publish(scene_to_msg(scene("s1", age=3, familiarity=3, mood=3)))
     ros.until(lambda: any(run.event == Run.STARTED for run in runs))

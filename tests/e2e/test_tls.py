@@ -93,9 +93,16 @@ def start(what: str, profile: Path, limit_s: float) -> subprocess.Popen[str]:
     )
 
 
-def hears(profile: Path, limit_s: float) -> tuple[bool, str]:
-    said = start("listen", profile, limit_s).communicate(timeout=limit_s + 60.0)[0]
-    return said.rstrip().endswith("heard"), said
+def hear(*profiles: Path, limit_s: float) -> list[tuple[bool, str]]:
+    """Listen with several profiles at once; return for each whether it hears, and what it says."""
+    listening = [start("listen", profile, limit_s) for profile in profiles]
+    try:
+        said = [one.communicate(timeout=limit_s + 60.0)[0] for one in listening]
+    finally:
+        for one in listening:
+            one.kill()
+            one.wait()
+    return [(text.rstrip().endswith("heard"), text) for text in said]
 
 
 def test_only_processes_with_a_certificate_of_the_authority_hear_each_other(
@@ -113,12 +120,14 @@ def test_only_processes_with_a_certificate_of_the_authority_hear_each_other(
     plain.write_text(re.sub(r"<tls>.*</tls>", "", friend.read_text(), flags=re.DOTALL))
     talker = start("talk", server, 300.0)
     try:
-        assert hears(friend, 60.0)[0]
-        heard, said = hears(stranger, 5.0)
-        assert not heard
+        [(heard, _)] = hear(friend, limit_s=60.0)
+        assert heard
+        [(by_stranger, said), (without_tls, _)] = hear(stranger, plain, limit_s=5.0)
+        assert not by_stranger
         assert "certificate verify failed" in said
-        assert not hears(plain, 5.0)[0]
-        assert hears(friend, 60.0)[0]
+        assert not without_tls
+        [(heard, _)] = hear(friend, limit_s=60.0)
+        assert heard
     finally:
         talker.kill()
         talker.communicate()

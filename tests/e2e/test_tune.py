@@ -22,7 +22,7 @@ def test_an_author_tunes_a_running_system_and_keeps_the_result(
 ) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
     before = file.read_text()
-    up = start("up", str(trees), "--no-voice")
+    up = start("up", str(trees), "--no-voice", "--no-studio")
     up.until("ready")
     table = ask("tune", "attentive_guide")
     assert re.search(r"  patience +8 s +2 s to 30 s +how long to wait for an answer", table)
@@ -81,7 +81,7 @@ def test_an_author_tunes_a_running_system_and_keeps_the_result(
     assert "nothing to keep" in ask("keep")
     assert up.stop()[0] == 0
 
-    again = start("up", str(trees), "--no-voice")
+    again = start("up", str(trees), "--no-voice", "--no-studio")
     again.until("ready")
     assert re.search(r"  patience +12 s +2 s to 30 s", ask("tune", "attentive_guide"))
     assert re.search(r"^tick_rate +30 +file: 20", ask("tune"), re.MULTILINE)
@@ -95,7 +95,7 @@ def test_a_file_that_differs_from_what_the_robot_has_read_is_not_written(
     start: Start, ask: Ask, trees: Path
 ) -> None:
     file = trees / "agents" / "attentive_guide.yaml"
-    up = start("up", str(trees), "--no-voice")
+    up = start("up", str(trees), "--no-voice", "--no-studio")
     up.until("ready")
     ask("tune", "attentive_guide", "patience=12")
     broken = file.read_text().replace("sequence:", "sequenze:")

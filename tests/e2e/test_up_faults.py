@@ -6,11 +6,10 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
-from programs import Program, children
+from programs import Program, node_of
 
 pytestmark = pytest.mark.e2e
 
@@ -21,26 +20,27 @@ MRS_SMITH = ("trigger", "age=4.5", "familiarity=1", "mood=3")
 
 def kill_component(up: Program, module: str, number: int = signal.SIGKILL) -> None:
     """Kill the process of ``up`` that runs a module, or send it another signal."""
-    [pid] = [
-        pid
-        for pid in children(up.process.pid)
-        if module in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-    ]
-    os.kill(pid, number)
+    os.kill(node_of(up.process.pid, module), number)
 
 
 def up_with_a_run(start: Start, ask: Ask) -> Program:
-    up = start("up", "--no-voice")
+    up = start("up", "--no-voice", "--no-studio")
     up.until("ready")
     assert "attentive_guide" in ask(*MRS_SMITH)
     up.until("says: Hello")
     return up
 
 
-def cancel_the_next_run(up: Program, ask: Ask) -> None:
-    """Wait until a run is under way again, stop it, and end the system."""
-    up.until("attentive_guide starts")
-    up.until("says: Hello")
+def until_all(up: Program, *said: str) -> None:
+    """Read lines until all of these were there, in any order: several processes print them."""
+    missing = set(said)
+    while missing:
+        line = up.until("|".join(missing))
+        missing = {one for one in missing if one not in line}
+
+
+def cancel_the_run(up: Program, ask: Ask) -> None:
+    """Stop the run that is under way, and end the system."""
     assert ask("cancel") != ""
     up.until("attentive_guide cancelled")
     assert up.stop()[0] == 0, up.output
@@ -52,10 +52,10 @@ def test_a_run_whose_host_is_killed_is_lost_and_the_next_trigger_runs(
 ) -> None:
     up = up_with_a_run(start, ask)
     kill_component(up, "bt_agents.host.node")
-    up.until("attentive_guide lost")
-    up.until("agents is back")
+    until_all(up, "attentive_guide lost", "agents is back")
     assert "attentive_guide" in ask(*MRS_SMITH)
-    cancel_the_next_run(up, ask)
+    until_all(up, "attentive_guide starts", "says: Hello")
+    cancel_the_run(up, ask)
 
 
 def test_a_run_whose_market_is_killed_is_cut_off_and_asked_for_again_by_the_next_one(
@@ -63,14 +63,14 @@ def test_a_run_whose_market_is_killed_is_cut_off_and_asked_for_again_by_the_next
 ) -> None:
     up = up_with_a_run(start, ask)
     kill_component(up, "marketplace_node.node")
-    up.until("marketplace is back")
-    cancel_the_next_run(up, ask)
+    until_all(up, "marketplace is back", "attentive_guide starts", "says: Hello")
+    cancel_the_run(up, ask)
 
 
 def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
     start: Start, ask: Ask
 ) -> None:
-    up = start("up", "--no-voice")
+    up = start("up", "--no-voice", "--no-studio")
     up.until("ready")
     assert "attentive_guide" in ask("status")  # by then both have been heard
     kill_component(up, "marketplace_node.node", signal.SIGSTOP)

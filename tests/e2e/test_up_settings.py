@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from programs import Program, children
+from programs import Program, node_of
 
 pytestmark = pytest.mark.e2e
 
@@ -27,17 +27,14 @@ def test_options_and_the_parameter_file_count_also_after_a_new_start_of_the_mark
         "marketplace: {ros__parameters: {on_new_scene: reject, queue_limit: 3}}\n"
         "agents: {ros__parameters: {tick_rate: 25.0}}\n"
     )
-    up = start("up", "--no-voice", "--on-new-scene", "preempt", "--params", str(file))
+    up = start(
+        "up", "--no-voice", "--no-studio", "--on-new-scene", "preempt", "--params", str(file)
+    )
     up.until("ready")
     settings = "new scenes: preempt, 0 of 3 wait"
     assert settings in ask("status")
     assert re.search(r"tick_rate +25", ask("tune"))
-    [market] = [
-        pid
-        for pid in children(up.process.pid)
-        if "marketplace_node.node" in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-    ]
-    os.kill(market, signal.SIGKILL)
+    os.kill(node_of(up.process.pid, "marketplace_node.node"), signal.SIGKILL)
     up.until("marketplace is back")
     assert settings in ask("status")
     assert up.stop()[0] == 0, up.output

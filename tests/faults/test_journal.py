@@ -21,11 +21,11 @@ KILLS = 4
 def recorded(folder: Path) -> list[int]:
     """Return what is in the files, whatever state they are in."""
     entries = JournalReader(sorted(folder.glob("*.mcap"))).entries()
-    return [entry.decode().revision for entry in entries if entry.topic == "/feedback"]
+    return [entry.decode().revision for entry in entries if entry.topic == "/bt_agents/feedback"]
 
 
 def test_what_a_journal_has_written_outlives_every_kill(system: System, tmp_path: Path) -> None:
-    publisher = system.ros.node.create_publisher(Feedback, "feedback", qos.FACTS)
+    publisher = system.ros.node.create_publisher(Feedback, "bt_agents/feedback", qos.FACTS)
     folder = tmp_path / "journal"
     journal = system.start(components.journal(folder))
     number = 0

@@ -51,7 +51,7 @@ class Host:
             qos_profile=qos.SERVICE,
             callback_group=ReentrantCallbackGroup(),
         )
-        self._cards = ros.node.create_publisher(HostCard, "cards", qos.FACT)
+        self._cards = ros.node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
         agent = AgentCard(name="mira", profile=[3.0] * 3, learning_rate=0.5)
         self._cards.publish(HostCard(host="/agents", parameters=SPACE.names, agents=[agent]))
 
@@ -97,7 +97,7 @@ def test_what_was_recorded_before_a_kill_is_answered_after_it_and_not_applied_ag
     simulated.write_text(SIMULATED)
     ledger = tmp_path / "ledger.sqlite"
     host, giver = Host(system.ros), Giver(system.ros)
-    heard: list[Feedback] = system.ros.collect(Feedback, "feedback", qos.HISTORY)
+    heard: list[Feedback] = system.ros.collect(Feedback, "bt_agents/feedback", qos.HISTORY)
     node = system.start(components.feedback(ROOT / "trees", str(ledger), simulated))
     for number in range(1, TIMES + 1):
         host.slow = Future()
@@ -135,7 +135,7 @@ def test_a_full_disk_refuses_feedback_by_name_and_the_node_goes_on_when_there_is
     with Ledger(ledger) as book:
         book.enter({f"agent{number}": {"age": 3.0} for number in range(1500)})
     Host(system.ros)
-    profiles: list[Profiles] = system.ros.collect(Profiles, "profiles", qos.FACT)
+    profiles: list[Profiles] = system.ros.collect(Profiles, "bt_agents/profiles", qos.FACT)
     node = system.start(components.feedback(ROOT / "trees", str(ledger)))
     system.until(lambda: profiles and list(profiles[-1].agents) == ["mira"], "the profile")
     client = system.ros.node.create_client(GiveFeedback, "feedback/give")

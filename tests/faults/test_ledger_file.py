@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +32,35 @@ NAMED = {"LEDGER_CORRUPT", "LEDGER_FOREIGN", "LEDGER_NEWER", "LEDGER_OLD", "LEDG
 
 # Forks a writer for each line that it reads, so that none of them has to start Python.
 WRITER = """
-import json, os, random, sys
-from feedback_node.ledger import Ledger, LedgerEntry
+import json, os, random, resource, signal, sys
+from pathlib import Path
+from feedback_node.ledger import Ledger, LedgerEntry, file
 from feedback_node.ledger.rows import LAYER, RevisionCause
 
 def say(*words):
     os.write(1, (json.dumps(words) + "\\n").encode())
+
+def die_at_line(number):
+    folder, lines = str(Path(file.__file__).parent), 0
+    def trace(frame, event, _):
+        nonlocal lines
+        lines += event == "line"
+        if lines == number:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return trace
+    sys.settrace(lambda frame, *_: trace if frame.f_code.co_filename.startswith(folder) else None)
+
+def die_at_size(size):
+    signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+DEATHS = {"line": die_at_line, "size": die_at_size}
+
+def create(path, at, number):
+    DEATHS[at](number)
+    Ledger(path)
+    sys.settrace(None)
 
 def write(path, seed):
     chance = random.Random(seed)
@@ -68,18 +92,24 @@ def write(path, seed):
         say("recorded", one, agent, layer, row.revision, age)
 
 for line in sys.stdin:
-    path, seed = json.loads(line)
+    do, *words = json.loads(line)
     child = os.fork()
     if child == 0:
         say("started", os.getpid())
         try:
-            write(path, seed)
+            {"write": write, "create": create}[do](*words)
         except BaseException as error:
             say("failed", repr(error))
         os._exit(0)
-    os.waitpid(child, 0)
-    say("ended")
+    _, status = os.waitpid(child, 0)
+    say("ended", os.waitstatus_to_exitcode(status))
 """
+
+
+@pytest.fixture
+def tmp_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder on the disk, on which the creation of a ledger takes its time."""
+    return tmp_path_factory.mktemp("ledger")
 
 
 class Writers:
@@ -96,19 +126,35 @@ class Writers:
 
     def run(self, path: Path, seed: int, acknowledged: int, more_s: float) -> list[list[Any]]:
         """Let a writer live for so many acknowledgements; return what it has said."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps([str(path), seed]) + "\n")
-        self._process.stdin.flush()
-        started, pid = self._hear()
-        assert started == "started"
+        pid = self._start("write", str(path), seed)
         heard: list[list[Any]] = []
         while sum(words[0] == "recorded" for words in heard) < acknowledged:
             heard.append(self._hear())
             assert heard[-1][0] not in ("failed", "ended"), heard[-1]
         time.sleep(more_s)
         os.kill(pid, signal.SIGKILL)
-        while (words := self._hear()) != ["ended"]:
-            heard.append(words)
+        return heard + self._rest()[:-1]
+
+    def create(self, path: Path, at: str, number: int) -> bool:
+        """Let a writer create a ledger; return whether it died of a line or a size before."""
+        self._start("create", str(path), at, number)
+        (_, code), *more = reversed(self._rest())
+        assert not more, more
+        return bool(code)
+
+    def _start(self, *words: Any) -> int:
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(words) + "\n")
+        self._process.stdin.flush()
+        started, pid = self._hear()
+        assert started == "started"
+        return int(pid)
+
+    def _rest(self) -> list[list[Any]]:
+        """Return what a writer still says; its exit code comes last."""
+        heard = [self._hear()]
+        while heard[-1][0] != "ended":
+            heard.append(self._hear())
         return heard
 
     def _hear(self) -> list[Any]:
@@ -181,17 +227,19 @@ def test_120_kills_lose_no_acknowledged_revision_and_record_none_twice(tmp_path,
     assert kills_in_the_middle > KILLS // 10
 
 
-def test_40_kills_while_a_ledger_is_created_leave_one_that_opens(tmp_path, writers):
-    chance = random.Random(18)
-    states = set()
-    for seed in range(40):
-        path = tmp_path / str(seed) / "ledger.sqlite"
-        writers.run(path, seed, 0, chance.uniform(0.0, 0.03))
-        if path.parent.exists():
-            states.add(tuple(sorted(part.name for part in path.parent.iterdir())))
+@pytest.mark.parametrize(
+    ("at", "step", "left"), [("line", 1, ["-wal", "-shm"]), ("size", 512, ["-journal"])]
+)
+def test_kills_while_a_ledger_is_created_leave_one_that_opens(tmp_path, writers, at, step, left):
+    found = set()
+    for number in count(step, step):
+        path = tmp_path / str(number) / "ledger.sqlite"
+        if not writers.create(path, at, number):
+            break
+        found.update(part for part in (*PARTS, "-journal") if Path(f"{path}{part}").exists())
         with Ledger(path) as ledger:
             ledger.enter({"guide": {"age": 0.0}})
-    assert len(states) > 1
+    assert {"", *left} <= found
 
 
 class Files:

@@ -57,7 +57,7 @@ def test_a_market_killed_mid_run_takes_its_run_with_it_and_the_next_one_asks_aga
     first = system.mouth.sentences[0]
     system.until(lambda: first.how, "the end of what leo says")
     assert first.how == "cancelled"
-    assert pulse.count - killed_at <= 2 * BEATS_A_SECOND
+    assert pulse.count - killed_at <= 4 * BEATS_A_SECOND
     if restart != "at once":
         market.start()
     system.until_ready(hosts=2, agents=2, after=epoch)
@@ -104,13 +104,13 @@ def test_a_market_that_hangs_longer_than_its_lease_loses_the_run_and_goes_on(
     pulse = system.pulse("agents_a")
     old_person(system, "s1")
     system.until_speaking("leo speaks")
-    system.until(lambda: pulse.count, "a heartbeat")
+    system.until(lambda: pulse.count and system.started("leo"), "a heartbeat, and the start")
     market.hang()
     hung_at = pulse.count
     first = system.mouth.sentences[0]
     system.until(lambda: first.how, "the end of what leo says")
     assert first.how == "cancelled"
-    assert pulse.count - hung_at <= 2 * BEATS_A_SECOND
+    assert pulse.count - hung_at <= 4 * BEATS_A_SECOND
     market.go_on()
     system.until_end_of("s1")
     [ended] = system.ended("leo")

@@ -28,7 +28,7 @@ def chromium() -> Iterator[Browser]:
     Raises:
         NotFetched: There is none here, and the package cannot be fetched.
     """
-    path, libraries = _installed()
+    path, libraries = installed_browser()
     environment = {**os.environ}
     if libraries is not None:
         environment["LD_LIBRARY_PATH"] = str(libraries)
@@ -42,7 +42,12 @@ def chromium() -> Iterator[Browser]:
             browser.close()
 
 
-def _installed() -> tuple[str, Path | None]:
+def installed_browser() -> tuple[str, Path | None]:
+    """Return the path of a browser, and of the libraries that it needs besides the machine's.
+
+    Raises:
+        NotFetched: There is none here, and the package cannot be fetched.
+    """
     found = shutil.which("chromium")
     if found is not None:
         return found, None

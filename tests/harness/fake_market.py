@@ -4,13 +4,17 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
+from rclpy.parameter import Parameter
 
+from active_nodes import active_host
+from bt_agents.host.market_registration import MARKET_LEASE
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Bids, CallForBids, MarketHeartbeat, MarketStatus, Run
@@ -26,7 +30,7 @@ AWARD_KEY = list(range(1, 17))
 
 
 class Market:
-    """A probe that does what a marketplace does, one message at a time.
+    """A probe that does what a marketplace does, one message at a time; silent until told to live.
 
     Attributes:
         epoch: Its name; another one is a market that was started anew.
@@ -49,9 +53,9 @@ class Market:
         self.refuses_host = ""
         self.award = (0, "")
         self.on_register: Callable[[], None] = lambda: None
-        self._status = node.create_publisher(MarketStatus, "market", qos.FACT)
-        self._calls = node.create_publisher(CallForBids, "calls", qos.EVENTS)
-        self.bids = ros.collect(Bids, "bids", qos.EVENTS)
+        self._status = node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
+        self._calls = node.create_publisher(CallForBids, "bt_agents/calls", qos.EVENTS)
+        self.bids = ros.collect(Bids, "bt_agents/bids", qos.EVENTS)
         node.create_service(
             RegisterHost, "marketplace/register", self._register, qos_profile=qos.SERVICE
         )
@@ -63,7 +67,7 @@ class Market:
             result_service_qos_profile=qos.SERVICE,
             cancel_service_qos_profile=qos.SERVICE,
         )
-        self._runs = node.create_publisher(Run, "runs", qos.HISTORY)
+        self._runs = node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
         self._heart = node.create_publisher(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)
         self._beats = node.create_timer(
             0.05, self.beat, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
@@ -142,6 +146,14 @@ class Market:
         self.ros.until(future.done)
         return future.result()
 
+    def refusal(self, goal: RunAgent.Goal) -> str:
+        """Send a goal that the host refuses; return the code of its result."""
+        answer = self.result(self.send(goal))
+        assert answer.status == GoalStatus.STATUS_ABORTED
+        assert answer.result.outcome == RunAgent.Result.REFUSED
+        assert answer.result.message
+        return str(answer.result.code)
+
     def result(self, handle: Any) -> Any:
         """Wait for the end of a run; return status and result."""
         future = handle.get_result_async()
@@ -160,6 +172,10 @@ def folder(tmp_path: Path, *agents: str) -> Path:
     return trees
 
 
-def make_host(path: Path, **arguments: Any) -> HostNode:
-    """Return a host with the agents of a folder."""
-    return HostNode(read_trees(path, InstalledInterfaces()), **arguments)
+def make_host(
+    path: Path, parameter_overrides: Sequence[Parameter] = (), **arguments: Any
+) -> HostNode:
+    """Return a host with the agents of a folder, patient with a market that has no heartbeat."""
+    overrides = [Parameter(MARKET_LEASE, value=10.0), *parameter_overrides]
+    trees = read_trees(path, InstalledInterfaces())
+    return active_host(trees, parameter_overrides=overrides, **arguments)

@@ -65,15 +65,17 @@ class Ros:
 
     def close(self) -> None:
         """End what is under way, as the runner does, and destroy everything."""
-        for node in self.nodes:
-            if hasattr(node, "request_stop"):
-                node.request_stop()
-                end = time.monotonic() + 2.0
-                while not node.stopped() and time.monotonic() < end:
-                    self.executor.spin_once(timeout_sec=0.05)
-        for node in list(self.nodes):
-            self.remove(node)
-        self.executor.shutdown()
+        try:
+            for node in self.nodes:
+                if hasattr(node, "request_stop"):
+                    node.request_stop()
+                    end = time.monotonic() + 2.0
+                    while not node.stopped() and time.monotonic() < end:
+                        self.executor.spin_once(timeout_sec=0.05)
+        finally:
+            for node in list(self.nodes):
+                self.remove(node)
+            self.executor.shutdown()
 
 
 @contextmanager

@@ -28,10 +28,10 @@ from bt_agents_interfaces.msg import MarketStatus
 from bt_agents_interfaces.srv import Analyze, CollectFeedback
 from bt_agents_ros import qos
 rclpy.init()
-begin = time.monotonic()
 node = rclpy.create_node("late")
+begin = time.monotonic()
 heard = []
-node.create_subscription(MarketStatus, "market", heard.append, qos.FACT)
+node.create_subscription(MarketStatus, "bt_agents/market", heard.append, qos.FACT)
 clients = [
     node.create_client(Analyze, "scene_layer/analyze"),
     node.create_client(CollectFeedback, "feedback/collect"),
@@ -48,10 +48,11 @@ def main() -> None:
     """Measure, and print the result."""
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     # As for all commands: with the profile of the launcher.
-    from bt_agents_tools.launcher.supervisor import set_local_discovery
+    from bt_agents_tools.launcher.supervisor import set_discovery
 
     environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    command = [sys.executable, "-m", "bt_agents_tools.cli", "up", sys.argv[1], "--no-voice"]
+    command = [sys.executable, "-m", "bt_agents_tools.cli", "up", sys.argv[1]]
+    command += ["--no-voice"]
     up = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     try:
         assert up.stdout is not None
@@ -62,7 +63,7 @@ def main() -> None:
         before, begin = _counts(), time.monotonic()
         time.sleep(WINDOW_S)
         after, duration_s = _counts(), time.monotonic() - begin
-        set_local_discovery(environment)
+        set_discovery(environment)
         joined = [
             float(
                 subprocess.run(

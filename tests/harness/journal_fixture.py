@@ -37,13 +37,14 @@ from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, RecordedTo
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_ros.messages import scene_to_msg, to_time
+from bt_agents_ros.messages import header_at, scene_to_msg, to_time
 from feedback_node.learning.learning_step import PLAIN, Evidence, step
 from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
-from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Decision, Terms
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, Terms
 from marketplace_node.round.ranking import decide
 from tree_harness import SPACE, TREES, scene
 
@@ -131,7 +132,7 @@ class Town:
                 versions=list(found.versions.values()),
             ),
         )
-        self.publish("/cards", self._card())
+        self.publish("/bt_agents/cards", self._card())
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish a message."""
@@ -154,7 +155,9 @@ class Town:
             shadow=self._shadow,
             seed=f"{EPOCH}/{number}",
         )
-        self.publish("/calls", CallForBids(epoch=EPOCH, round=number, scene=scene_to_msg(person)))
+        self.publish(
+            "/bt_agents/calls", CallForBids(epoch=EPOCH, round=number, scene=scene_to_msg(person))
+        )
         bids = [
             AcceptedBid(agent=name, agent_id=i, host="/agents", instance="i1", vector=profile)
             for i, (name, profile) in enumerate(self.profiles.items(), 1)
@@ -171,7 +174,7 @@ class Town:
             silent_hosts=(),
         )
         self.publish(
-            "/auctions",
+            "/bt_agents/auctions",
             auction_to_msg(
                 PublishAuction(
                     decision=decision,
@@ -183,9 +186,9 @@ class Town:
         )
         self._runs.append(best.agent)
         self.publish(
-            "/runs",
+            "/bt_agents/runs",
             Run(
-                stamp=self._stamp(),
+                header=header_at(self._stamp()),
                 epoch=EPOCH,
                 round=number,
                 event=Run.STARTED,
@@ -246,9 +249,9 @@ class Town:
         self._asked[agent] += 1
         self._revisions[agent] += 1
         self.publish(
-            "/feedback",
+            "/bt_agents/feedback",
             Feedback(
-                stamp=self._stamp(),
+                header=header_at(self._stamp()),
                 feedback_id=f"f{len(self.published)}",
                 agent=agent,
                 kind=int(kind),
@@ -290,7 +293,7 @@ class Town:
 
     @property
     def _rounds(self) -> list[PublishedMessage]:
-        return [one for one in self.published if one.topic == "/auctions"]
+        return [one for one in self.published if one.topic == "/bt_agents/auctions"]
 
     def _stamp(self) -> Any:
         return to_time(float(len(self.published)))

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from active_nodes import active_market
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Auction,
@@ -28,7 +29,6 @@ from bt_agents_interfaces.srv import CancelRun, RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from market_harness import EXPRESS, GUIDE, SPACE, scene
-from marketplace_node.node import MarketplaceNode
 
 NEAR, FAR = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5)
 
@@ -42,16 +42,18 @@ class FakeHost(Node):
         self.bids_of = bids or {GUIDE: NEAR, EXPRESS: FAR}
         self.agent_ids: list[int] = []
         self.silent = False
+        self.message = "as told"
         self.refuses: set[str] = set()
+        self.explains: set[str] = set()
         self.distort: Callable[[Bids], None] = lambda _: None
         self.calls: list[CallForBids] = []
         self.goal: Any = None
         self.log: list[str] = []
         self.ended: Any = None
         self.stopped_early = False
-        self.answers = self.create_publisher(Bids, "bids", qos.EVENTS)
+        self.answers = self.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
         self.heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
-        self.create_subscription(CallForBids, "calls", self.answer, qos.EVENTS)
+        self.create_subscription(CallForBids, "bt_agents/calls", self.answer, qos.EVENTS)
         self.create_timer(0.1, self.beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.server = ActionServer(
             self,
@@ -109,6 +111,8 @@ class FakeHost(Node):
     def judge(self, goal: Any) -> GoalResponse:
         if goal.agent in self.refuses or self.goal is not None:
             return GoalResponse.REJECT
+        if goal.agent in self.explains:
+            return GoalResponse.ACCEPT
         self.goal, self.stopped_early = goal, False
         return GoalResponse.ACCEPT
 
@@ -120,12 +124,18 @@ class FakeHost(Node):
         return CancelResponse.ACCEPT
 
     async def execute(self, handle: Any) -> RunAgent.Result:
+        if handle.request.agent in self.explains:
+            handle.abort()
+            return RunAgent.Result(
+                outcome=RunAgent.Result.REFUSED, code="BUSY", message="another tree runs"
+            )
         if self.stopped_early:
             self.log.append(f"never began {self.goal.agent}")
             self.goal = None
             handle.canceled()
             return RunAgent.Result(outcome=RunAgent.Result.CANCELLED, message="never began")
         self.log.append(f"start {self.goal.agent}")
+        self.beat()
         self.ended = Future(executor=self.executor)
         outcome = await self.ended
         self.log.append(f"end {self.goal.agent}")
@@ -134,7 +144,7 @@ class FakeHost(Node):
             handle.canceled()
         else:
             handle.succeed()
-        return RunAgent.Result(outcome=outcome, message="as told", ticks=3)
+        return RunAgent.Result(outcome=outcome, message=self.message, ticks=3)
 
     def finish(self, outcome: int = RunAgent.Result.SUCCEEDED) -> None:
         self.ended.set_result(outcome)
@@ -162,7 +172,7 @@ class Stage:
             ).items()
         ]
         self.market = ros.add(
-            MarketplaceNode(
+            active_market(
                 SPACE,
                 "epoch",
                 overrides_file=overrides_file,
@@ -170,11 +180,11 @@ class Stage:
                 parameter_overrides=overrides,
             )
         )
-        self.auctions = ros.collect(Auction, "auctions", qos.HISTORY)
-        self.runs = ros.collect(Run, "runs", qos.HISTORY)
-        self.ends = ros.collect(SceneEnd, "scene_ends", qos.HISTORY)
-        self.statuses = ros.collect(MarketStatus, "market", qos.FACT)
-        self.scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
+        self.auctions = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
+        self.runs = ros.collect(Run, "bt_agents/runs", qos.HISTORY)
+        self.ends = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
+        self.statuses = ros.collect(MarketStatus, "bt_agents/market", qos.FACT)
+        self.scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
         self.registering = ros.node.create_client(
             RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
         )

@@ -65,9 +65,7 @@ from marketplace_node.effects import (
     OpenCall,
     PublishAuction,
     RequestRanking,
-    RunEventKind,
     RunGoal,
-    RunOutcome,
     SceneEnded,
     SendGoal,
     StatusChanged,
@@ -84,6 +82,7 @@ from marketplace_node.node.messages import (
     status_to_msg,
 )
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.outcomes import RunEventKind, RunOutcome
 from marketplace_node.registry import Registration
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import ON_NEW_SCENE, Settings
@@ -199,13 +198,13 @@ class _HostNode:
 
         def publish(message: Any) -> None:
             self._host.system.publish(topic, message, latched=(self._host.instance, topic))
-            if topic == "/cards":
+            if topic == "/bt_agents/cards":
                 self._host.system.post(self._host.name, self._host.system.on_card, message)
 
         return _Publisher(publish)
 
     def destroy_publisher(self, _publisher: _Publisher) -> None:
-        self._host.system.forget_latched((self._host.instance, "/cards"))
+        self._host.system.forget_latched((self._host.instance, "/bt_agents/cards"))
 
 
 class _Host:
@@ -535,7 +534,7 @@ class _MarketStart:
         system, epoch, stamp = self.system, self.market.epoch, to_time(self.system.wall)
         match effect:
             case OpenCall():
-                system.publish("/calls", call_to_msg(effect, epoch, system.space, stamp))
+                system.publish("/bt_agents/calls", call_to_msg(effect, epoch, system.space, stamp))
                 for host in system.hosts.values():
                     system.post("market", host.answer_call, epoch, effect)
                 return self.market.called(effect.round, system.now)
@@ -550,7 +549,7 @@ class _MarketStart:
                     lambda: self.do(lambda m, now: m.ranked(effect.round, external, now)),
                 )
             case PublishAuction():
-                system.publish("/auctions", auction_to_msg(effect, stamp))
+                system.publish("/bt_agents/auctions", auction_to_msg(effect, stamp))
             case SendGoal():
                 system.post("market", system.hosts[effect.goal.host].take_goal, self, effect)
             case CancelGoal():
@@ -569,10 +568,12 @@ class _MarketStart:
                 system.post("market", system.collect, self, effect)
             case StatusChanged():
                 system.publish(
-                    "/market", status_to_msg(effect, epoch, stamp), latched=(epoch, "/market")
+                    "/bt_agents/market",
+                    status_to_msg(effect, epoch, stamp),
+                    latched=(epoch, "/bt_agents/market"),
                 )
             case SceneEnded():
-                system.publish("/scene_ends", scene_end_to_msg(effect, epoch, stamp))
+                system.publish("/bt_agents/scene_ends", scene_end_to_msg(effect, epoch, stamp))
             case StoreOverrides():
                 self.orders = effect.text
             case StoreScenes():
@@ -580,7 +581,7 @@ class _MarketStart:
         return []
 
     def _announce(self, message: Any) -> None:
-        self.system.publish("/runs", message)
+        self.system.publish("/bt_agents/runs", message)
         self.system.run_events.append(message)
         self.system.post("market", self.system.on_run, message)
 
@@ -818,7 +819,7 @@ class OperatedSystem:
         for change in changes:
             if change.fresh:
                 for one in change.all:
-                    self.publish("/feedback", feedback_to_msg(one, self.space))
+                    self.publish("/bt_agents/feedback", feedback_to_msg(one, self.space))
             self._deliver(self._profiles.deliveries(change.all))
         self._publish_table()
 
@@ -832,9 +833,9 @@ class OperatedSystem:
         if table != self._table:
             self._table = table
             self.publish(
-                "/profiles",
+                "/bt_agents/profiles",
                 table_to_msg(table, (), (), self.space),
-                latched=("feedback", "/profiles"),
+                latched=("feedback", "/bt_agents/profiles"),
             )
 
     def _record(self, message: RecordedMessage) -> None:
@@ -842,7 +843,7 @@ class OperatedSystem:
             facts = ("files", "cards", "profiles", "market")
             name = message.topic.name
             fact = name if name.rpartition("/")[2] in facts else ""
-            if name == "/cards":
+            if name == "/bt_agents/cards":
                 fact = f"{name} {message.sent_ns}"
             self._recorder.record(message, fact=fact)
 
@@ -936,7 +937,7 @@ class OperatedSystem:
                 ManagementAction.EXPORT,
                 *[ManagementAction.IMPORT] * 2,
                 ManagementAction.EXPIRE,
-                ManagementAction.FORGET,
+                *[ManagementAction.FORGET] * 2,
             ]
         )
         layers = sorted({layer for _, layer, _, _ in self._profiles.table()})

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import shutil
 import signal
-import subprocess
 import textwrap
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,11 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
+from bt_agents_ros.node_main import SUPERVISED
+from bt_agents_ros.timers import HEARTBEAT_S
 from bt_agents_tools.launcher import components
-from bt_agents_tools.launcher.supervisor import Component
+from bt_agents_tools.launcher.fork_server import ForkServer
+from bt_agents_tools.launcher.supervisor import Component, launch
 from graph import Ros
 from programs import ROOT
 from tree_harness import SPACE, scene
@@ -43,8 +47,18 @@ from tree_harness import SPACE, scene
 LIMIT_S = 60.0
 """Until a test gives up waiting for something that hangs [s]."""
 
-BEATS_A_SECOND = 10
+BEATS_A_SECOND = round(1 / HEARTBEAT_S)
 """Heartbeats of a host in a second; on a machine under load the clock of the processes."""
+
+MODULES = (
+    "marketplace_node.node",
+    "bt_agents.host.node",
+    "feedback_node.node",
+    "scene_layer.node",
+    "bt_agents_robot.robot",
+    "bt_agents_ros.one_process",
+)
+"""Modules that are loaded once for all processes of a test worker."""
 
 SKILLS = """
 format: 1
@@ -79,6 +93,14 @@ def write_trees(folder: Path, **trees: tuple[float, str]) -> Path:
     return folder
 
 
+@cache
+def fork_server() -> ForkServer:
+    """Return the server of this test worker."""
+    server = ForkServer(MODULES)
+    atexit.register(server.close)
+    return server
+
+
 class NodeProcess:
     """One node in a process of its own.
 
@@ -97,17 +119,16 @@ class NodeProcess:
     def start(self) -> None:
         """Start it, once more after it was killed."""
         self._killed = False
+        component = self._component
+        # Nodes that share a process would all get the name.
+        remapping = [] if component.parts else ["-r", f"__node:={self.node}"]
         with self._log.open("ab") as log:
-            self._process = subprocess.Popen(
-                [*self._component.command(), "-r", f"__node:={self.node}"],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={
-                    **os.environ,
-                    "BT_AGENTS_SUPERVISED": str(os.getpid()),
-                    "PYTHONUNBUFFERED": "1",
-                },
+            self._process = launch(
+                [*component.command(), *remapping],
+                {**os.environ, SUPERVISED: str(os.getpid()), "PYTHONUNBUFFERED": "1"},
+                log.fileno(),
+                (),
+                fork_server() if {*component.modules} <= {*MODULES} else None,
             )
 
     @property
@@ -259,9 +280,9 @@ class SilentHost(Node):
     def __init__(self) -> None:
         super().__init__("silent")
         self._beats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
-        self.create_timer(0.1, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.create_publisher(Bids, "bids", qos.EVENTS)
-        self.create_subscription(CallForBids, "calls", lambda _call: None, qos.EVENTS)
+        self.create_timer(HEARTBEAT_S, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
+        self.create_subscription(CallForBids, "bt_agents/calls", lambda _call: None, qos.EVENTS)
         self._market = self.create_client(
             RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
         )
@@ -291,7 +312,7 @@ class Pulse:
 
     @property
     def count(self) -> int:
-        """How many there were; the time of a loaded machine in tenths of a second."""
+        """How many there were; the time of a loaded machine, in :data:`HEARTBEAT_S`."""
         return len(self.beats)
 
     @property
@@ -313,13 +334,17 @@ class System:
         self.folder = folder
         self.processes: list[NodeProcess] = []
         self.mouth: Mouth = ros.add(Mouth())
-        self.auctions: list[Auction] = ros.collect(Auction, "auctions", qos.HISTORY)
+        self.auctions: list[Auction] = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
         self.bids: list[Bids] = []
-        self._bidding = ros.node.create_subscription(Bids, "bids", self.bids.append, qos.EVENTS)
-        self.runs: list[Run] = ros.collect(Run, "runs", qos.HISTORY)
-        self.ends: list[SceneEnd] = ros.collect(SceneEnd, "scene_ends", qos.HISTORY)
-        self.statuses: list[MarketStatus] = ros.collect(MarketStatus, "market", qos.FACTS)
-        self._scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
+        self._bidding = ros.node.create_subscription(
+            Bids, "bt_agents/bids", self.bids.append, qos.EVENTS
+        )
+        self.runs: list[Run] = ros.collect(Run, "bt_agents/runs", qos.HISTORY)
+        self.ends: list[SceneEnd] = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
+        self.statuses: list[MarketStatus] = ros.collect(
+            MarketStatus, "bt_agents/market", qos.FACTS
+        )
+        self._scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
         self._dead_readers = 0
 
     # Processes
@@ -334,18 +359,16 @@ class System:
     def market(self, trees: Path, **parameters: float | str | int) -> NodeProcess:
         """Start the marketplace."""
         component = components.market(trees)
-        return self.start(
-            Component(
-                name=component.name,
-                module=component.module,
-                parameters={**component.parameters, **parameters},
-            )
-        )
+        return self.start(replace(component, parameters={**component.parameters, **parameters}))
 
-    def host(self, name: str, trees: Path, open_goals: Path | None = None) -> NodeProcess:
+    def host(
+        self, name: str, trees: Path, open_goals: Path | None = None, **parameters: float
+    ) -> NodeProcess:
         """Start a host of the agents of a folder; ``open_goals`` is the file that outlives it."""
         file = str(open_goals) if open_goals is not None else ""
-        return self.start(components.host(trees, open_goals=file), name)
+        component = components.host(trees, open_goals=file)
+        given = {**component.parameters, **parameters}
+        return self.start(replace(component, parameters=given), name)
 
     def pulse(self, host: str) -> Pulse:
         """Listen to the heartbeats of a host."""

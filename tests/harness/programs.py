@@ -19,16 +19,33 @@ ROOT = Path(__file__).parents[2]
 HANG_S = 60.0
 
 
+BT_AGENTS = ("-m", "bt_agents_tools.cli")
+
+
 class Program:
-    """One ``bt-agents`` process whose lines a test waits for."""
+    """One ``bt-agents`` process whose lines a test waits for.
+
+    Args:
+        arguments: Of the program.
+        environment: All of it.
+        folder: In which it runs.
+        before: A command that becomes the program, such as ``nsenter``.
+        program: Another Python program.
+    """
 
     def __init__(
-        self, arguments: tuple[str, ...], environment: dict[str, str], folder: Path = ROOT
+        self,
+        arguments: tuple[str, ...],
+        environment: dict[str, str],
+        folder: Path = ROOT,
+        *,
+        before: tuple[str, ...] = (),
+        program: tuple[str, ...] = BT_AGENTS,
     ) -> None:
         self.output = ""
         self._lines: queue.Queue[str] = queue.Queue()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "bt_agents_tools.cli", *arguments],
+            [*before, sys.executable, *program, *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -100,6 +117,23 @@ def children(pid: int) -> list[int]:
             continue
         if int(fields[1]) == pid:
             found.append(int(stat.parent.name))
+    return found
+
+
+def nodes(pid: int) -> list[tuple[str, int]]:
+    """Return module and pid of those children of a process that run a node."""
+    found = []
+    for child in children(pid):
+        with suppress(OSError):
+            words = Path(f"/proc/{child}/cmdline").read_text().split("\0")
+            if "bt_agents_ros.node_main" in words:
+                found.append((words[words.index("bt_agents_ros.node_main") + 1], child))
+    return found
+
+
+def node_of(pid: int, module: str) -> int:
+    """Return the pid of the one child of a process that runs a module."""
+    [found] = [child for name, child in nodes(pid) if name == module]
     return found
 
 

@@ -34,29 +34,38 @@ class Puppet(py_trees.behaviour.Behaviour):
     """Ends as it was told, after so many ticks; ``crash`` raises instead.
 
     Attributes:
-        alive: Those of the current example that were set up and not shut down yet.
+        alive: Those of the current example that were started and have not ended yet.
+        set_up: Those that were set up and not shut down yet.
     """
 
     alive: set[Puppet]
+    set_up: set[Puppet]
 
     def __init__(self, name: str, ticks: int, end: str) -> None:
         super().__init__(name)
-        self.ticks = ticks
+        self.ticks = self.left = ticks
         self.end = end
 
     def setup(self, **_kwargs: object) -> None:
+        Puppet.set_up.add(self)
+
+    def initialise(self) -> None:
+        self.left = self.ticks
         Puppet.alive.add(self)
 
     def update(self) -> Status:
-        self.ticks -= 1
-        if self.ticks >= 0:
+        self.left -= 1
+        if self.left >= 0:
             return Status.RUNNING
         if self.end == "crash":
             raise RuntimeError("strings torn")
         return Status[self.end]
 
-    def shutdown(self) -> None:
+    def terminate(self, new_status: Status) -> None:
         Puppet.alive.discard(self)
+
+    def shutdown(self) -> None:
+        Puppet.set_up.discard(self)
 
 
 def _node(kind: str, /, *children: NodeSpec, **fields: Value | Expression) -> NodeSpec:

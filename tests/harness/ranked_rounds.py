@@ -10,7 +10,8 @@ from typing import Any
 
 from bt_agents_core.scene import Scene, Vector
 from market_harness import SPACE, scene
-from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Decision, Terms
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, Terms
 from marketplace_node.round.ranking import decide
 
 

@@ -5,20 +5,24 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import threading
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import asynccontextmanager, contextmanager
 from types import SimpleNamespace
 from typing import Any
 
 from aiohttp import ClientSession, CookieJar, web
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_studio.access import AccessControl, SessionRole
+from bt_agents_studio.access import AccessControl, SessionRole, cookie_name
 from bt_agents_studio.server import Server
 from bt_agents_studio.studio import Studio
 
 LIMIT_S = 30.0
+HANG_S = 300.0
+"""A browser's test takes no longer."""
 
 SPACE = SceneSpace(
     parameters=(
@@ -34,15 +38,37 @@ class RecordingCaller:
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, str, dict[str, Any]]] = []
+        self.previewed: Any = None
+        self.hosts: Any = {}
 
     def call(
         self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
     ) -> Future[Any]:
         del limit_s
         self.calls.append((kind, service, dict(fields)))
-        answer: Future[Any] = Future()
-        answer.set_result(SimpleNamespace(accepted=True, code="", message="done"))
-        return answer
+        return _done(SimpleNamespace(accepted=True, code="", message="done"))
+
+    def answer(self, text: str) -> Future[str]:
+        self.calls.append(("", "answer", {"text": text}))
+        return _done(f"answered {text}")
+
+    def publish(self, topic: str, values: Sequence[str]) -> Future[str]:
+        self.calls.append(("", "publish", {"topic": topic, "values": values}))
+        return _done(f"published on {topic}")
+
+    def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
+        del limit_s
+        self.calls.append(("", "preview", dict(values)))
+        return _done(self.previewed)
+
+    def tuned(self) -> Future[Any]:
+        return _done(self.hosts)
+
+
+def _done(value: Any) -> Future[Any]:
+    answer: Future[Any] = Future()
+    answer.set_result(value)
+    return answer
 
 
 class ServedStudio:
@@ -51,6 +77,7 @@ class ServedStudio:
     def __init__(self) -> None:
         self.studio = Studio("studio", space=SPACE)
         self.caller = RecordingCaller()
+        self.watched: list[bool] = []
         self.port = 0
         self.access: AccessControl
         self.server: Server
@@ -68,7 +95,7 @@ class ServedStudio:
 
     def client(self, role: SessionRole | None = None) -> ClientSession:
         """Return a client that is signed in, and names the page as its origin."""
-        cookies = {"bt_agents_studio": self.session(role)} if role is not None else {}
+        cookies = {cookie_name(self.host): self.session(role)} if role is not None else {}
         return ClientSession(
             self.origin,
             cookies=cookies,
@@ -81,28 +108,72 @@ class ServedStudio:
         self.server.changed()
 
 
-def served(test: Callable[[ServedStudio], Awaitable[None]]) -> None:
+def served(test: Callable[[ServedStudio], Awaitable[None]], limit_s: float = LIMIT_S) -> None:
     """Run a test while its studio is served."""
 
     async def run() -> None:
-        one = ServedStudio()
-        hosts: set[str] = set()
-        one.access = AccessControl(
-            hosts,  # filled when the port is known
-            scheme="http",
-            random_bytes=secrets.token_bytes,
-            clock=time.monotonic,
-        )
-        one.server = Server(one.studio, one.access, one.caller)
-        runner = web.AppRunner(one.server.application, access_log=None)
-        await runner.setup()
-        try:
-            site = web.TCPSite(runner, "127.0.0.1", 0)
-            await site.start()
-            one.port = runner.addresses[0][1]
-            hosts.add(one.host)
-            await asyncio.wait_for(test(one), LIMIT_S)
-        finally:
-            await runner.cleanup()
+        async with serving() as one:
+            await asyncio.wait_for(test(one), limit_s)
 
     asyncio.run(run())
+
+
+@asynccontextmanager
+async def serving() -> AsyncIterator[ServedStudio]:
+    """A studio that is served at a free port."""
+    one = ServedStudio()
+    hosts: set[str] = set()
+    one.access = AccessControl(
+        hosts,  # filled when the port is known
+        scheme="http",
+        random_bytes=secrets.token_bytes,
+        clock=time.time,
+    )
+    one.server = Server(one.studio, one.access, one.caller, one.watched.append)
+    runner = web.AppRunner(one.server.application, access_log=None)
+    await runner.setup()
+    try:
+        site = web.TCPSite(runner, "127.0.0.1", 0)
+        await site.start()
+        one.port = runner.addresses[0][1]
+        hosts.add(one.host)
+        yield one
+    finally:
+        await runner.cleanup()
+
+
+class BackgroundStudio:
+    """Studio that is served by a thread, for a test with a browser."""
+
+    def __init__(self, one: ServedStudio, loop: asyncio.AbstractEventLoop) -> None:
+        self._one = one
+        self._loop = loop
+
+    @property
+    def address(self) -> str:
+        """Address of the page for an operator."""
+        return f"{self._one.origin}/#{self._one.access.token(SessionRole.OPERATE)}"
+
+    def put(self, collection: str, key: str, value: object) -> None:
+        """Change an entry, as a message of the system does."""
+        self._loop.call_soon_threadsafe(self._one.put, collection, key, value)
+
+
+@contextmanager
+def background_studio() -> Iterator[BackgroundStudio]:
+    """Serve a studio in a thread until the end of the block."""
+    made: Future[tuple[ServedStudio, asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+
+    async def wait(one: ServedStudio) -> None:
+        ended = asyncio.Event()
+        made.set_result((one, asyncio.get_running_loop(), ended))
+        await ended.wait()
+
+    thread = threading.Thread(target=served, args=(wait, HANG_S), daemon=True)
+    thread.start()
+    one, loop, ended = made.result(LIMIT_S)
+    try:
+        yield BackgroundStudio(one, loop)
+    finally:
+        loop.call_soon_threadsafe(ended.set)
+        thread.join(LIMIT_S)

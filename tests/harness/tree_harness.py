@@ -98,6 +98,7 @@ class Stage:
             limits=limits,
             random=random,
             on_visit=lambda node, status: self.ticked.append((node, status)),
+            host="/agents",
         )
         self.ticked: list[tuple[Behaviour, Status]] = []
         self.changes: list[StatusChange] = []
@@ -137,7 +138,7 @@ class Stage:
     @property
     def root(self) -> Behaviour:
         """The outermost node."""
-        return self.run._root
+        return self.run.root
 
     def status(self, path: str) -> str:
         """Return the status of the node with this path, or with this end of its path."""

@@ -7,16 +7,13 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from bt_agents.host.node import HostNode
+from active_nodes import active_feedback, active_host, active_market, active_scene_layer
 from bt_agents_interfaces.msg import Auction, Feedback, MarketStatus, Profiles, Run, SceneEnd
 from bt_agents_interfaces.srv import Analyze
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from feedback_node.ledger import Ledger
-from feedback_node.node import FeedbackNode
-from marketplace_node.node import MarketplaceNode
-from scene_layer.node import SceneLayerNode
 
 ROOT = Path(__file__).parents[2]
 
@@ -47,20 +44,22 @@ def write_agents(tmp_path: Path, wait: str = "0 s", **ages: float) -> Path:
 class System:
     """Market, scene layer, feedback and one host on one executor."""
 
-    def __init__(self, ros: Any, trees: Path) -> None:
+    def __init__(
+        self, ros: Any, trees: Path, robot: str = "", epoch: str | None = "epoch"
+    ) -> None:
         self.ros = ros
-        self.folder = read_trees(trees, InstalledInterfaces())
+        self.folder = read_trees(trees, InstalledInterfaces(), robot)
         space = self.folder.scene.space
-        self.market = ros.add(MarketplaceNode(space, "epoch"))
-        self.scene_layer = ros.add(SceneLayerNode(self.folder.scene))
-        self.feedback = ros.add(FeedbackNode(space, Ledger(":memory:")))
-        self.host = ros.add(HostNode(self.folder))
-        self.auctions = ros.collect(Auction, "auctions", qos.HISTORY)
-        self.runs = ros.collect(Run, "runs", qos.HISTORY)
-        self.ends = ros.collect(SceneEnd, "scene_ends", qos.FACTS)
-        self.feedback_given = ros.collect(Feedback, "feedback", qos.HISTORY)
-        self.statuses = ros.collect(MarketStatus, "market", qos.FACT)
-        self.profiles = ros.collect(Profiles, "profiles", qos.FACT)
+        self.market = ros.add(active_market(space, epoch))
+        self.scene_layer = ros.add(active_scene_layer(self.folder.scene))
+        self.feedback = ros.add(active_feedback(space, Ledger(":memory:")))
+        self.host = ros.add(active_host(self.folder))
+        self.auctions = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
+        self.runs = ros.collect(Run, "bt_agents/runs", qos.HISTORY)
+        self.ends = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
+        self.feedback_given = ros.collect(Feedback, "bt_agents/feedback", qos.HISTORY)
+        self.statuses = ros.collect(MarketStatus, "bt_agents/market", qos.FACT)
+        self.profiles = ros.collect(Profiles, "bt_agents/profiles", qos.FACT)
         ros.until(lambda: self.host.registered)
         ros.until(
             lambda: self.profiles and len(self.profiles[-1].agents) >= len(self.folder.agents)

@@ -24,6 +24,8 @@ COLCON = [
     "setuptools<80",  # the last that installs by setup.py, as colcon does
 ]
 
+TEST_TOOLS = ["hypothesis", "pytest"]
+
 CMAKE = ["cmake>=3.24", "ninja"]
 
 NOT_OPTIMIZED = [
@@ -94,7 +96,7 @@ def tools(
     folder = tmp_path_factory.mktemp("tools") / "environment"
     # Installers replace files and never write into them, so a second name is as good as a copy.
     shutil.copytree(requirements, folder, symlinks=True, copy_function=os.link)
-    needed = [*pyproject["build-system"]["requires"], *COLCON, *CMAKE]
+    needed = [*pyproject["build-system"]["requires"], *COLCON, *CMAKE, *TEST_TOOLS]
     _install(folder / "bin", NOT_COMPILED, *needed)
     return folder / "bin"
 

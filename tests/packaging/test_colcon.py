@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
@@ -57,3 +58,15 @@ def test_every_executable_finds_its_function_in_the_workspace(
 @pytest.mark.parametrize("package", DATA_PACKAGES, ids=lambda package: package.name)
 def test_the_data_of_a_package_is_installed_with_its_folders(sourced: Any, package: Any):
     assert sourced.data(package.name) == package.data
+
+
+def test_colcon_test_runs_the_tests_of_a_package(sourced: Any, source: Path, build: Path):
+    folders = [f"--{name}-base={build / name}" for name in ("build", "install")]
+    results = build / "build" / "bt_agents_core" / "pytest.xml"
+    sourced.run(
+        *("colcon", "test", "--return-code-on-test-failure", *folders),
+        *("--paths", str(source / "bt_agents_core")),
+    )
+    (suite,) = ElementTree.parse(results).iter("testsuite")
+    assert int(suite.get("tests", 0)) > 200
+    assert suite.get("failures") == suite.get("errors") == suite.get("skipped") == "0"

@@ -43,10 +43,10 @@ for package in map(importlib.import_module, packages):
 
 import rclpy
 from bt_agents_language.files.scene_reader import read_scene
-from marketplace_node.node import MarketplaceNode
+from marketplace_node.node import MarketConfiguration, MarketplaceNode
 
 rclpy.init()
-node = MarketplaceNode(read_scene(Path(scene)).space)
+node = MarketplaceNode(MarketConfiguration(space=read_scene(Path(scene)).space))
 print(node.get_fully_qualified_name(), *sorted(absent & sys.modules.keys()))
 node.destroy_node()
 rclpy.shutdown()

@@ -6,6 +6,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from configparser import ConfigParser
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +18,24 @@ from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage,
 pytestmark = pytest.mark.packaging
 
 KEYS = {
-    "aiohttp": ("python3-aiohttp", "aiohttp>=3.8"),
-    "click": ("python3-click", "click"),
+    "aiohttp": ("python3-aiohttp", "aiohttp>=3.8.4"),
+    "click": ("python3-click", "click>=8.1.3"),
     "mabwiser": ("", "mabwiser>=2.7.4,<3"),
-    "matplotlib": ("python3-matplotlib", "matplotlib"),
-    "mcap": ("python3-mcap-pip", "mcap>=1.6"),
-    "mcap_ros2": ("python3-mcap-ros2-support-pip", "mcap-ros2-support"),
-    "numpy": ("python3-numpy", "numpy"),
+    "matplotlib": ("python3-matplotlib", "matplotlib>=3.6.3"),
+    "mcap": ("", "mcap>=1.6"),
+    "mcap_ros2": ("", "mcap-ros2-support>=0.5"),
+    "numpy": ("python3-numpy", "numpy>=1.24.2"),
+    "psycopg": ("", "psycopg[binary]>=3.2.1,<4"),
     "py_trees": ("py_trees", "py_trees>=2.4,<3"),
-    "pyarrow": ("python3-pyarrow-pip", "pyarrow>=14"),
-    "rich": ("python3-rich", "rich"),
-    "yaml": ("python3-yaml", "pyyaml"),
-    "zstandard": ("python3-zstandard", "zstandard"),
+    "pyarrow": ("", "pyarrow>=14"),
+    "rich": ("python3-rich", "rich>=13.3.1"),
+    "yaml": ("python3-yaml", "pyyaml>=6.0"),
+    "zstandard": ("", "zstandard>=0.20"),
 }
 """What a module that is no ROS package is called by rosdep, if it knows it, and on PyPI."""
+
+ROSDEP = Path(__file__).with_name("rosdep_keys.yaml")
+"""Keys of rosdistro for Jazzy that packages of a distribution answer, and ROS packages in it."""
 
 LAUNCH_FILES = sorted(
     path for package in PACKAGES for path in package.folder.rglob("*.launch.yaml")
@@ -59,6 +64,37 @@ def test_a_manifest_is_complete_and_agrees_with_the_distribution(
 
 
 @every_package
+def test_a_package_says_what_it_is_and_what_has_changed(package: RosPackage):
+    manifest = package.manifest
+    readme = (package.folder / "README.md").read_text(encoding="utf-8")
+    assert readme.startswith(f"# {package.name}\n\n{manifest.findtext('description')}\n")
+    for link in re.findall(r"\]\(([^)#]*)[^)]*\)", readme):
+        assert (package.folder / link).exists(), link
+    for name in re.findall(r"`([\w./-]+(?:/|\.py|\.yaml))`", readme.partition("|---|---|")[2]):
+        assert list(package.folder.glob(name)) or list(package.folder.glob(f"*/{name}")), name
+    log = (package.folder / "CHANGELOG.rst").read_text(encoding="utf-8").splitlines()
+    title = f"Changelog for package {package.name}"
+    assert log[:3] == ["^" * len(title), title, "^" * len(title)]
+    assert log[4] == "Forthcoming" or log[4].startswith(f"{manifest.findtext('version')} (")
+    assert log[5] == "-" * len(log[4])
+
+
+def test_every_file_of_code_names_its_licence():
+    folders = [package.folder for package in PACKAGES]
+    folders += [ROOT / name for name in ("benchmarks", "scripts", "tests")]
+    found = (file for folder in folders for file in folder.rglob("*.py"))
+    files = [file for file in found if "node_modules" not in file.parts]
+    assert len(files) > 800
+    bare = [file for file in files if "SPDX-License-Identifier: Apache-2.0" not in _head(file)]
+    assert not bare
+
+
+def _head(file: Path) -> str:
+    with file.open(encoding="utf-8") as lines:
+        return lines.readline() + lines.readline()
+
+
+@every_package
 def test_a_package_declares_how_it_is_built(package: RosPackage):
     by_python = package.build_type == "ament_python"
     assert (package.folder / "setup.py").exists() == by_python
@@ -79,13 +115,28 @@ def test_setup_py_says_what_the_manifest_says(package: RosPackage):
 
 
 @every_python_package
+def test_colcon_test_finds_the_tests_of_a_package(package: RosPackage, pyproject: dict[str, Any]):
+    settings = ConfigParser()
+    settings.read(package.folder / "setup.cfg", encoding="utf-8")
+    own, everywhere = settings["tool:pytest"], pyproject["tool"]["pytest"]["ini_options"]
+    (tests,) = own["testpaths"].split()
+    # What is in no node is tested with the nodes.
+    assert Path(tests).name == {"bt_agents_ros": "ros"}.get(package.name, package.name)
+    assert (package.folder / tests).is_dir()
+    assert own["pythonpath"].split() == [f"../{path}" for path in everywhere["pythonpath"]]
+    assert own["addopts"].split() == everywhere["addopts"]
+    assert {line for line in own["markers"].splitlines() if line} <= {*everywhere["markers"]}
+    assert package.setup()["extras_require"] == {"test": ["pytest", "hypothesis"]}
+
+
+@every_python_package
 def test_a_python_package_is_registered_in_the_ament_index(package: RosPackage):
     marker = f"resource/{package.name}"
     assert (package.folder / marker).is_file()
-    assert package.setup()["data_files"] == [
-        ("share/ament_index/resource_index/packages", [marker]),
-        (f"share/{package.name}", ["package.xml"]),
-    ]
+    data = dict(package.setup()["data_files"])
+    assert data["share/ament_index/resource_index/packages"] == [marker]
+    assert data[f"share/{package.name}"] == ["package.xml"]
+    assert all((package.folder / file).is_file() for files in data.values() for file in files)
 
 
 def test_the_packages_hold_more_than_python_modules():
@@ -93,6 +144,16 @@ def test_the_packages_hold_more_than_python_modules():
     assert {Path(package.name) / "py.typed" for package in PYTHON_PACKAGES} <= held
     assert Path("bt_agents_tools/launcher/loopback.xml") in held
     assert Path("bt_agents_groot/builtins.yaml") in held
+    deployed = (
+        "migrations/0001_steps.sql",
+        "migrations/0002_forgetting.sql",
+        "deploy/compose.yaml",
+    )
+    assert {Path("bt_agents_fleet") / path for path in deployed} <= held
+    layout = Path("bt_agents_lab/foxglove/bt_agents.json")
+    assert layout in held
+    [lab] = (package for package in PYTHON_PACKAGES if package.name == "bt_agents_lab")
+    assert (f"share/{layout.parent}", [str(layout)]) in lab.setup()["data_files"]
     language = Path("bt_agents_language")
     data = ("expression/hints.yaml", "reference/codes.yaml", "reference/codes_head.md")
     data += ("reference/nodes_head.md", "tools/templates/agent.yaml")
@@ -114,6 +175,16 @@ def test_a_manifest_names_what_the_package_imports_and_nothing_else(package: Ros
 
 
 @every_package
+def test_rosdep_knows_every_key_and_needs_no_pip_for_it(package: RosPackage):
+    known = yaml.safe_load(ROSDEP.read_text(encoding="utf-8"))
+    own = {one.name for one in PACKAGES}
+    tools = {element.text or "" for element in package.manifest.iter("buildtool_depend")}
+    tests = {element.text or "" for element in package.manifest.iter("test_depend")}
+    needed = package.dependencies | tools | tests
+    assert needed - own <= {*known["jazzy"], *known["ubuntu"]}
+
+
+@every_package
 def test_no_package_needs_itself_so_there_is_an_order_to_build_them_in(package: RosPackage):
     assert package.name not in set().union(*map(needed_by, package.dependencies))
 
@@ -122,10 +193,21 @@ def test_the_wheel_requires_what_the_packages_import(pyproject: dict[str, Any]):
     imported = {module for package in PYTHON_PACKAGES for module in _imports(package)}
     own = {package.name for package in PACKAGES}
     project = pyproject["project"]
-    required = {*project["dependencies"], *project["optional-dependencies"]["lab"]}
+    extras = project["optional-dependencies"]
+    required = {*project["dependencies"], *extras["lab"], *extras["fleet"]}
     for module in imported - own:
         ros_wheel = f"ros-jazzy-{module.replace('_', '-')}"
         assert KEYS.get(module, ("", ros_wheel))[1] in required
+
+
+def test_every_requirement_that_is_no_ros_package_names_its_lowest_version(
+    pyproject: dict[str, Any],
+):
+    project = pyproject["project"]
+    extras = project["optional-dependencies"]
+    named = [*project["dependencies"], *extras["lab"], *extras["fleet"]]
+    unbounded = [one for one in named if ">=" not in one and not one.startswith("ros-jazzy-")]
+    assert unbounded == []
 
 
 def test_the_wheel_holds_every_python_package(pyproject: dict[str, Any]):
@@ -190,3 +272,8 @@ def _imports_of(path: Path) -> set[str]:
     plain = [name.name for node in nodes if isinstance(node, ast.Import) for name in node.names]
     named = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
     return {module.partition(".")[0] for module in plain + named}
+
+
+def test_the_types_that_tests_compile_are_no_package_of_the_workspace():
+    """Else colcon and rosdep would put them in the place of the real ones."""
+    assert (ROOT / "tests" / "interfaces" / "COLCON_IGNORE").exists()

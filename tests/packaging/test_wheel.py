@@ -56,6 +56,21 @@ def test_the_ament_index_knows_every_package_of_the_wheel(installed: Any):
     assert installed.python(code, *names) == [f"{name} /share/{name}" for name in names]
 
 
+@pytest.mark.usefixtures("installed")
+def test_every_executable_is_where_ros_looks_for_it(requirements: Path):
+    for package in PYTHON_PACKAGES:
+        found = (requirements / "lib" / package.name).glob("*")
+        assert {path.name for path in found} == set(package.executables())
+
+
+def test_an_executable_runs_with_the_python_beside_it_whatever_the_path(
+    installed: Any, requirements: Path, pyproject: dict[str, Any]
+):
+    command = requirements / "lib" / "bt_agents_tools" / "bt-agents"
+    said = installed.run("env", "PATH=/usr/bin:/bin", str(command), "--version")
+    assert said == f"bt-agents, version {pyproject['project']['version']}\n"
+
+
 @pytest.mark.parametrize("package", DATA_PACKAGES, ids=lambda package: package.name)
 def test_the_data_of_a_package_is_installed_with_its_folders(installed: Any, package: Any):
     assert installed.data(package.name) == package.data

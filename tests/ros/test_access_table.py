@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.parameter import Parameter
 
-from bt_agents.host.node import HostNode
+from active_nodes import active_feedback, active_host, active_market, active_scene_layer
 from bt_agents_interfaces.msg import Feedback
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_lab.node import JournalNode
@@ -16,16 +16,14 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_robot.robot import RobotNode
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.system_topics import HOST, TOPICS
 from bt_agents_studio.node import StudioNode
 from bt_agents_tools.security.access_table import ROLES, access_table
 from bt_agents_tools.security.dds_policies import dds_topics
 from checkout import ROOT
 from feedback_node.ledger import Ledger
-from feedback_node.node import FeedbackNode
 from marketplace_node.external_ranking.openai_protocol import Endpoint
-from marketplace_node.node import MarketplaceNode
 from marketplace_node.node.selector import SelectorNode
-from scene_layer.node import SceneLayerNode
 
 SPARED = {
     # The market speaks to the action of a host by its services alone.
@@ -39,10 +37,16 @@ SPARED = {
 }
 
 
+NODES = frozenset((HOST, "marketplace", "scene_layer", "feedback", "robot"))
+"""Nodes of this test that publish."""
+
+
 def used_when_needed(node: str, topic: str) -> bool:
-    """Whether it is used only when a page asks, or to cancel goals of a host that is gone."""
+    """Whether it is used only when a page or a watcher asks, or to cancel goals of a lost host."""
+    if node == "agents":
+        return "_streams/" in topic or topic.endswith("/snapshots")
     if node == "studio":
-        return topic.startswith(("rq/", "rr/"))
+        return topic.startswith(("rq/", "rr/")) or topic in ("rt/answers", "rt/buttons/confirm")
     return node == "marketplace" and "/_action/" in topic and not topic.startswith("rt/agents/")
 
 
@@ -61,22 +65,24 @@ def used_by(node: Any, name: str) -> tuple[set[str], set[str]]:
     return written, read
 
 
-def test_every_endpoint_of_every_node_is_in_the_table_and_nothing_else(
+def test_every_endpoint_of_every_node_is_in_the_table_with_its_type_and_qos_and_nothing_else(
     ros: Any, tmp_path: Path
 ) -> None:
     trees = read_trees(ROOT / "trees", InstalledInterfaces())
     space = trees.scene.space
+    studio = StudioNode(*[lambda *_values: None] * 4)
     for node in (
-        MarketplaceNode(space, "epoch"),
-        SceneLayerNode(trees.scene),
-        FeedbackNode(space, Ledger(":memory:")),
+        active_market(space, "epoch"),
+        active_scene_layer(trees.scene),
+        active_feedback(space, Ledger(":memory:")),
         RobotNode(parameter_overrides=[Parameter("voice", value="off")]),
         JournalNode(tmp_path),
-        StudioNode(*[lambda *_values: None] * 3),
+        studio,
         SelectorNode(space, Endpoint(base_url="http://127.0.0.1:9/v1", model="none")),
     ):
         ros.add(node)
-    host = ros.add(HostNode(trees))
+    studio.watch(True)
+    host = ros.add(active_host(trees))
     ros.until(lambda: host.registered)
     lesson = GiveFeedback.Request(
         agent=trees.agents[0].name, kind=Feedback.DIRECT, values=[4.0] * len(space), source="anna"
@@ -100,10 +106,29 @@ def test_every_endpoint_of_every_node_is_in_the_table_and_nothing_else(
                 ]
         return found
 
+    def other_forms() -> list[tuple[str, str, str]]:
+        """Topics of the graph whose type or QoS is another than that of the table."""
+        found = []
+        for topic in TOPICS:
+            name = f"/{topic.name.removeprefix('/').replace(HOST, 'agents')}"
+            wanted = qos.PROFILES[topic.profile]
+            for end in ros.node.get_publishers_info_by_topic(name):
+                if end.topic_type != topic.type:
+                    found.append((end.node_name, "another type", f"{name}: {end.topic_type}"))
+                held = end.qos_profile
+                if (held.durability, held.reliability) != (wanted.durability, wanted.reliability):
+                    found.append((end.node_name, "another QoS", name))
+            if topic.publishers & NODES and not ros.node.count_publishers(name):
+                found.append((min(topic.publishers), "not published", name))
+            for end in ros.node.get_subscriptions_info_by_topic(name):
+                if end.topic_type != topic.type:
+                    found.append((end.node_name, "another type", f"{name}: {end.topic_type}"))
+        return found
+
     last: list[Any] = []
 
     def agrees() -> bool:
-        last[:] = differences()
+        last[:] = [*differences(), *other_forms()]
         return not last
 
     try:

@@ -8,11 +8,13 @@ from typing import Any
 
 import pytest
 import rclpy
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import Empty
 
+from bt_agents_interfaces.srv import Analyze
 from bt_agents_ros import qos
-from bt_agents_ros.calls import Calls
+from bt_agents_ros.calls import REPEAT_S, Calls
 
 pytestmark = pytest.mark.ros
 
@@ -89,3 +91,52 @@ def test_a_failure_that_raises_keeps_no_other_call_from_its_end(ros: Any) -> Non
     ros.until(lambda: len(caller.ends) == 2)
     ros.turns()
     assert len(caller.ends) == 2
+
+
+def test_a_request_with_an_id_is_sent_again_until_a_server_answers(ros: Any) -> None:
+    """As after a kill: the graph shows the dead server, and the next one is not found yet."""
+    asked: list[str] = []
+
+    async def answer(request: Any, response: Any) -> Any:
+        asked.append(request.request_id)
+        if len(asked) == 1:
+            await Future(executor=ros.executor)
+        return response
+
+    server = ros.add(rclpy.create_node("server"))
+    group = ReentrantCallbackGroup()
+    server.create_service(
+        Analyze, "analyze", answer, qos_profile=qos.SERVICE, callback_group=group
+    )
+    client = ros.node.create_client(Analyze, "analyze", qos_profile=qos.SERVICE)
+    ends: list[str] = []
+    Calls(ros.node).call(
+        client,
+        Analyze.Request(),
+        deadline_s=30.0,
+        on_answer=lambda _: ends.append("answered"),
+        on_failure=ends.append,
+    )
+    ros.until(lambda: ends)
+    ros.turns()
+    assert ends == ["answered"]
+    assert len(asked) == 2
+    assert len(set(asked)) == 1
+    assert asked[0]
+
+
+def test_a_request_without_an_id_is_sent_once(ros: Any) -> None:
+    asked: list[Any] = []
+
+    async def never(request: Any, _: Any) -> Any:
+        asked.append(request)
+        await Future(executor=ros.executor)
+
+    server = ros.add(rclpy.create_node("server"))
+    server.create_service(Empty, "somebody", never, qos_profile=qos.SERVICE)
+    caller = Caller(ros)
+    ros.until(caller.client.service_is_ready)
+    caller.call(3 * REPEAT_S)
+    ros.until(lambda: caller.ends)
+    assert caller.ends == ["somebody did not answer in time"]
+    assert len(asked) == 1

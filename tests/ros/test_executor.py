@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from threading import Thread
+from threading import Thread, Timer
 from typing import Any
 
 import pytest
@@ -23,7 +25,9 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
 from bt_agents_ros import qos
+from bt_agents_ros.signals import Interrupt
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
+from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 
 pytestmark = pytest.mark.ros
 
@@ -153,6 +157,29 @@ def test_messages_that_take_long_to_hear_keep_nobody_else_waiting(spun: SpunNode
     spun.until(lambda: len(heard) == 10)
     spun.until(lambda: ticks[-1] == 10)
     assert set(range(1, 11)) <= set(ticks)
+
+
+@pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
+def test_a_timer_does_not_wait_for_all_topics_that_take_long(spun: SpunNode) -> None:
+    heard: list[int] = []
+    ticks: list[int] = []
+
+    def hear(_message: String) -> None:
+        time.sleep(0.06)
+        heard.append(1)
+
+    topics = [f"words{number}" for number in range(8)]
+    publishers = [spun.node.create_publisher(String, topic, qos.FACTS) for topic in topics]
+    for topic in topics:
+        spun.node.create_subscription(String, topic, hear, qos.FACTS)
+    spun.until(lambda: all(one.get_subscription_count() for one in publishers))
+    spun.timer(lambda: ticks.append(len(heard)), 0.05)
+    for publisher in publishers:
+        publisher.publish(String())
+    time.sleep(0.2)  # all of them are there before the next wait
+    spun.until(lambda: len(heard) == len(topics))
+    spun.until(lambda: ticks[-1] == len(topics))
+    assert set(range(2, len(topics))) <= set(ticks)
 
 
 def test_timers_and_services_that_raise_go_on(spun: SpunNode) -> None:
@@ -489,3 +516,56 @@ def test_an_interrupt_in_a_callback_comes_out_and_leaves_the_rest_in_order(spun:
         spun.until(lambda: False)
     publisher.publish(String(data="next"))
     spun.until(lambda: heard == ["cut", "next"])
+
+
+@pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_wait_at_once(spun: SpunNode, number: signal.Signals) -> None:
+    interrupt = Interrupt()
+    soon = Timer(0.2, os.kill, (os.getpid(), number))
+    began = time.monotonic()
+    try:
+        with interrupt.waking(spun.executor.wake):
+            soon.start()
+            spun.until(lambda: bool(interrupt), timeout_s=2 * LIMIT_S)
+    finally:
+        soon.join()
+        interrupt.release()
+    assert time.monotonic() - began < LIMIT_S
+
+
+def test_messages_for_a_polled_group_are_all_heard_in_order(spun: SpunNode) -> None:
+    heard: list[str] = []
+    publisher = spun.talk(lambda m: heard.append(m.data), callback_group=PolledGroup())
+    sent = [str(number) for number in range(20)]
+    for text in sent:
+        publisher.publish(String(data=text))
+    spun.until(lambda: len(heard) == len(sent), timeout_s=1.0)
+    assert heard == sent
+
+
+@pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
+def test_messages_for_a_polled_group_wake_nobody(spun: SpunNode) -> None:
+    heard: list[str] = []
+    publisher = spun.talk(lambda m: heard.append(m.data), callback_group=PolledGroup())
+    spun.spin_once(1.0)
+    waits = 0
+    for number in range(50):
+        publisher.publish(String(data=str(number)))
+        time.sleep(0.002)
+    while len(heard) < 50:
+        waits += not spun.executor._batch
+        spun.spin_once(1.0)
+        assert waits < 20
+    assert heard == [str(number) for number in range(50)]
+
+
+@pytest.mark.parametrize("spun", [CachedExecutor], indirect=True)
+def test_what_is_polled_is_heard_before_a_timer_looks_for_it(spun: SpunNode) -> None:
+    order: list[str] = []
+    publisher = spun.talk(lambda _: order.append("heard"), callback_group=PolledGroup())
+    publisher.publish(String())
+    spun.node.create_timer(0.2, lambda: order.append("looked"), clock=STEADY)
+    time.sleep(0.4)
+    spun.until(lambda: "looked" in order)
+    assert order == ["heard", "looked"]

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from active_nodes import active_feedback
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import (
     AgentCard,
@@ -30,7 +31,6 @@ from bt_agents_ros.messages import scene_to_msg
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import RevisionCause
-from feedback_node.node import FeedbackNode
 from feedback_node.simulated_feedback import SimulatedFeedback
 
 pytestmark = pytest.mark.ros
@@ -73,7 +73,7 @@ class FakeHost:
         self.revisions = dict.fromkeys(self.agents, 0)
         self.told: list[SetProfile.Request] = []
         self.current: dict[str, Any] = {}
-        self.cards = ros.node.create_publisher(HostCard, "cards", qos.FACT)
+        self.cards = ros.node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
         if answers:
             ros.node.create_service(
                 SetProfile, "/agents/set_profile", self._set, qos_profile=qos.SERVICE
@@ -123,20 +123,20 @@ class Scenario:
     ) -> None:
         self.ros = ros
         self.host = FakeHost(ros, answers=answers)
-        self.runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
-        self.live = ros.node.create_publisher(SceneMsg, "scene/live", qos.SENSOR)
+        self.runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
+        self.live = ros.node.create_publisher(SceneMsg, "bt_agents/scene/live", qos.SENSOR)
         self.cancels: list[CancelRun.Request] = []
         if market:
             self.start_market()
-        self.feedback: list[Feedback] = ros.collect(Feedback, "feedback", qos.HISTORY)
-        self.profiles: list[Profiles] = ros.collect(Profiles, "profiles", qos.FACT)
+        self.feedback: list[Feedback] = ros.collect(Feedback, "bt_agents/feedback", qos.HISTORY)
+        self.profiles: list[Profiles] = ros.collect(Profiles, "bt_agents/profiles", qos.FACT)
         self.collect_client = ros.node.create_client(
             CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE
         )
         self.give_client = ros.node.create_client(
             GiveFeedback, "feedback/give", qos_profile=qos.SERVICE
         )
-        self.node = ros.add(FeedbackNode(SPACE, ledger, simulated))
+        self.node = ros.add(active_feedback(SPACE, ledger, simulated))
 
     def start_market(self) -> None:
         self.ros.node.create_service(
@@ -186,12 +186,13 @@ class Scenario:
 
 @pytest.fixture
 def ledger() -> Iterator[Ledger]:
+    """A ledger; asked for before ``ros``, it is closed after the node that writes to it."""
     with Ledger(":memory:") as ledger:
         yield ledger
 
 
 @pytest.fixture
-def scenario(ros: Any, ledger: Ledger) -> Callable[..., Scenario]:
+def scenario(ledger: Ledger, ros: Any) -> Callable[..., Scenario]:
     return lambda *args, **fields: Scenario(ros, ledger, *args, **fields)
 
 
@@ -324,7 +325,7 @@ def test_the_mood_is_credited_to_the_node_of_the_tree_that_was_at_work(scenario)
     room = scenario()
     room.introduce(WORSE)
     status = room.ros.node.create_publisher(TreeStatus, "/agents/status", qos.EVENTS)
-    traces: list[MoodTrace] = room.ros.collect(MoodTrace, "mood_traces", qos.HISTORY)
+    traces: list[MoodTrace] = room.ros.collect(MoodTrace, "bt_agents/mood_traces", qos.HISTORY)
     room.ros.until(lambda: status.get_subscription_count() == 1)
     room.run()
     status.publish(TreeStatus(epoch="e", round=1, agent="guide", tick=1, tip="tree/0.say"))
@@ -466,8 +467,8 @@ def test_a_host_without_agents_is_forgotten_when_nothing_is_under_way(scenario):
     room.ros.until(lambda: len(room.host.told) == 2)
 
 
-def test_a_run_replayed_from_history_that_is_over_is_not_watched(ros, ledger):
-    runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+def test_a_run_replayed_from_history_that_is_over_is_not_watched(ledger, ros):
+    runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
     for event in (Run.STARTED, Run.ENDED):
         runs.publish(Run(epoch="e", round=1, event=event, agent="guide", scene=scene(4.0)))
     eager = MoodRule(
@@ -505,7 +506,7 @@ def test_a_restarted_node_gives_back_what_was_learned(ros, tmp_path):
         ros.remove(room.node)
     with Ledger(path) as ledger:
         # The latched card is still there, so nobody has to introduce anybody.
-        room.node = ros.add(FeedbackNode(SPACE, ledger))
+        room.node = ros.add(active_feedback(SPACE, ledger))
         ros.until(lambda: len(room.host.told) == 2)
         ros.until(lambda: room.table()["guide"] == (1, [4.5, 3.25, 4.0]))
         ros.remove(room.node)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -23,6 +23,7 @@ from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.environment.subscriptions import DEPTH
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.open_goals import OpenGoal
+from bt_agents_core.run_key import RunKey
 from bt_agents_interfaces.action import Ask
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from bt_agents_ros import qos
@@ -47,7 +48,7 @@ BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_
 class Host:
     """A environment and how often it has woken its tree."""
 
-    def __init__(self, ros: Any) -> None:
+    def __init__(self, ros: Any, run: RunKey | None = None, slowness: float = 1.0) -> None:
         self.woken = 0
         self.seen = 0
         self.node = ros.add(rclpy.create_node("host"))
@@ -57,6 +58,8 @@ class Host:
             open_goals=OpenGoalList(self.node, "first", lambda: None),
             space=SPACE,
             agent=lambda: "guide",
+            run=lambda: run,
+            slowness=slowness,
         )
         self._ros = ros
 
@@ -92,6 +95,29 @@ def news(ros: Any, host: Host, run: GoalRun) -> GoalState:
     ros.until(lambda: host.woken > host.seen)
     host.seen = host.woken
     return run.state
+
+
+def test_a_goal_carries_its_run_where_its_type_has_a_place_for_it(ros: Any) -> None:
+    host = Host(ros, run=RunKey(epoch="e1", round=7, agent="guide"))
+    server, service = (
+        ScriptedServer(ros),
+        ScriptedService(ros, SetBool, "switch", lambda _, answer: answer),
+    )
+    said, switched = host.send(), host.send(SWITCH)
+    ros.until(lambda: service.requests)
+    service.answer(0)
+    ros.until(lambda: said.state is switched.state is GoalState.SUCCEEDED)
+    run = server.goals[0].request.run
+    assert (run.epoch, run.round, run.agent) == ("e1", 7, "guide")
+    host.environment.close()
+
+
+def test_on_a_slow_network_servers_have_more_time(ros: Any) -> None:
+    host = Host(ros, slowness=3.0)
+    run = host.send(timeouts=Timeouts(server_s=0.2))
+    assert news(ros, host, run) is GoalState.UNREACHABLE
+    assert run.message == "its server is not there (looked for 0.6 s)"
+    host.environment.close()
 
 
 def test_a_goal_waits_for_a_server_that_is_only_starting(ros: Any, host: Host) -> None:
@@ -221,6 +247,20 @@ def test_a_server_that_leaves_the_graph_is_noticed(ros: Any, host: Host) -> None
     assert not run.confirmed
 
 
+def test_a_cancel_of_what_the_next_start_of_the_server_does_not_know_ends_the_goal(
+    ros: Any, host: Host
+) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None))
+    run = host.accepted(timeouts=Timeouts(server_s=20.0))
+    server.die()
+    ScriptedServer(ros, script=Script(finish_s=None))
+    ros.until(lambda: host.environment._client(SAY.kind, SAY.name, SAY.type).server_is_ready())
+    run.cancel()
+    assert news(ros, host, run) is GoalState.UNREACHABLE
+    assert "knows nothing of the goal" in run.message
+    ros.until(lambda: run.confirmed)
+
+
 SPEAK = """
 action:
   name: say
@@ -241,7 +281,7 @@ def test_a_server_that_falls_silent_is_noticed_by_its_heartbeat_and_without_a_ti
     assert run.state is GoalState.ACTIVE
     server.fall_silent()
     assert news(ros, host, run) is GoalState.UNREACHABLE
-    assert re.fullmatch(r"its server has gone silent \(no heartbeat for 0\.\d s\)", run.message)
+    assert re.fullmatch(r"its server has gone silent \(no heartbeat for \d+\.\d s\)", run.message)
     assert not run.confirmed
     ros.until(lambda: server.goals[0].cancels == 1)
 
@@ -268,21 +308,32 @@ def test_feedback_wakes_the_tree_only_where_a_leaf_uses_it(ros: Any, host: Host)
     assert (other.feedback, host.woken) == (None, woken)
 
 
-def test_hostile_results_and_feedback_raise_nothing(ros: Any, host: Host) -> None:
-    hostile: Mapping[str, Any] = {"answer": "x" * 10_000_000, "message": "\t\x01" * 100_000}
+def hostile_run(ros: Any, host: Host, characters: int) -> Any:
+    """Return the end of a goal whose server answers with texts that are so long."""
     script = Script(
         finish_s=0.2,
-        result=hostile,
+        result={"answer": "x" * characters, "message": "\t\x01" * 10_000},
         feedback=((0.0, {"progress": float("nan")}), (0.05, {"progress": float("inf")})),
     )
     ScriptedServer(ros, "ask", kind=Ask, script=script)
     goal = replace(SAY, name="ask", type="bt_agents_interfaces/action/Ask", feedback=True)
     run = host.send(goal)
     ros.until(lambda: run.state.ended)
+    return run
+
+
+def test_hostile_results_and_feedback_raise_nothing(ros: Any, host: Host) -> None:
+    run = hostile_run(ros, host, 20_000)
     assert run.state is GoalState.SUCCEEDED
-    assert len(str(run.result["answer"])) == 10_000_000
+    assert len(str(run.result["answer"])) == 20_000
     assert run.feedback is not None
     assert set(run.feedback) == {"progress"}
+
+
+def test_a_result_that_is_too_large_is_none(ros: Any, host: Host) -> None:
+    run = hostile_run(ros, host, 10_000_000)
+    assert run.state is GoalState.UNREACHABLE
+    assert run.message.startswith("its answer cannot be read: TOO_LARGE: Ask_GetResult_Response")
 
 
 def test_of_a_message_only_what_is_looked_at_is_converted() -> None:
@@ -309,6 +360,8 @@ def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
         wake=lambda: None,
         identity=OpenGoal(path="tree", action="/say", goal_id=b"1" * 16),
         open_goals=OpenGoalList(ros.node, "first", lambda: None),
+        servers=frozenset,
+        pursue=lambda _goal, _on_end: None,
         feedback=False,
         warn=print,
     )

@@ -173,7 +173,7 @@ def test_an_agent_that_the_market_refuses_does_not_bid_and_its_card_says_why(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     market.refuse["quick"] = "already registered by /other"
-    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
     ros.add(make_host(folder(tmp_path, TALKER, QUICK)))
     market.open()
     ros.until(lambda: cards and cards[-1].problems)
@@ -188,7 +188,7 @@ def test_an_agent_that_the_market_refuses_does_not_bid_and_its_card_says_why(
 def test_an_agent_whose_requirement_cannot_be_decided_does_not_bid_and_its_card_says_why(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
-    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
     unsure = TALKER.replace("requires: scene.person", "requires: 1 / (scene.age - 3) > 0")
     host = ros.add(make_host(folder(tmp_path, unsure, QUICK)))
     market.open()
@@ -207,7 +207,7 @@ def test_a_host_has_a_card_only_while_the_market_has_the_host(
     ros: Any, market: Market, tmp_path: Path
 ) -> None:
     market.refuses_host = "HOST_EXISTS: another /agents is alive"
-    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
     host = ros.add(make_host(folder(tmp_path, TALKER)))
     market.open()
     ros.until(lambda: len(market.requests) >= 2)
@@ -220,7 +220,7 @@ def test_a_host_has_a_card_only_while_the_market_has_the_host(
     market.epoch = "e2"
     market.open()
     ros.until(lambda: not host._registration.accepted)
-    late = ros.collect(HostCard, "cards", qos.FACTS)
+    late = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
     ros.turns(20)
     assert (len(cards), late) == (1, [])
 
@@ -329,17 +329,17 @@ def test_one_tree_at_a_time_and_only_for_this_instance_and_a_known_agent(
 ) -> None:
     bad_scene = scene_to_msg(scene(age=3, familiarity=3, mood=3))
     bad_scene.values[0].value = NAN
-    for wrong in (
-        {"host_instance": "another"},
-        {"agent": "nobody"},
-        {"agent_id": 99},
-        {"scene": bad_scene},
+    for wrong, code in (
+        ({"host_instance": "another"}, "WRONG_INSTANCE"),
+        ({"agent": "nobody"}, "UNKNOWN_AGENT"),
+        ({"agent_id": 99}, "UNREGISTERED"),
+        ({"scene": bad_scene}, "NOT_FINITE"),
     ):
-        assert not market.send(market.goal(host, **wrong)).accepted
+        assert market.refusal(market.goal(host, **wrong)) == code
     mouth = Mouth(ros)
     first = market.send(market.goal(host))
     assert first.accepted
-    assert not market.send(market.goal(host, agent="quick")).accepted
+    assert market.refusal(market.goal(host, agent="quick")) == "BUSY"
     ros.until(lambda: mouth.end)
     mouth.end.set_result("succeed")
     market.result(first)
@@ -356,7 +356,7 @@ def test_a_stopping_host_cancels_its_run_and_takes_no_more(
     ros.until(host.stopped)
     assert mouth.cancelled == 1
     assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED
-    assert not market.send(market.goal(host, agent="quick")).accepted
+    assert market.refusal(market.goal(host, agent="quick")) == "STOPPING"
 
 
 def set_parameter(ros: Any, name: str, value: Any) -> Any:
@@ -390,7 +390,7 @@ def test_a_tunable_is_a_ranged_parameter_that_acts_on_the_running_tree(
 
 
 def test_a_learning_rate_is_a_parameter_and_stands_on_the_card(ros: Any, host: HostNode) -> None:
-    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    cards = ros.collect(HostCard, "bt_agents/cards", qos.FACTS)
     assert not set_parameter(ros, "talker.learning_rate", 1.5).successful
     assert not set_parameter(ros, "talker.learning_rate", NAN).successful
     assert set_parameter(ros, "talker.learning_rate", 0.5).successful

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 from rclpy.node import Node
 
+from active_nodes import active_market
+from bt_agents_studio.node import StudioNode
 from fake_market import folder, make_host
 from graph import Ros
 from market_harness import SPACE
-from marketplace_node.node import MarketplaceNode
 
 pytestmark = pytest.mark.ros
 
@@ -31,14 +32,38 @@ def rings(node: Node) -> float:
 
 
 def test_a_market_without_a_scene_wakes_up_for_its_heartbeat_only(ros: Ros) -> None:
-    market = ros.add(MarketplaceNode(SPACE))
+    market = ros.add(active_market(SPACE))
     ros.turns()
-    assert rings(market) == pytest.approx(10)
+    assert rings(market) == pytest.approx(5)
 
 
 def test_a_host_without_a_run_wakes_up_for_its_heartbeat_and_for_changed_files(
     ros: Ros, tmp_path: Path
 ) -> None:
     host = ros.add(make_host(folder(tmp_path, AGENT)))
-    ros.until(lambda: rings(host) < 15)
-    assert rings(host) >= 10
+    ros.until(lambda: rings(host) < 10)
+    assert rings(host) >= 5
+
+
+def test_a_studio_that_nobody_looks_at_has_no_values_traced_and_reads_no_graph(
+    ros: Ros, tmp_path: Path
+) -> None:
+    read: list[object] = []
+    studio = ros.add(StudioNode(*[lambda *_values: None] * 3, lambda *values: read.append(values)))
+    ros.add(active_market(SPACE))
+    ros.add(make_host(folder(tmp_path, AGENT)))
+    ros.until(lambda: studio.count_subscribers("agents/status"))
+    assert not read
+    assert rings(studio) < 1
+
+    def traced() -> int:
+        return int(ros.node.count_subscribers("agents/details"))
+
+    assert not traced()
+    for _page in range(2):
+        read.clear()
+        studio.watch(True)
+        ros.until(lambda: read and traced() == 1)
+        studio.watch(False)
+        ros.until(lambda: not traced())
+        assert rings(studio) < 1

@@ -139,7 +139,7 @@ def test_values_that_do_not_fit_are_refused_with_the_path_of_the_field(
 
 def test_on_an_error_no_field_is_set():
     message = Scene()
-    refusal(fill, message, {"label": "new", "stamp": {"sec": 5}, "person": "yes"})
+    refusal(fill, message, {"label": "new", "header": {"stamp": {"sec": 5}}, "person": "yes"})
     assert message == Scene()
 
 
@@ -159,7 +159,7 @@ def test_a_negative_duration_has_positive_nanoseconds():
 
 def test_a_message_becomes_plain_data_and_back():
     plain = {
-        "stamp": {"sec": 1, "nanosec": 2},
+        "header": {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": ""},
         "scene_id": "s",
         "label": "words",
         "person": True,
@@ -192,9 +192,9 @@ def test_a_message_becomes_plain_data_and_back():
 
 def test_a_field_is_read_by_its_path():
     message = Scene()
-    fill(message, {"values": [{"name": "mood"}], "stamp": 3})
+    fill(message, {"values": [{"name": "mood"}], "header": {"stamp": 3}})
     assert read_field(message, "values.0.name") == "mood"
-    assert read_field(message, "stamp") == {"sec": 3, "nanosec": 0}
+    assert read_field(message, "header.stamp") == {"sec": 3, "nanosec": 0}
     assert read_field(PoseWithCovarianceStamped(), "pose.covariance.35") == 0.0
 
 

@@ -9,16 +9,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from mcap.reader import make_reader
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 
 from bt_agents.host.node import HostNode
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import RunRecord, Scene
-from bt_agents_interfaces.srv import ReloadAgents
+from bt_agents_interfaces.msg import RecordingStatus, RunRecord, Scene
+from bt_agents_interfaces.srv import Record, ReloadAgents
 from bt_agents_lab.node import JournalNode
-from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_lab.recorder.reading import JournalReader, recording_label
 from bt_agents_lab.replay.findings import FindingCounts, ReplayVerdict
 from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
 from bt_agents_lab.replay.trees import replay_runs
@@ -68,7 +71,7 @@ class Town:
         self.mouth = ScriptedServer(ros, script=Script(finish_s=0.05))
         self.market = Market(ros)
         self.host: HostNode = ros.add(make_host(self.folder))
-        self.live = ros.node.create_publisher(Scene, "scene/live", qos.SENSOR)
+        self.live = ros.node.create_publisher(Scene, "bt_agents/scene/live", qos.SENSOR)
         self.button = ros.node.create_publisher(Bool, "button", qos.EVENTS)
         self.market.open()
         ros.until(lambda: self.host.registered)
@@ -185,7 +188,7 @@ def test_each_day_can_be_done_again_by_itself(town: Town) -> None:
         recording = index_entries(JournalReader([path]).entries())
         found = FindingCounts(replay_runs(recording.runs.values()))
         assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 1}
-        assert recording.counts["/cards"] >= 1
+        assert recording.counts["/bt_agents/cards"] >= 1
 
 
 def test_a_second_journal_in_the_same_folder_is_refused(town: Town, tmp_path: Path) -> None:
@@ -196,3 +199,99 @@ def test_a_second_journal_in_the_same_folder_is_refused(town: Town, tmp_path: Pa
     blocked.write_text("")
     with pytest.raises(BtAgentsError, match="no place for the journal"):
         JournalNode(blocked / "journal")
+
+
+def test_a_recording_is_begun_marked_and_ended_over_its_service(town: Town) -> None:
+    ros, journal = town.ros, town.record()
+    record = ros.node.create_client(Record, "journal/record", qos_profile=qos.SERVICE)
+    states: list[RecordingStatus] = []
+    ros.node.create_subscription(RecordingStatus, "journal/status", states.append, qos.FACT)
+    ros.until(lambda: bool(states))
+    assert states[-1].recording
+
+    def ask(**fields: Any) -> Any:
+        return ros.call(record, Record.Request(**fields))
+
+    again = ask(action=Record.Request.START, label="morning")
+    assert (again.accepted, again.code) == (False, "RECORDING_ALREADY")
+    assert ask(action=Record.Request.STOP).accepted
+    assert ask(action=Record.Request.START, label="morning", notes="a class").accepted
+    assert ask(action=Record.Request.BOOKMARK, label="odd", author="anna").accepted
+    ros.until(lambda: states[-1].bookmarks == 1)
+    assert ask(action=Record.Request.START, label="a" * 201).code == "TOO_LARGE"
+    assert ask(action=9).code == "BAD_ACTION"
+    ros.remove(journal)
+
+    newest = sorted(town.files.glob("*.mcap"))[-1]
+    assert recording_label(newest) == "morning"
+    recording = index_entries(JournalReader([newest]).entries())
+    [status] = recording.recordings.values()
+    assert (status.label, status.notes, status.bookmarks) == ("morning", "a class", 1)
+    assert [(one.label, one.author) for one in recording.bookmarks] == [("odd", "anna")]
+    assert recording.counts["/agents/files"] == 1
+
+
+def test_a_file_has_what_ros2_bag_and_foxglove_need(town: Town) -> None:
+    journal = town.record()
+    town.ros.until(lambda: "/agents/trees" in journal.journal._facts)
+    journal.journal.close()
+    [file] = town.files.glob("*.mcap")
+    with file.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+    assert summary is not None
+    assert {one.encoding for one in summary.schemas.values()} == {"ros2msg"}
+    assert {one.compression for one in summary.chunk_indexes} <= {"", "zstd"}
+    offered = {}
+    for channel in summary.channels.values():
+        assert channel.message_encoding == "cdr"
+        assert summary.schemas[channel.schema_id].data
+        [offered[channel.topic]] = yaml.safe_load(channel.metadata["offered_qos_profiles"])
+    # Numbers of rmw, which rosbag2 of every version reads.
+    for profile in offered.values():
+        assert profile["history"] in (1, 2)
+        assert profile["reliability"] in (1, 2)
+        assert profile["durability"] in (1, 2)
+        assert isinstance(profile["depth"], int)
+        assert profile["liveliness"] == 1
+        assert profile["avoid_ros_namespace_conventions"] is False
+        for time in ("deadline", "lifespan", "liveliness_lease_duration"):
+            assert profile[time] == {"sec": 9223372036, "nsec": 854775807}
+    # Latched, as whoever comes later in a playback needs it.
+    trees = offered["/agents/trees"]
+    assert (trees["history"], trees["reliability"], trees["durability"]) == (1, 1, 1)
+
+
+def test_health_is_recorded_when_it_changes_and_holds_for_the_next_file(town: Town) -> None:
+    journal = town.record()
+    publisher = town.ros.node.create_publisher(DiagnosticArray, "/diagnostics", qos.EVENTS)
+    town.ros.until(publisher.get_subscription_count)
+
+    def report(level: bytes, message: str, *, sent: int) -> None:
+        status = DiagnosticStatus(
+            level=level, name="eye: lens", hardware_id="eye", message=message
+        )
+        for _ in range(sent):
+            publisher.publish(DiagnosticArray(status=[status]))
+            town.ros.turns()
+
+    report(DiagnosticStatus.OK, "clear", sent=5)
+    report(DiagnosticStatus.WARN, "dusty", sent=5)
+    report(DiagnosticStatus.OK, "clear", sent=1)
+    town.today += timedelta(days=1)
+    town.run("talker")
+    town.ros.until(lambda: len(list(town.files.glob("*.mcap"))) == 2)
+    journal.journal.flush(0)
+    first, second = (
+        [
+            status.message
+            for entry in JournalReader([file]).entries()
+            if entry.topic == "/diagnostics"
+            for status in entry.decode().status
+            if status.name == "eye: lens"
+        ]
+        for file in sorted(town.files.glob("*.mcap"))
+    )
+    assert first == ["clear", "dusty", "clear"]
+    assert second == ["clear"]

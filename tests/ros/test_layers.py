@@ -7,13 +7,14 @@ import json
 import math
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bt_agents.host.node import HostNode
+from active_nodes import active_feedback, active_host, active_market
 from bt_agents_interfaces.msg import Auction, Bids, Feedback, MarketStatus, Profiles, Run, Scene
 from bt_agents_interfaces.srv import GiveFeedback, ManageProfiles
 from bt_agents_language.files.folder_reader import read_trees
@@ -22,8 +23,6 @@ from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import LAYER, RevisionCause
-from feedback_node.node import FeedbackNode
-from marketplace_node.node import MarketplaceNode
 from programs import ROOT
 from tree_harness import scene
 
@@ -56,16 +55,16 @@ class Street:
         self.folder = read_trees(trees, InstalledInterfaces())
         self.ledger = Ledger(tmp_path / "ledger.sqlite")
         space = self.folder.scene.space
-        ros.add(MarketplaceNode(space, "epoch"))
-        self.feedback = ros.add(FeedbackNode(space, self.ledger))
-        self.host = ros.add(HostNode(self.folder))
-        self.auctions: list[Auction] = ros.collect(Auction, "auctions", qos.HISTORY)
-        self.runs: list[Run] = ros.collect(Run, "runs", qos.HISTORY)
-        self.bids: list[Bids] = ros.collect(Bids, "bids", qos.EVENTS)
-        self.profiles: list[Profiles] = ros.collect(Profiles, "profiles", qos.FACT)
-        self.changes: list[Feedback] = ros.collect(Feedback, "feedback", qos.HISTORY)
-        self.statuses: list[MarketStatus] = ros.collect(MarketStatus, "market", qos.FACT)
-        self.scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
+        ros.add(active_market(space, "epoch"))
+        self.feedback = ros.add(active_feedback(space, self.ledger))
+        self.host = ros.add(active_host(self.folder))
+        self.auctions: list[Auction] = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
+        self.runs: list[Run] = ros.collect(Run, "bt_agents/runs", qos.HISTORY)
+        self.bids: list[Bids] = ros.collect(Bids, "bt_agents/bids", qos.EVENTS)
+        self.profiles: list[Profiles] = ros.collect(Profiles, "bt_agents/profiles", qos.FACT)
+        self.changes: list[Feedback] = ros.collect(Feedback, "bt_agents/feedback", qos.HISTORY)
+        self.statuses: list[MarketStatus] = ros.collect(MarketStatus, "bt_agents/market", qos.FACT)
+        self.scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
         self._count = 0
         ros.until(lambda: self.host.registered and self.known() >= {("ann", ""), ("bob", "")})
         ros.until(lambda: self.scenes.get_subscription_count() == 1)
@@ -108,16 +107,20 @@ class Street:
 
 
 @pytest.fixture
-def make_street(ros: Any, tmp_path: Path) -> Iterator[Callable[..., Street]]:
-    made: list[Street] = []
+def ledgers() -> Iterator[ExitStack]:
+    """Ledgers; asked for before ``ros``, they are closed after the nodes that write to them."""
+    with ExitStack() as ledgers:
+        yield ledgers
 
+
+@pytest.fixture
+def make_street(ledgers: ExitStack, ros: Any, tmp_path: Path) -> Callable[..., Street]:
     def make(head: str = "") -> Street:
-        made.append(Street(ros, tmp_path, head))
-        return made[-1]
+        made = Street(ros, tmp_path, head)
+        ledgers.callback(made.ledger.close)
+        return made
 
-    yield make
-    for one in made:
-        one.ledger.close()
+    return make
 
 
 @pytest.fixture
@@ -148,7 +151,7 @@ def test_a_host_that_starts_again_gets_its_layers_back(street: Street) -> None:
     street.teach("anna")
     street.teach("bea")
     street.ros.remove(street.host)
-    street.host = street.ros.add(HostNode(street.folder))
+    street.host = street.ros.add(active_host(street.folder))
     street.ros.until(lambda: street.layers() == {ANNA, "person/bea"})
 
 
@@ -160,7 +163,7 @@ def test_what_was_forgotten_while_the_host_was_not_told_is_forgotten_there_later
     assert street.layers() == {ANNA, "person/bea"}
     street.ros.remove(street.feedback)
     street.ledger.forget([("ann", ANNA)])
-    street.ros.add(FeedbackNode(street.folder.scene.space, street.ledger))
+    street.ros.add(active_feedback(street.folder.scene.space, street.ledger))
     street.ros.until(lambda: street.layers() == {"person/bea"})
 
 
@@ -177,7 +180,7 @@ def test_many_layers_all_reach_a_host(street: Street) -> None:
         for number in range(500)
     ]
     street.ledger.record(entries)
-    street.ros.add(FeedbackNode(street.folder.scene.space, street.ledger))
+    street.ros.add(active_feedback(street.folder.scene.space, street.ledger))
     street.ros.until(lambda: len(street.layers()) == 500)
 
 
@@ -206,7 +209,7 @@ def test_who_listens_after_a_forgetting_hears_nothing_of_the_forgotten(street: S
     street.ros.until(lambda: ANNA in [one.layer for one in street.changes])
     assert street.manage(ManageProfiles.Request.FORGET, layer=ANNA).accepted
     street.teach("bea")
-    late: list[Feedback] = street.ros.collect(Feedback, "feedback", qos.HISTORY)
+    late: list[Feedback] = street.ros.collect(Feedback, "bt_agents/feedback", qos.HISTORY)
     street.ros.until(lambda: len(late) == 2)
     assert [one.layer for one in late] == ["person/bea", ""]
     assert [one.layer for one in street.changes][-2:] == ["person/bea", ""]
@@ -232,7 +235,7 @@ def test_the_weights_of_an_agent_stand_in_the_bids(make_street: Callable[..., St
 
 
 def test_a_card_that_a_full_disk_kept_out_is_taken_when_there_is_room(
-    ros: Any, street: Street
+    street: Street, ros: Any
 ) -> None:
     database = street.ledger._database
     pages = database.execute("PRAGMA page_count").fetchone()[0]

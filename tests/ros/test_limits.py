@@ -9,11 +9,15 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+import rcl_interfaces.srv
+from action_msgs.msg import GoalStatusArray
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.serialization import deserialize_message, serialize_message
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 
+from active_nodes import active_scene_layer
 from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_interfaces import msg, srv
 from bt_agents_interfaces.msg import (
     AgentCard,
@@ -33,12 +37,14 @@ from bt_agents_interfaces.msg import (
     Tree,
     TreeNode,
     Trees,
+    TunableInfo,
     Tunables,
     Tunings,
 )
-from bt_agents_interfaces.srv import CancelRun, OperateMarket, RegisterHost
+from bt_agents_interfaces.srv import Analyze, CancelRun, OperateMarket, RegisterHost, SelectAgent
+from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_ros import limits, qos, size_check
-from bt_agents_ros.size_check import OversizeLog, check_bytes, check_fields, check_request
+from bt_agents_ros.size_check import RefusalLog, check_bytes, check_content, check_fields
 from fake_market import TREES, Market, make_host
 from market_node_harness import Stage
 from programs import ROOT
@@ -57,14 +63,17 @@ def size_text(size: int) -> str:
 
 def documented() -> Iterator[tuple[str, str]]:
     """Return what stands in the table of the documentation, row by row."""
-    yield "any other message or request", size_text(limits.MESSAGE_BYTES)
+    yield "any other message, and any other request", size_text(limits.MESSAGE_BYTES)
     yield from ((f"`{name}`", size_text(size)) for name, size in limits.BYTES_OF.items())
-    yield "a message of another package", size_text(limits.FOREIGN_BYTES)
+    yield "a message or an answer of another package", size_text(limits.FOREIGN_BYTES)
     scene_texts = {f"Scene.{field}": size for field, size in limits.SCENE_CHARACTERS.items()}
     for usual, default, rows, unit in (
         ("text", limits.TEXT_CHARACTERS, scene_texts | dict(limits.CHARACTERS_OF), "characters"),
         ("list", limits.LIST_ENTRIES, limits.ENTRIES_OF, "entries"),
     ):
+        if unit == "entries":
+            what = "a list of texts or messages in a message of another package"
+            yield what, f"{limits.FOREIGN_ENTRIES:,} entries"
         yield f"any other {usual}", f"{default:,} {unit}"
         yield from ((f"`{name}`", f"{size:,} {unit}") for name, size in rows.items())
 
@@ -129,6 +138,39 @@ WIDEST: dict[str, Callable[[], Any]] = {
             )
         ]
     ),
+    "trees": lambda: Trees(
+        trees=[
+            Tree(
+                agent=name,
+                nodes=[
+                    TreeNode(
+                        path="tree/0.sequence/2.ask",
+                        kind="sequence",
+                        name="Ask for the age",
+                        file=f"agents/{name}.yaml",
+                    )
+                ]
+                * 20,
+            )
+            for name in NAMES
+        ]
+    ),
+    "files": lambda: AgentFiles(
+        files=[f"agents/{name}.yaml" for name in NAMES],
+        texts=["x" * 1500] * AGENTS,
+        agents=NAMES,
+        versions=range(AGENTS),
+    ),
+    "tunables": lambda: Tunables(
+        tunables=[
+            TunableInfo(name=f"{name}.patience", agent=name, key="patience", description="x" * 80)
+            for name in NAMES
+        ]
+        * 5
+    ),
+    "bids to rank outside": lambda: SelectAgent.Request(
+        agents=NAMES, vectors=WIDE * AGENTS, distances=[0.0] * AGENTS
+    ),
     "a scene": lambda: Scene(
         values=[SceneValue(name="x" * 64, source="x" * 100)] * PARAMETERS,
         **{field: "x" * longest for field, longest in limits.SCENE_CHARACTERS.items()},
@@ -148,7 +190,7 @@ def test_messages_of_the_widest_system_fit(widest: Callable[[], Any]) -> None:
 @pytest.mark.parametrize(
     ("kind", "topic"),
     [
-        (HostCard, "cards"),
+        (HostCard, "bt_agents/cards"),
         (Trees, "agents/trees"),
         (AgentFiles, "agents/files"),
         (Tunables, "agents/tunables"),
@@ -171,11 +213,13 @@ def test_what_a_host_says_of_the_shipped_agents_is_far_from_every_limit(
 
 
 def test_a_host_may_bring_as_many_agents_as_the_market_takes_and_ten_runs() -> None:
-    check_request(RegisterHost.Request(agents=NAMES, unreported=[Run()] * 10))
+    check_content(RegisterHost.Request(agents=NAMES, unreported=[Run()] * 10))
 
 
 def test_each_row_of_the_table_names_a_type_and_a_field_and_says_another_limit() -> None:
-    kinds = {kind.__name__: kind for kind in own_types()}
+    kinds = {
+        kind.__name__: kind for kind in (*own_types(), *parameter_requests(), GoalStatusArray)
+    }
 
     assert limits.BYTES_OF.keys() <= kinds.keys()
     assert limits.MESSAGE_BYTES not in limits.BYTES_OF.values()
@@ -187,6 +231,12 @@ def test_each_row_of_the_table_names_a_type_and_a_field_and_says_another_limit()
             kind, _, field = row.partition(".")
             assert field in kinds[kind].get_fields_and_field_types(), row
             assert limit != usual, row
+
+
+def parameter_requests() -> Iterator[Any]:
+    """Each request about parameters."""
+    for _, kind in inspect.getmembers(rcl_interfaces.srv, lambda kind: hasattr(kind, "Request")):
+        yield kind.Request
 
 
 @pytest.mark.parametrize("kind", list(own_types()), ids=lambda kind: str(kind.__name__))
@@ -209,6 +259,13 @@ def test_what_is_nested_is_checked_as_well() -> None:
         check_fields(persons, limits.MESSAGE_BYTES)
 
 
+def test_the_frame_of_a_header_is_bounded_as_other_texts_are() -> None:
+    ended = Run(header=Header(frame_id="x" * (limits.TEXT_CHARACTERS + 1)))
+
+    with pytest.raises(Refused, match=r"TOO_LARGE: Header\.frame_id has 20001 characters"):
+        check_fields(ended, limits.MESSAGE_BYTES)
+
+
 def test_a_list_has_as_many_entries_as_its_limit() -> None:
     check_fields(Heartbeat(), 10**6)
     check_fields(Profiles(parameters=["x"] * limits.LIST_ENTRIES), 10**6)
@@ -220,12 +277,12 @@ def test_a_request_is_refused_for_all_its_texts_together() -> None:
     request = RegisterHost.Request(parameters=["x" * limits.TEXT_CHARACTERS] * 1000)
 
     with pytest.raises(Refused, match="TOO_LARGE: RegisterHost_Request has 20001000 char"):
-        check_request(request)
+        check_content(request)
 
 
 def test_a_flood_is_logged_once_in_some_seconds_for_each_topic_with_its_count() -> None:
     now_s = 0.0
-    log = OversizeLog(lambda: now_s)
+    log = RefusalLog(lambda: now_s)
     refused = Refused("TOO_LARGE", "much")
     one, other = Source(), Source()
     assert log.line(one, "/one", refused) == "TOO_LARGE: /one: much; 1 refused since the start"
@@ -233,6 +290,17 @@ def test_a_flood_is_logged_once_in_some_seconds_for_each_topic_with_its_count() 
     assert log.line(other, "/other", refused) is not None
     now_s = size_check.LOG_PERIOD_S
     assert log.line(one, "/one", refused) == "TOO_LARGE: /one: much; 3 refused since the start"
+
+
+def test_a_flood_of_one_kind_does_not_hide_another_fault_of_the_same_topic() -> None:
+    log = RefusalLog(lambda: 0.0)
+    source = Source()
+    log.line(source, "/one", Refused("TOO_LARGE", "much"))
+    assert (
+        log.line(source, "/one", Refused("MALFORMED", "no message"))
+        == "MALFORMED: /one: no message; 2 refused since the start"
+    )
+    assert log.line(source, "/one", Refused("MALFORMED", "no message")) is None
 
 
 @pytest.mark.parametrize("raw", [False, True])
@@ -298,9 +366,7 @@ def test_a_request_beyond_the_limit_is_answered_with_the_code_and_changes_nothin
     )
     refused = ros.call(operating, request)
     assert (refused.accepted, refused.code) == (False, "TOO_LARGE")
-    assert refused.message == (
-        "OperateMarket_Request.reason has 20000000 characters, expected at most 20000"
-    )
+    assert refused.message == ("OperateMarket_Request has 20000108 bytes, expected at most 262144")
     assert stage.statuses[-1].pinned == ""
     request.reason = ""
     assert ros.call(operating, request).accepted
@@ -321,3 +387,36 @@ def test_a_scene_with_a_long_label_ends_by_name(ros: Any) -> None:
     [end] = stage.ends
     assert (end.scene_id, end.code) == ("s1", "TOO_LONG")
     assert end.message == "scene: label has 1001 characters, expected 1000 at most"
+
+
+def test_a_run_whose_result_is_too_large_has_failed_by_name(ros: Any) -> None:
+    stage = Stage(ros)
+    host = stage.host()
+    host.message = "x" * limits.MESSAGE_BYTES
+    stage.scene()
+    ros.until(lambda: host.ended)
+    host.finish()
+
+    run = stage.until_event(Run.ENDED)
+    assert run.outcome == Run.FAILED
+    assert run.message.startswith("TOO_LARGE: RunAgent_GetResult_Response has 262")
+
+
+def test_who_asks_for_a_scene_is_told_what_of_it_is_too_large(ros: Any) -> None:
+    space = SceneSpace(
+        parameters=(SceneParameter(name="mood", minimum=1.0, maximum=5.0, default=3.0),),
+        mood="mood",
+    )
+    ros.add(active_scene_layer(SceneSpec(space=space, sources=(), person=None)))
+    scenes = ros.collect(Scene, "bt_agents/scene", qos.FACT)
+    client = ros.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE)
+    for request in (
+        Analyze.Request(label="x" * 1001, announce=True),
+        Analyze.Request(names=["x"] * 100_000, announce=True),
+    ):
+        answer = ros.call(client, request)
+        assert (answer.accepted, answer.code) == (False, "TOO_LARGE")
+        assert answer.message.startswith("Analyze_Request")
+    assert ros.call(client, Analyze.Request(label="x" * 1000, announce=True)).accepted
+    ros.until(lambda: scenes)
+    assert [len(one.label) for one in scenes] == [1000]

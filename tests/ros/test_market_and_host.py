@@ -12,13 +12,12 @@ from typing import Any
 import pytest
 from rclpy.parameter import Parameter
 
-from bt_agents.host.node import HostNode
+from active_nodes import active_host, active_market
 from bt_agents_interfaces.msg import Auction, MarketStatus, Run, Scene, SceneEnd, SceneValue
 from bt_agents_interfaces.srv import CollectFeedback
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
-from marketplace_node.node import MarketplaceNode
 
 pytestmark = pytest.mark.ros
 
@@ -48,16 +47,16 @@ class Street:
         trees = read_trees(folder, InstalledInterfaces())
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         self.space = trees.scene.space
-        self.market = ros.add(MarketplaceNode(self.space, "epoch", parameter_overrides=overrides))
-        self.host = ros.add(HostNode(trees))
+        self.market = ros.add(active_market(self.space, "epoch", parameter_overrides=overrides))
+        self.host = ros.add(active_host(trees))
         ros.node.create_service(
             CollectFeedback, "feedback/collect", lambda _, r: r, qos_profile=qos.SERVICE
         )
-        self.runs = ros.collect(Run, "runs", qos.FACTS)
-        self.auctions = ros.collect(Auction, "auctions", qos.FACTS)
-        self.ends = ros.collect(SceneEnd, "scene_ends", qos.FACTS)
-        self.statuses = ros.collect(MarketStatus, "market", qos.FACT)
-        self.scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
+        self.runs = ros.collect(Run, "bt_agents/runs", qos.FACTS)
+        self.auctions = ros.collect(Auction, "bt_agents/auctions", qos.FACTS)
+        self.ends = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
+        self.statuses = ros.collect(MarketStatus, "bt_agents/market", qos.FACT)
+        self.scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
         self.sent = 0
         ros.until(lambda: self.host.registered and self.scenes.get_subscription_count())
 
@@ -168,7 +167,7 @@ def test_a_run_that_a_dead_market_leaves_behind_is_cut_off_and_its_scene_run_aga
     street.send()
     ros.until(lambda: any(run.event == Run.STARTED for run in street.runs))
     ros.remove(street.market)
-    street.market = ros.add(MarketplaceNode(street.space, "epoch-2"))
+    street.market = ros.add(active_market(street.space, "epoch-2"))
     ros.until(lambda: len(street.ends) == 2)
     ros.turns(50)
 

@@ -29,10 +29,10 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.srv import CollectFeedback
 from bt_agents_ros import qos
-from bt_agents_ros.messages import scene_to_msg
+from bt_agents_ros.messages import header_at, scene_to_msg
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, scene
 from market_node_harness import FAR, FakeHost, Stage
-from marketplace_node.node import make_market
+from marketplace_node.node import MarketplaceNode, read_configuration
 
 pytestmark = pytest.mark.ros
 
@@ -99,6 +99,24 @@ def test_a_refused_goal_goes_to_the_next_best(stage: Stage) -> None:
 
     assert stage.until_event(Run.REFUSED).agent == GUIDE
     assert stage.until_event(Run.STARTED).agent == EXPRESS
+
+
+def test_a_goal_that_ends_as_refused_goes_to_the_next_best_and_has_never_started(
+    stage: Stage,
+) -> None:
+    host = stage.host()
+    host.explains = {GUIDE}
+    stage.scene()
+
+    refused = stage.until_event(Run.REFUSED)
+    assert (refused.agent, refused.message) == (
+        GUIDE,
+        "/agents refused it (BUSY: another tree runs)",
+    )
+    assert stage.until_event(Run.STARTED).agent == EXPRESS
+    host.finish()
+    stage.until_over()
+    assert [run.agent for run in stage.runs if run.event == Run.STARTED] == [EXPRESS]
 
 
 def test_a_silent_host_does_not_hold_up_the_round(stage: Stage) -> None:
@@ -214,7 +232,9 @@ def test_a_scene_without_agents_is_over_when_no_host_has_come(stage: Stage) -> N
     assert stage.auctions[0].reason == "no agents are registered"
 
 
-def test_hostile_scenes_are_refused_and_a_good_one_is_taken(stage: Stage) -> None:
+def test_hostile_scenes_are_refused_and_a_good_one_is_taken(
+    stage: Stage, capfd: pytest.CaptureFixture[str]
+) -> None:
     good = scene_to_msg(scene("s1"))
     strange = SceneValue(name="x", value=1.0, origin=SceneValue.GIVEN)
     infinite = [SceneValue(name=name, value=math.inf, origin=2) for name in SPACE.names]
@@ -226,7 +246,7 @@ def test_hostile_scenes_are_refused_and_a_good_one_is_taken(stage: Stage) -> Non
     stage.scenes.publish(Scene(scene_id="x" * 10_000, values=[]))
     stage.scene("s1")
     stage.scene("s1")
-    stage.ros.until(lambda: len(stage.ends) == len(bad) + 4)
+    stage.ros.until(lambda: len(stage.ends) == len(bad) + 3)
 
     assert [(end.scene_id, end.code) for end in stage.ends] == [
         ("bad0", "EMPTY"),
@@ -235,13 +255,13 @@ def test_hostile_scenes_are_refused_and_a_good_one_is_taken(stage: Stage) -> Non
         ("bad3", "NOT_FINITE"),
         ("bad4", "UNKNOWN_ORIGIN"),
         ("bad5", "DUPLICATE_PARAMETER"),
-        ("", "EMPTY"),
         ("x" * 200, "TOO_LONG"),
         ("s1", "DUPLICATE"),
         ("s1", "NO_BIDS"),
     ]
     assert all(end.message and end.epoch == "epoch" for end in stage.ends)
     assert [auction.scene.scene_id for auction in stage.auctions] == ["s1"]
+    assert "EMPTY: scene: no scene_id; every scene needs a unique one" in capfd.readouterr().err
 
 
 def test_hostile_registrations_are_refused_and_a_good_one_is_taken(stage: Stage) -> None:
@@ -252,7 +272,7 @@ def test_hostile_registrations_are_refused_and_a_good_one_is_taken(stage: Stage)
         ({"heartbeat": "/" + "x" * 10_000}, "BAD_NAME"),
         ({"host_instance": ""}, "NO_INSTANCE"),
         ({"parameters": []}, "OTHER_PARAMETERS"),
-        ({"heartbeat": "/scene"}, "UNREACHABLE"),
+        ({"heartbeat": "/bt_agents/scene"}, "UNREACHABLE"),
     ):
         answer = stage.ros.call(stage.registering, host.request(**changes))
         assert not answer.accepted
@@ -381,7 +401,7 @@ def test_a_challenge_whose_host_stays_silent_ends_at_the_deadline(ros: Any) -> N
 def earlier_run(stage: Stage, host: FakeHost, cause: int) -> Run:
     """Return a run that an earlier market has not heard the end of."""
     return Run(
-        stamp=stage.market.get_clock().now().to_msg(),
+        header=header_at(stage.market.get_clock().now().to_msg()),
         epoch="earlier",
         round=7,
         event=Run.ENDED,
@@ -476,8 +496,8 @@ def test_feedback_that_could_not_be_collected_is_kept_until_the_node_is_back(ros
 
 def test_a_full_line_that_ends_at_once_is_told_without_a_gap(ros: Any) -> None:
     stage = Stage(ros, queue_limit=100, host_lease=0.5)
-    ends = ros.collect(SceneEnd, "scene_ends", qos.FACTS)
-    auctions = ros.collect(Auction, "auctions", qos.FACTS)
+    ends = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
+    auctions = ros.collect(Auction, "bt_agents/auctions", qos.FACTS)
     host = stage.host()
     for number in range(101):
         stage.scene(f"s{number}")
@@ -489,6 +509,9 @@ def test_a_full_line_that_ends_at_once_is_told_without_a_gap(ros: Any) -> None:
         ("s0", "LOST"),
         *((f"s{number}", "NO_BIDS") for number in range(1, 101)),
     ]
+    late = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.FACTS)
+    ros.until(lambda: len(late) >= len(ends))
+    assert late == ends
 
 
 def test_a_tree_that_the_market_takes_for_refused_is_cancelled(stage: Stage) -> None:
@@ -511,9 +534,9 @@ def test_a_wrong_market_file_stops_only_a_market_that_needs_it(ros: Any, tmp_pat
     (tmp_path / "market.yaml").write_text(
         "format: 1\nrules:\n  - {when: scene.agee < 2, agents: [ann]}\n"
     )
-    market = ros.add(make_market(tmp_path))
-    assert not market.needs_rules
+    configuration = read_configuration(tmp_path)
+    assert ros.add(MarketplaceNode(configuration)).is_active
 
     for name in ("strategy", "shadow_strategy"):
         with pytest.raises(ReadError, match="agee"):
-            make_market(tmp_path, parameter_overrides=[Parameter(name, value="rules")])
+            MarketplaceNode(configuration, parameter_overrides=[Parameter(name, value="rules")])

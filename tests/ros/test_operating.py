@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
 
+from active_nodes import active_market
 from bt_agents_core.scene import Origin, SceneSpace
 from bt_agents_interfaces.msg import Auction, MarketStatus, Run, Scene, SceneValue
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
@@ -21,7 +21,6 @@ from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from market_harness import EXPRESS, GUIDE, SPACE, scene
 from market_node_harness import Stage
-from marketplace_node.node import MarketplaceNode
 from marketplace_node.node.messages import scene_or_last
 
 pytestmark = pytest.mark.ros
@@ -283,7 +282,7 @@ def test_pins_and_vetoes_outlive_a_market(ros: Any, tmp_path: Path) -> None:
     assert operator.operate(OperateMarket.Request.VETO, GUIDE).accepted
     assert operator.operate(OperateMarket.Request.PIN, EXPRESS).accepted
     ros.remove(operator.stage.market)
-    ros.add(MarketplaceNode(SPACE, "again", overrides_file=path))
+    ros.add(active_market(SPACE, "again", overrides_file=path))
     ros.until(lambda: operator.status.epoch == "again" and operator.status.pinned)
 
     assert (operator.status.pinned, list(operator.status.vetoed)) == (EXPRESS, [GUIDE])
@@ -306,5 +305,4 @@ def test_a_file_of_scenes_that_cannot_be_read_stops_nothing_and_is_replaced(
     path.write_bytes(stored)
     operator = OperatorClient(ros, scenes_file=path)
     assert operator.play("s1").winner == GUIDE
-    text = json.dumps({"scenes": [], "taken": ["s1"]})
-    ros.until(lambda: path.read_bytes() == text.encode())
+    ros.until(lambda: b'"scenes": [], "taken": ["s1"]' in path.read_bytes())

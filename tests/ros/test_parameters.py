@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
+import rclpy
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -19,7 +21,7 @@ from rcl_interfaces.srv import (
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.parameter import Parameter as NodeParameter
 
-from bt_agents.host.node import HostNode
+from active_nodes import active_feedback, active_host, active_market, active_scene_layer
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import Script
@@ -28,25 +30,24 @@ from bt_agents_robot.visitors import VisitorsNode
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.parameters import declare, describe, report_unknown
 from feedback_node.ledger import Ledger
-from feedback_node.node import FeedbackNode
 from marketplace_node.external_ranking.openai_protocol import Endpoint
-from marketplace_node.node import MarketplaceNode
+from marketplace_node.node.parameters import declare_settings, watch_settings
 from marketplace_node.node.selector import SelectorNode
-from scene_layer.node import SceneLayerNode
 from tree_harness import SPACE, TREES
 
 pytestmark = pytest.mark.ros
 
 SILENT_ROBOT = NodeParameter("voice", value="off")
 NODES = {
-    "agents": lambda: HostNode(read_trees(TREES, InstalledInterfaces())),
-    "marketplace": lambda: MarketplaceNode(SPACE),
+    "agents": lambda: active_host(read_trees(TREES, InstalledInterfaces())),
+    "marketplace": lambda: active_market(SPACE),
     "selector": lambda: SelectorNode(
         SPACE, Endpoint(base_url="http://127.0.0.1:9/v1", model="none")
     ),
-    "scene_layer": lambda: SceneLayerNode(read_scene(TREES / "scene.yaml")),
-    "feedback": lambda: FeedbackNode(SPACE, Ledger(":memory:")),
+    "scene_layer": lambda: active_scene_layer(read_scene(TREES / "scene.yaml")),
+    "feedback": lambda: active_feedback(SPACE, Ledger(":memory:")),
     "robot": lambda: RobotNode(parameter_overrides=[SILENT_ROBOT]),
     "visitors": lambda: VisitorsNode(
         read_scene(TREES / "scene.yaml"), Script(title="", visits=())
@@ -207,7 +208,35 @@ def test_of_10000_updates_none_is_lost_and_the_last_one_wins(ros: Any) -> None:
         futures.append(client.call_async(SetParameters.Request(parameters=[number(name, value)])))
         if count >= under_way:
             ros.until(futures[count - under_way].done)
-    ros.until(lambda: all(future.done() for future in futures), 60.0)
+    for future in futures[-under_way:]:
+        ros.until(future.done)
     assert all(future.result().results[0].successful for future in futures)
     assert host.get_parameter(name).value == value
     assert host.registry.members["attentive_guide"].tunables["patience"] == value
+
+
+def test_a_parameter_that_a_node_does_not_have_is_named_with_the_nearest(
+    ros: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    given = [NodeParameter("hieght", value=1.0), NodeParameter("use_sim_time", value=False)]
+    node = ros.add(BaseNode("tower", parameter_overrides=given))
+    declare(node, "height", 2.0, describe("how high it is [m]"))
+    report_unknown(node)
+    log = capfd.readouterr().err
+    assert "UNKNOWN_PARAMETER: tower has no parameter 'hieght'" in log
+    assert "did you mean 'height'?" in log
+    assert "use_sim_time" not in log
+
+
+def test_a_slow_network_prolongs_what_the_market_waits_for_others(ros: Any) -> None:
+    slow = NodeParameter("slow_network", value=4.0)
+    node = ros.add(rclpy.create_node("market", parameter_overrides=[slow]))
+    settings = declare_settings(node)
+    waits = (settings.bid_deadline_s, settings.host_lease_s, settings.collect_deadline_s)
+    assert waits == (2.0, 3.2, 2.0)
+    taken: list[Any] = []
+    watch_settings(node, lambda: settings, taken.append)
+    node.set_parameters([NodeParameter("bid_deadline", value=1.0)])
+    assert taken[-1] == replace(settings, bid_deadline_s=4.0)
+    node.set_parameters([NodeParameter("host_lease", value=60.0)])
+    assert taken[-1].host_lease_s == 60.0, "the longest that there is"

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import Empty, Float64, Int32MultiArray, String
 
+from active_nodes import active_scene_layer
 from bt_agents.engine.run import Run as TreeRun
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
@@ -32,7 +33,6 @@ from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_from_msg
 from file_texts import read_agent_text, read_scene_text
-from scene_layer.node import SceneLayerNode
 
 pytestmark = pytest.mark.ros
 
@@ -100,12 +100,12 @@ class Layer:
         self.faces = ros.node.create_publisher(Faces, "faces", qos.SENSOR)
         self.tracked = ros.node.create_publisher(PersonIds, "tracked", qos.SENSOR)
         self.trigger = ros.node.create_publisher(Empty, "scene_layer/trigger", qos.EVENTS)
-        self.runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
-        self.market = ros.node.create_publisher(MarketStatus, "market", qos.FACT)
+        self.runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
+        self.market = ros.node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
         self.client = ros.node.create_client(Analyze, "scene_layer/analyze")
-        self.scenes = ros.collect(Scene, "scene", qos.EVENTS)
-        self.live = ros.collect(Scene, "scene/live", qos.SENSOR)
-        self.persons = ros.collect(Persons, "scene/persons", qos.FACT)
+        self.scenes = ros.collect(Scene, "bt_agents/scene", qos.EVENTS)
+        self.live = ros.collect(Scene, "bt_agents/scene/live", qos.SENSOR)
+        self.persons = ros.collect(Persons, "bt_agents/scene/persons", qos.FACT)
         self.spec = read_scene_text(text, "scene.yaml")
         numbers = count(1)
         self.memory = memory
@@ -114,11 +114,11 @@ class Layer:
         self.start()
 
     def start(self) -> None:
-        self.node = self.ros.add(SceneLayerNode(self.spec, memory=self.memory, ids=self.ids))
+        self.node = self.ros.add(active_scene_layer(self.spec, memory=self.memory, ids=self.ids))
         tracker = self.faces if "faces" in self.spec.persons.tracked.topic else self.tracked
         needed = [tracker, self.trigger, self.runs, self.market]
         self.ros.until(lambda: all(p.get_subscription_count() for p in needed))
-        self.ros.until(lambda: self.node.count_subscribers("scene/persons"))
+        self.ros.until(lambda: self.node.count_subscribers("bt_agents/scene/persons"))
 
     def see_until(self, condition: Any, *faces: Face) -> None:
         """Publish pictures until a condition holds."""
@@ -339,10 +339,10 @@ persons:
 def tracked_by(ros, type_name: str, field: str, *messages: Any) -> list[tuple[str, ...]]:
     """Return who is shown after each of some messages."""
     text = NUMBERED.format(type=type_name, field=field)
-    layer = SceneLayerNode(read_scene_text(text, "scene.yaml", InstalledInterfaces()))
+    layer = active_scene_layer(read_scene_text(text, "scene.yaml", InstalledInterfaces()))
     ros.add(layer)
     publisher = ros.node.create_publisher(type(messages[0]), "tracked", qos.SENSOR)
-    persons = ros.collect(Persons, "scene/persons", qos.FACT)
+    persons = ros.collect(Persons, "bt_agents/scene/persons", qos.FACT)
     ros.until(publisher.get_subscription_count)
     found = []
     for message in messages:
@@ -379,7 +379,7 @@ def test_a_topic_that_cannot_be_heard_is_refused_by_name(ros):
     """
     spec = read_scene_text(f"{PARAMETERS}\nsources:\n  mood:{of_two_types}", "scene.yaml")
     with pytest.raises(Refused, match="topic /mood cannot be heard") as refused:
-        SceneLayerNode(spec)
+        active_scene_layer(spec)
     assert refused.value.code == "UNUSABLE_TOPIC"
 
 

@@ -14,7 +14,16 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from bt_agents_interfaces.action import Ask, Drive, Say, Show
-from bt_agents_interfaces.msg import Heartbeat, OpenGoal, OpenGoals, OpenQuestions
+from bt_agents_interfaces.msg import (
+    Heartbeat,
+    MarketStatus,
+    OpenGoal,
+    OpenGoals,
+    OpenQuestions,
+    RobotAct,
+    RobotState,
+    RunKey,
+)
 from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.robot import MOST_WAITING, RobotNode
 from bt_agents_robot.speech import Voice
@@ -126,6 +135,28 @@ def test_an_open_question_is_told_with_its_choices_also_to_who_comes_late(ros):
     ros.until(lambda: not told[-1].questions)
 
 
+def test_its_state_is_told_also_to_who_comes_late(ros):
+    robot = Robot(ros, pace=20.0)
+    handle = robot.send("ask", text="Shall we go?", choices=["Yes", "No"], wait_s=1000.0)
+    lights = ros.node.create_client(SetLight, "set_light")
+    sounds = ros.node.create_publisher(String, "sound", qos.EVENTS)
+    ros.until(lambda: lights.service_is_ready() and sounds.get_subscription_count())
+    lit = lights.call_async(SetLight.Request(colour="green", blink=True))
+    ros.until(lit.done)
+    sounds.publish(String(data="chime"))
+    ros.until(lambda: robot.questions)
+    told = ros.collect(RobotState, "robot/state", qos.FACT)
+    ros.until(lambda: told and told[-1].sounds == 1)
+    state = told[-1]
+    assert (state.light, state.light_blinks, state.sound) == ("green", True, "chime")
+    [act] = state.acts
+    assert (act.kind, act.text, act.number) == (RobotAct.ASK, "Shall we go?", 1)
+    assert (list(act.choices), act.waiting) == (["Yes", "No"], True)
+    robot.answers.publish(String(data="no"))
+    assert robot.result(handle)[1].answer == "No"
+    ros.until(lambda: not told[-1].acts)
+
+
 def test_a_question_without_answer_succeeds_and_says_so(ros):
     robot = Robot(ros)
     status, result = robot.do("ask", text="Anybody?", wait_s=1.0)
@@ -216,7 +247,7 @@ class Caller:
     """A host as the robot hears it: what it has open, and its heartbeat."""
 
     def __init__(self, ros: Any) -> None:
-        self.lists = ros.node.create_publisher(OpenGoals, "open_goals", qos.FACT)
+        self.lists = ros.node.create_publisher(OpenGoals, "bt_agents/open_goals", qos.FACT)
         self.beats = ros.node.create_publisher(Heartbeat, "/agents/heartbeat", qos.EVENTS)
         self.timer = ros.node.create_timer(0.05, self.beat, clock=STEADY)
 
@@ -252,6 +283,30 @@ def test_a_drive_whose_host_is_gone_is_given_up(ros, end):
     assert reason in result.message
     assert ours.status == GoalStatus.STATUS_EXECUTING, "nobody's goal goes on"
     robot.cancel(ours)
+
+
+def test_what_belongs_to_a_run_that_is_over_is_neither_said_nor_shown(ros):
+    robot = Robot(ros)
+    market = ros.node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
+    light = ros.node.create_client(SetLight, "set_light", qos_profile=qos.SERVICE)
+    ros.until(light.service_is_ready)
+    leo = RunKey(epoch="e1", round=7, agent="leo")
+    market.publish(MarketStatus(epoch="e1", round=7, agent="leo", state=MarketStatus.RUNNING))
+    ros.until(lambda: robot.do("say", text="One.", run=leo)[0] == GoalStatus.STATUS_SUCCEEDED)
+    market.publish(MarketStatus(epoch="e1", round=8, agent="mira", state=MarketStatus.RUNNING))
+    ros.until(lambda: robot.do("say", text="Two.", run=leo)[0] == GoalStatus.STATUS_ABORTED)
+    said = len(robot.lines)
+    status, result = robot.do("say", text="I stop here.", run=leo)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "the run of leo in round 7, from which the market has gone on" in result.message
+    lit = light.call_async(SetLight.Request(colour="green", run=leo))
+    ros.until(lit.done)
+    assert not lit.result().accepted
+    assert "the run of leo in round 7" in lit.result().message
+    mira = RunKey(epoch="e1", round=8, agent="mira")
+    assert robot.do("say", text="Three.", run=mira)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert robot.do("say", text="Four.")[0] == GoalStatus.STATUS_SUCCEEDED, "sent by hand"
+    assert robot.lines[said:] == ["says: Three.", "says: Four."]
 
 
 def test_lists_of_goals_that_make_no_sense_change_nothing(ros):

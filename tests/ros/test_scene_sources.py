@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import Bool, Float64, String
 
+from active_nodes import active_scene_layer
 from bt_agents_core.errors import ReadError
 from bt_agents_interfaces.msg import (
     EngagementLevel,
@@ -27,7 +28,6 @@ from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from file_texts import read_scene_text
-from scene_layer.node import SceneLayerNode
 from tree_harness import TREES
 
 pytestmark = pytest.mark.ros
@@ -48,7 +48,7 @@ class Robot:
     def __init__(self, ros, spec: SceneSpec) -> None:
         self.ros = ros
         self._sensors: list[tuple[Any, Any]] = []
-        self.layer = ros.add(SceneLayerNode(spec))
+        self.layer = ros.add(active_scene_layer(spec))
         self._analyze = ros.node.create_client(
             Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE
         )
@@ -96,6 +96,74 @@ def test_a_scene_of_ros4hri_comes_from_the_person_and_the_face(ros):
     assert values["familiarity"].value == 5.0
     assert values["mood"].value == pytest.approx(4.0)
     assert values["mood"].std == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("unknown", [0.0, math.nan])
+def test_a_recogniser_that_only_knows_words_measures_the_mood_by_them(ros, unknown):
+    robot = Robot(ros, ros4hri())
+    for person, word in (("anna", "happy"), ("ben", "sad"), ("eve", "")):
+        robot.senses(f"/humans/persons/{person}/face_id", String(data=f"f_{person}"), latched=True)
+        face = Expression(expression=word, confidence=0.9, valence=unknown, arousal=unknown)
+        robot.senses(f"/humans/faces/f_{person}/expression", face)
+    tracked = robot.ros.node.create_publisher(PersonIds, "/humans/persons/tracked", qos.SENSOR)
+    for person, mood in (("anna", 4.5), ("ben", 1.5)):
+
+        def is_there(scene: Scene, person: str = person) -> bool:
+            tracked.publish(PersonIds(ids=[person]))
+            return scene.person_id == person and "mood" in measured(scene)
+
+        value = measured(robot.until(is_there))["mood"]
+        assert (value.value, value.confidence) == (mood, pytest.approx(0.9))
+
+    def is_eve(scene: Scene) -> bool:
+        tracked.publish(PersonIds(ids=["eve"]))
+        return scene.person_id == "eve"
+
+    assert "mood" not in measured(robot.until(is_eve))
+
+
+def test_a_person_enters_is_engaged_gets_sad_and_leaves(ros):
+    robot = Robot(ros, ros4hri())
+    robot.senses("/humans/persons/anna/face_id", String(data="f"), latched=True)
+    robot.senses("/humans/persons/anna/anonymous", Bool(data=False), latched=True)
+
+    def publisher(kind: type[Any], topic: str) -> Any:
+        return ros.node.create_publisher(kind, f"/humans/{topic}", qos.SENSOR)
+
+    tracked = publisher(PersonIds, "persons/tracked")
+    engagement = publisher(EngagementLevel, "persons/anna/engagement_status")
+    expression = publisher(Expression, "faces/f/expression")
+
+    def seen(ids: list[str], level: int, word: str, holds: Callable[[Scene], bool]) -> Scene:
+        def holds_now(scene: Scene) -> bool:
+            tracked.publish(PersonIds(ids=ids))
+            engagement.publish(EngagementLevel(level=level))
+            expression.publish(Expression(expression=word, confidence=0.9))
+            return holds(scene)
+
+        return robot.until(holds_now)
+
+    def mood(scene: Scene) -> float:
+        return measured(scene)["mood"].value if "mood" in measured(scene) else math.nan
+
+    enters = seen(["anna"], EngagementLevel.DISENGAGED, "happy", lambda scene: scene.person)
+    assert (enters.person_id, enters.persons) == ("anna", 1)
+    seen(["anna"], EngagementLevel.ENGAGED, "happy", lambda scene: mood(scene) > 4.4)
+    seen(["anna"], EngagementLevel.ENGAGED, "sad", lambda scene: mood(scene) < 2.0)
+    leaves = seen([], EngagementLevel.DISENGAGED, "", lambda scene: not scene.person)
+    assert (leaves.person_id, leaves.persons) == ("", 0)
+    assert "mood" not in measured(leaves)
+
+
+@pytest.mark.parametrize("arousal", [0.0, math.nan])
+def test_a_valence_counts_and_its_word_does_not(ros, arousal):
+    robot = Robot(ros, ros4hri())
+    robot.senses("/humans/persons/anna/face_id", String(data="f"), latched=True)
+    robot.senses("/humans/persons/tracked", PersonIds(ids=["anna"]))
+    face = Expression(expression="angry", valence=0.5, arousal=arousal, confidence=1.0)
+    robot.senses("/humans/faces/f/expression", face)
+    scene = robot.until(lambda scene: "mood" in measured(scene))
+    assert measured(scene)["mood"].value == pytest.approx(4.0)
 
 
 def test_whoever_is_engaged_by_ros4hri_is_spoken_to(ros):

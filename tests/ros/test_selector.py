@@ -49,7 +49,7 @@ def decide(ros: Any, *, url: str = "", limit_s: float = 10.0, cards: int = 0) ->
 
 def test_the_model_decides(ros: Any, server: ModelServer) -> None:
     server.reply = says(EXPRESS, GUIDE, reason="in a hurry")
-    cards = ros.node.create_publisher(HostCard, "cards", qos.FACT)
+    cards = ros.node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
     card = AgentCard(name=GUIDE, title="Guide", description="Slow and loud")
     cards.publish(HostCard(host="/agents", agents=[card]))
     auction = decide(ros, url=server.url, cards=1)
@@ -100,7 +100,7 @@ def test_without_a_selector_nobody_waits(ros: Any) -> None:
     auction = decide(ros)
 
     assert auction.winner == GUIDE
-    assert "no selector serves 'select'" in auction.reason
+    assert "no selector serves 'bt_agents/select'" in auction.reason
     assert auction.duration_s < 5.0, "it waits neither for a deadline nor for a server"
 
 
@@ -120,7 +120,7 @@ def test_hostile_questions_are_refused(
     ros: Any, server: ModelServer, changes: dict[str, Any]
 ) -> None:
     ros.add(SelectorNode(SPACE, Endpoint(base_url=server.url, model="small")))
-    client = ros.node.create_client(SelectAgent, "select", qos_profile=qos.SERVICE)
+    client = ros.node.create_client(SelectAgent, "bt_agents/select", qos_profile=qos.SERVICE)
     fields: dict[str, Any] = {
         "limit_s": 5.0,
         "scene": scene_to_msg(scene("s1")),

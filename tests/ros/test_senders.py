@@ -14,6 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from active_nodes import active_feedback
 from bt_agents_interfaces.msg import Auction, Bids, Feedback, Heartbeat, Profiles
 from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from bt_agents_ros import qos
@@ -26,7 +27,6 @@ from bt_agents_ros.workarounds.sender_identity import (
 )
 from fake_market import Market, folder, make_host
 from feedback_node.ledger import Ledger
-from feedback_node.node import FeedbackNode
 from market_harness import EXPRESS, GUIDE, SPACE
 from market_node_harness import FakeHost, Stage
 
@@ -148,7 +148,7 @@ def test_a_callback_is_told_the_participant_that_the_graph_shows(
 def test_a_forged_bid_that_comes_first_wins_no_round(ros: Any, stranger: Stranger) -> None:
     stage = Stage(ros)
     host = stage.host()
-    forged = stranger.publisher(ros, Bids, "bids")
+    forged = stranger.publisher(ros, Bids, "bt_agents/bids")
     host.silent = True
     for number in range(1, 6):
         stage.scene(f"s{number}")
@@ -243,7 +243,7 @@ def test_a_goal_without_the_key_of_the_market_is_refused(
     host = ros.add(make_host(folder(tmp_path, WAITER)))
     market.open()
     ros.until(lambda: host.registered)
-    assert not market.send(market.goal(host, award_key=list(key))).accepted
+    assert market.refusal(market.goal(host, award_key=list(key))) == "NOT_THE_MARKET"
     assert "NOT_THE_MARKET" in capfd.readouterr().err
     assert market.send(market.goal(host)).accepted
 
@@ -264,8 +264,8 @@ def test_a_revision_from_the_future_makes_no_host_deaf(
     member = host.registry.members["talker"]
     assert (member.profile[0], member.revision) == (5.0, 2**32 - 1)
 
-    published: list[Profiles] = ros.collect(Profiles, "profiles", qos.FACT)
-    ros.add(FeedbackNode(SPACE, Ledger(":memory:")))
+    published: list[Profiles] = ros.collect(Profiles, "bt_agents/profiles", qos.FACT)
+    ros.add(active_feedback(SPACE, Ledger(":memory:")))
     ros.until(lambda: (member.profile[0], member.revision) == (3.0, 0))
     ros.until(lambda: published and not published[-1].differing)
 
@@ -287,4 +287,4 @@ def test_a_market_without_a_key_sends_no_goals(ros: Any, tmp_path: Path) -> None
     host = ros.add(make_host(folder(tmp_path, WAITER)))
     market.open()
     ros.until(lambda: host.registered)
-    assert not market.send(market.goal(host, award_key=[0] * 16)).accepted
+    assert market.refusal(market.goal(host, award_key=[0] * 16)) == "NOT_THE_MARKET"

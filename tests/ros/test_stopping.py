@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 from rclpy.parameter import Parameter
 
+from bt_agents.engine.run import RunLimits
 from bt_agents.host.node import HostNode
+from bt_agents.host.run_server import _STOP_SETTLE_S
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Run
 from bt_agents_ros.spinner import STOP_LIMIT_S
@@ -63,7 +65,8 @@ def test_a_host_that_is_stopped_says_in_time_how_its_run_ended_though_a_goal_goe
     began = time.monotonic()
     host.request_stop()
     ros.until(host.stopped)
-    assert time.monotonic() - began < STOP_LIMIT_S
+    assert _STOP_SETTLE_S < STOP_LIMIT_S
+    assert time.monotonic() - began < RunLimits().settle_s
     ended = result(ros, handle)
     assert ended.outcome == RunAgent.Result.CANCELLED
     assert "tree" in ended.orphans
@@ -80,7 +83,7 @@ def test_a_run_that_cannot_even_be_given_up_ends_and_the_next_one_runs(
     def broken(*_arguments: Any) -> None:
         raise RuntimeError("cogwheel")
 
-    run = host._runs._run
+    run = host._runs.run
     monkeypatch.setattr(run, "tick", broken)
     monkeypatch.setattr(run, "give_up", broken)
     ended = result(ros, handle)

@@ -10,13 +10,12 @@ from typing import Any
 import pytest
 from rclpy.parameter import Parameter
 
-from bt_agents.host.node import HostNode
+from active_nodes import active_host, active_market
 from bt_agents_interfaces.msg import Bids, HostCard, Run, Scene, SceneValue
 from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, RegisterHost, SetProfile
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
-from marketplace_node.node import MarketplaceNode
 from whole_system import System, write_agents
 
 pytestmark = pytest.mark.ros
@@ -67,7 +66,7 @@ def test_mood_rules_still_fire_in_a_follow_up_round_for_somebody_who_was_given(
     ros: Any, tmp_path: Path
 ) -> None:
     system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5, old=4.5, third=3.0))
-    live = ros.collect(Scene, "scene/live", qos.SENSOR)
+    live = ros.collect(Scene, "bt_agents/scene/live", qos.SENSOR)
     system.analyze(age=5, familiarity=3, mood=4)
     for runs, mood in ((1, 3), (2, 2)):
         ros.until(lambda n=runs: sum(run.event == Run.STARTED for run in system.runs) == n)
@@ -82,7 +81,7 @@ def test_a_second_host_with_the_same_agent_name_is_refused(ros: Any, tmp_path: P
     system = System(ros, write_agents(tmp_path, young=1.5))
     other = write_agents(tmp_path, young=5.0, other=5.0)
     second = ros.add(
-        HostNode(
+        active_host(
             read_trees(other, InstalledInterfaces()), cli_args=["--ros-args", "-r", "__node:=b"]
         )
     )
@@ -98,7 +97,7 @@ def test_a_second_host_of_the_same_name_takes_no_goals_and_the_first_goes_on(
 ) -> None:
     trees = write_agents(tmp_path, wait="30 s", young=1.5)
     system = System(ros, trees)
-    second = ros.add(HostNode(system.folder))
+    second = ros.add(active_host(system.folder))
     ros.until(lambda: second.registry.members["young"].refusal)
     assert not second.registered
     scene_id = system.analyze(age=1, familiarity=3, mood=3).scene.scene_id
@@ -121,7 +120,7 @@ def test_an_agent_that_the_market_refused_is_on_no_card_so_that_it_cannot_take_t
     system = System(ros, write_agents(tmp_path, young=1.5))
     other = write_agents(tmp_path, young=5.0, other=5.0)
     second = ros.add(
-        HostNode(
+        active_host(
             read_trees(other, InstalledInterfaces()), cli_args=["--ros-args", "-r", "__node:=b"]
         )
     )
@@ -142,7 +141,7 @@ def test_a_market_that_starts_again_ends_the_run_of_the_one_before_it(
     ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
     ros.remove(system.market)
     assert not system.host.stopped()
-    ros.add(MarketplaceNode(system.folder.scene.space, "epoch-2"))
+    ros.add(active_market(system.folder.scene.space, "epoch-2"))
     ros.until(system.host.stopped)
     told = system.statuses
     ros.until(lambda: told and (told[-1].epoch, told[-1].agents) == ("epoch-2", 1))
@@ -151,7 +150,7 @@ def test_a_market_that_starts_again_ends_the_run_of_the_one_before_it(
 def test_a_market_that_starts_again_finds_its_hosts(ros: Any, tmp_path: Path) -> None:
     system = System(ros, write_agents(tmp_path, young=1.5))
     ros.remove(system.market)
-    ros.add(MarketplaceNode(system.folder.scene.space, "epoch-2"))
+    ros.add(active_market(system.folder.scene.space, "epoch-2"))
     told = system.statuses
     ros.until(lambda: told and (told[-1].epoch, told[-1].agents) == ("epoch-2", 1))
     assert system.interact(age=5, familiarity=3, mood=3) == "young"
@@ -198,10 +197,10 @@ def test_bad_vectors_at_every_door_are_refused_and_the_system_lives_on(
 ) -> None:
     system = System(ros, write_agents(tmp_path, young=1.5))
     node = ros.node
-    scenes = node.create_publisher(Scene, "scene", qos.FACT)
-    live = node.create_publisher(Scene, "scene/live", qos.SENSOR)
-    bids = node.create_publisher(Bids, "bids", qos.EVENTS)
-    cards = node.create_publisher(HostCard, "cards", qos.FACT)
+    scenes = node.create_publisher(Scene, "bt_agents/scene", qos.FACT)
+    live = node.create_publisher(Scene, "bt_agents/scene/live", qos.SENSOR)
+    bids = node.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
+    cards = node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
     for publisher in (scenes, live, bids, cards):
         ros.until(lambda p=publisher: p.get_subscription_count() > 0)
     give = node.create_client(GiveFeedback, "feedback/give")

@@ -254,6 +254,31 @@ def test_the_service_takes_values_as_authors_write_them_with_author_and_reason(
     assert tuner.set(a__patience="12 s").message == "everything stands so already"
 
 
+def test_a_value_that_somebody_else_has_changed_since_it_was_seen_is_refused_with_who_did_it(
+    host: Host, tuner: Tuner
+) -> None:
+    first = tuner.set(author="anna", a__patience="12 s")
+    assert first.revision == 1
+    seen = {"author": "ben", "compare": True, "seen": 0}
+    names = {"names": ["a.patience"], "values": ["20 s"]}
+    refused = tuner.ask(Tune.Request.SET, **seen, **names)
+    assert (refused.accepted, refused.code) == (False, "CHANGED_MEANWHILE")
+    assert "was changed from 8 s to 12 s by anna" in refused.message
+    assert (refused.revision, host.value("a.patience")) == (1, 12.0)
+    other = tuner.ask(Tune.Request.SET, **seen, names=["a.attempts"], values=["4"])
+    assert (other.accepted, other.revision) == (True, 2)
+    again = tuner.ask(Tune.Request.SET, **{**seen, "seen": refused.revision}, **names)
+    assert (again.accepted, host.value("a.patience")) == (True, 20.0)
+
+
+def test_who_does_not_say_what_was_seen_sets_a_value_whoever_changed_it(
+    host: Host, tuner: Tuner
+) -> None:
+    tuner.set(author="anna", a__patience="12 s")
+    assert tuner.set(author="ben", a__patience="20 s").accepted
+    assert host.value("a.patience") == 20.0
+
+
 @pytest.mark.parametrize(
     ("fields", "code"),
     [

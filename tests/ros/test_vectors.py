@@ -12,6 +12,7 @@ from rcl_interfaces.msg import Log
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 
+from active_nodes import active_feedback, active_host, active_market, active_scene_layer
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
@@ -40,10 +41,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
 from feedback_node.ledger import Ledger
-from feedback_node.node import FeedbackNode
-from marketplace_node.node import MarketplaceNode
 from processes import write_trees
-from scene_layer.node import SceneLayerNode
 from tree_harness import SPACE, TREES, scene
 
 pytestmark = pytest.mark.ros
@@ -95,17 +93,17 @@ class System:
             write_trees(folder / "trees", waiter=(3.0, "wait: 60 s")), InstalledInterfaces()
         )
         self.logs: list[Log] = ros.collect(Log, "/rosout", qos.EVENTS)
-        self.ends: list[SceneEnd] = ros.collect(SceneEnd, "scene_ends", qos.HISTORY)
-        self.auctions: list[Auction] = ros.collect(Auction, "auctions", qos.HISTORY)
-        self.runs: list[Run] = ros.collect(Run, "runs", qos.HISTORY)
-        self.feedback: list[Feedback] = ros.collect(Feedback, "feedback", qos.EVENTS)
-        self.profiles: list[Profiles] = ros.collect(Profiles, "profiles", qos.FACT)
-        self.scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
-        self.live = ros.node.create_publisher(Scene, "scene/live", qos.SENSOR)
-        ros.add(MarketplaceNode(SPACE, "epoch"))
-        ros.add(SceneLayerNode(read_scene(TREES / "scene.yaml")))
-        ros.add(FeedbackNode(SPACE, Ledger(":memory:")))
-        self.host: HostNode = ros.add(HostNode(trees))
+        self.ends: list[SceneEnd] = ros.collect(SceneEnd, "bt_agents/scene_ends", qos.HISTORY)
+        self.auctions: list[Auction] = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
+        self.runs: list[Run] = ros.collect(Run, "bt_agents/runs", qos.HISTORY)
+        self.feedback: list[Feedback] = ros.collect(Feedback, "bt_agents/feedback", qos.EVENTS)
+        self.profiles: list[Profiles] = ros.collect(Profiles, "bt_agents/profiles", qos.FACT)
+        self.scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
+        self.live = ros.node.create_publisher(Scene, "bt_agents/scene/live", qos.SENSOR)
+        ros.add(active_market(SPACE, "epoch"))
+        ros.add(active_scene_layer(read_scene(TREES / "scene.yaml")))
+        ros.add(active_feedback(SPACE, Ledger(":memory:")))
+        self.host: HostNode = ros.add(active_host(trees))
         ros.until(lambda: self.host.registered)
         ros.until(lambda: self.profiles and list(self.profiles[-1].agents) == ["waiter"])
         ros.until(lambda: self.scenes.get_subscription_count() == 1)
@@ -218,7 +216,9 @@ def test_bad_scenes_in_goals_are_refused_by_name(system: System) -> None:
             )
             future = client.send_goal_async(goal)
             system.ros.until(future.done)
-            assert not future.result().accepted, key
+            ended = future.result().get_result_async()
+            system.ros.until(ended.done)
+            assert ended.result().result.code == code, key
             system.ros.until(lambda n=number, c=code: system.noted("agents", f"round {n})", c))
     finally:
         client.destroy()
@@ -240,10 +240,10 @@ class Bidder:
 
     def __init__(self, ros: Any) -> None:
         self.vector: list[float] = []
-        self._bids = ros.node.create_publisher(Bids, "bids", qos.EVENTS)
+        self._bids = ros.node.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
         self._beats = ros.node.create_publisher(Heartbeat, "/bidder/heartbeat", qos.EVENTS)
         ros.node.create_timer(0.1, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        ros.node.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
+        ros.node.create_subscription(CallForBids, "bt_agents/calls", self._bid, qos.EVENTS)
         register = ros.node.create_client(
             RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
         )
@@ -280,10 +280,10 @@ class Bidder:
 
 
 def test_bad_bids_are_refused_by_name_and_win_nothing(ros: Any) -> None:
-    auctions: list[Auction] = ros.collect(Auction, "auctions", qos.HISTORY)
-    statuses: list[MarketStatus] = ros.collect(MarketStatus, "market", qos.FACTS)
-    scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
-    ros.add(MarketplaceNode(SPACE, "epoch"))
+    auctions: list[Auction] = ros.collect(Auction, "bt_agents/auctions", qos.HISTORY)
+    statuses: list[MarketStatus] = ros.collect(MarketStatus, "bt_agents/market", qos.FACTS)
+    scenes = ros.node.create_publisher(Scene, "bt_agents/scene", qos.EVENTS)
+    ros.add(active_market(SPACE, "epoch"))
     bidder = Bidder(ros)
     ros.until(lambda: scenes.get_subscription_count() == 1)
     for number, (key, code) in enumerate(AS_VECTOR.items()):

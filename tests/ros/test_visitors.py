@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
+from active_nodes import active_scene_layer
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace
@@ -20,7 +21,6 @@ from bt_agents_language.model.scene_specs import PersonsSpec, SceneSpec, SourceS
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.visitors import VisitorsNode
 from bt_agents_ros import qos
-from scene_layer.node import SceneLayerNode
 
 pytestmark = pytest.mark.ros
 
@@ -65,16 +65,16 @@ class Street:
 
     def __init__(self, ros, *visits: Visit, pace: float = 20.0) -> None:
         self.ros = ros
-        self.scenes = ros.collect(Scene, "scene", qos.EVENTS)
-        self.live = ros.collect(Scene, "scene/live", qos.SENSOR)
+        self.scenes = ros.collect(Scene, "bt_agents/scene", qos.EVENTS)
+        self.live = ros.collect(Scene, "bt_agents/scene/live", qos.SENSOR)
         self.current = ros.collect(String, "visitors/current", qos.FACTS)
         self.done = ros.collect(Bool, "visitors/done", qos.FACT)
         self.said = ros.collect(String, "answers", qos.EVENTS)
-        self.market = ros.node.create_publisher(MarketStatus, "market", qos.FACT)
-        self.runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+        self.market = ros.node.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
+        self.runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
         self.questions = ros.node.create_publisher(String, "robot/questions", qos.EVENTS)
         self.acts = ros.node.create_publisher(String, "robot/transcript", qos.EVENTS)
-        self.layer = ros.add(SceneLayerNode(SPEC))
+        self.layer = ros.add(active_scene_layer(SPEC))
         self.node = ros.add(
             VisitorsNode(
                 SPEC,
@@ -236,7 +236,7 @@ def test_visitors_wait_for_a_scene_layer(ros):
     street.idle()
     ros.turns(20)
     assert street.scenes == []
-    ros.add(SceneLayerNode(SPEC))
+    ros.add(active_scene_layer(SPEC))
     ros.until(lambda: len(street.scenes) == 1)
     assert measured(street.scenes[0]) == {"mood": 4.0}
 

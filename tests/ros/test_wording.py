@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
+from active_nodes import active_market
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Auction, MarketStatus, Run
 from bt_agents_interfaces.srv import CancelRun, GiveFeedback, OperateMarket
-from marketplace_node.node import MarketplaceNode
 from whole_system import System, write_agents
 
 pytestmark = pytest.mark.ros
@@ -144,7 +144,7 @@ def test_a_run_that_is_cut_off_is_asked_for_again_whatever_the_words_are(
     system.analyze(age=1, familiarity=3, mood=3)
     ros.until(started(system, 1))
     ros.remove(system.market)
-    ros.add(MarketplaceNode(system.folder.scene.space, "epoch-2"))
+    ros.add(active_market(system.folder.scene.space, "epoch-2"))
     ros.until(started(system, 2))
 
     ended = next(run for run in system.runs if run.event == Run.ENDED)

@@ -8,7 +8,7 @@ from random import Random
 
 from py_trees.behaviour import Behaviour
 
-from bt_agents.engine.environment import Environment, GoalRun, SkillGoal
+from bt_agents.engine.environment import Environment, GoalRun, PluginNode, SkillGoal
 from bt_agents.engine.scope import RunScope, Scope
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.model.specs import NodeSpec
@@ -32,6 +32,8 @@ class RunContext:
         self.environment = environment
         # Each with the path of its node; some may be confirmed by now.
         self._goals: list[tuple[str, GoalRun]] = []
+        self._plugin_nodes: list[tuple[str, PluginNode]] = []
+        self._closers: list[Callable[[], None]] = []
 
     def is_due(self, path: str, at: float) -> bool:
         """Return whether a time has come for the node at ``path`` [s]; else set a deadline."""
@@ -63,7 +65,32 @@ class RunContext:
     def open_goals(self) -> tuple[str, ...]:
         """Return the node paths of all goals whose end their servers have not confirmed."""
         self._goals = [(path, run) for path, run in self._goals if not run.confirmed]
-        return tuple(path for path, _ in self._goals)
+        return (*(path for path, _ in self._goals), *self.plugin_goals())
+
+    def plugin_goals(self) -> tuple[str, ...]:
+        """Return the same of the goals of plug-ins, a path for each."""
+        return tuple(path for path, node in self._plugin_nodes for _ in range(node.open_goals()))
+
+    def open_plugin_node(self, path: str) -> PluginNode | None:
+        """Return the ROS node for the plug-in at ``path``, whose goals are tracked."""
+        node = self.environment.open_plugin_node(path)
+        if node is not None:
+            self._plugin_nodes.append((path, node))
+        return node
+
+    def forget_plugin_node(self, node: PluginNode) -> None:
+        """Track a node no more that was closed."""
+        self._plugin_nodes = [one for one in self._plugin_nodes if one[1] is not node]
+
+    def on_close(self, close: Callable[[], None]) -> None:
+        """Call after the run what takes something down; it may not raise."""
+        self._closers.append(close)
+
+    def close(self) -> None:
+        """Take down what the nodes have set up for the whole run."""
+        closers, self._closers = self._closers, []
+        for close in closers:
+            close()
 
     def _track(self, path: str, run: GoalRun) -> GoalRun:
         under_way = [(node, goal) for node, goal in self._goals if not goal.confirmed]

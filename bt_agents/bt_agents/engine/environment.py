@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol
+from typing import Any, Protocol
 
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind, Plain
@@ -127,6 +127,29 @@ class Inbox(Protocol):
         """Unsubscribe."""
 
 
+class PluginNode(Protocol):
+    """The ROS node as the behaviour of a plug-in sees it, for one leaf and one run."""
+
+    @property
+    def node(self) -> Any:
+        """What ``setup`` gets as ``node``; it remembers what is made with it."""
+
+    def open_goals(self) -> int:
+        """Return how many of its goals are not confirmed ended."""
+
+    def lost(self) -> str:
+        """Return why a goal of this start will never have a result, empty for none."""
+
+    def settle(self) -> None:
+        """Have every goal cancelled that goes on; one not accepted yet as soon as it is."""
+
+    def plain(self, value: object) -> Plain:
+        """Return a message as plain data, and anything else as it is."""
+
+    def close(self) -> None:
+        """Destroy all that was made with it."""
+
+
 class Environment(Protocol):
     """Everything that a tree can reach."""
 
@@ -149,6 +172,9 @@ class Environment(Protocol):
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
         """Subscribe to a topic; if it is latched, its last message from before comes first."""
+
+    def open_plugin_node(self, path: str) -> PluginNode | None:
+        """Return the node for the plug-in at a path; None where there is no ROS."""
 
     def log(self, level: str, text: str) -> None:
         """Write a line into the log; the level is ``info``, ``warning`` or ``error``."""

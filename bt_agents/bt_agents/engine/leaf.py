@@ -72,4 +72,6 @@ class Leaf(LightBehaviour):
         try:
             self.end()
         except Exception as error:
+            if self._error:
+                return  # the first one counts
             self.feedback_message = with_location(reason_of(error), self.spec)

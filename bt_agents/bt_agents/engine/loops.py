@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -15,8 +17,13 @@ class Loop(Decorator):
 
     Counts and pauses may be tuned; they are evaluated at the end of a round, the pause also while
     it lasts.
+
+    Attributes:
+        limit_field: The field that says how many rounds there are in all.
     """
 
+    limit_field: ClassVar[str]
+    _limit: int | None = None
     _round = 1
     _label = ""
     _pause_from: float | None = None
@@ -51,8 +58,15 @@ class Loop(Decorator):
         """Return the status after a round has ended; may raise."""
         raise NotImplementedError
 
+    @property
+    def rounds_left(self) -> int | None:
+        """Rounds after the current one; None without a limit, or while that is not known."""
+        limit = self._limit or self.fields.constant(self.limit_field)
+        return max(limit - self._round, 0) if isinstance(limit, int) else None
+
     def exhausted(self, limit: int | None) -> bool:
         """Return whether all rounds are over; None is no limit."""
+        self._limit = limit
         return limit is not None and self._round >= limit
 
     def again(self, noun: str, limit: int | None) -> Status:

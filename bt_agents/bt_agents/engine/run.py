@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from bt_agents.engine.breakpoints import Breakpoints
 from bt_agents.engine.builder import build
 from bt_agents.engine.context import NodeMaker, RunContext
 from bt_agents.engine.environment import Clock, Environment
@@ -22,12 +23,17 @@ from bt_agents.engine.nodes.plugin import PluginLeaf
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticker import OnVisit, Tick, Ticker
 from bt_agents_core.field_types import Plain
+from bt_agents_core.node_name import filled_name
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_core.stop_cause import Cancellation
+from bt_agents_core.text import excerpt
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 _MOST_UNDECIDED = 20
 """Conditions that cannot be decided of which a run tells."""
+
+_LONGEST_NAME = 200
+"""Characters of the name of a tip."""
 
 
 class TreeOutcome(Enum):
@@ -117,8 +123,11 @@ class Run:
         stopwatch: Measures how long ticks take [s]; None takes ``steady``.
         plugins: Makes the leaves whose behaviours come from packages.
         context: Makes what the nodes share.
+        host: Fully qualified name of the node that ticks the tree.
 
     Attributes:
+        root: The tree.
+        clean_up: The tree of the agent's ``on_cancel``; None until it begins.
         period_s: The time between two ticks; one that takes longer is an overrun [s]. Where it is
             infinite before the first tick, leaves are not measured.
         ticks: Ticks so far, of the tree and of its clean-up.
@@ -148,6 +157,7 @@ class Run:
         plugins: NodeMaker = PluginLeaf,
         context: Callable[[Environment, RunScope, Random], RunContext] = RunContext,
         on_visit: OnVisit | None = None,
+        host: str = "",
     ) -> None:
         scope = RunScope(
             space=space,
@@ -155,6 +165,8 @@ class Run:
             live=live,
             profile=profile,
             tunables=tunables,
+            agent=spec.name,
+            host=host,
             clock=environment.local_time,
         )
         self.spec = spec
@@ -172,13 +184,14 @@ class Run:
         self._limits = limits or RunLimits()
         self._plugins = plugins
         self._on_visit = on_visit
-        self._root = build(spec.tree, self._context, plugins)
-        self._clean_up: Behaviour | None = None
+        self.root = build(spec.tree, self._context, plugins)
+        self.clean_up: Behaviour | None = None
         self._tickers: dict[Behaviour, Ticker] = {}
         self.undecided: dict[str, None] = {}
         self._answered_at = 0.0
-        self._slowest = self._root
+        self._slowest = self.root
         self._slowest_s = 0.0
+        self._breakpoints: Breakpoints | None = None
         self._phase = _Phase.TICKING
         self._start = environment.clock()
         self.deadline = math.inf
@@ -187,27 +200,85 @@ class Run:
     @property
     def tip(self) -> str:
         """Path of the deepest node that decides the status of the tree."""
-        return _path_of((self._clean_up or self._root).tip())
+        return self.held[0] if self.held else _path_of(self._tip)
+
+    @property
+    def tip_name(self) -> str:
+        """Name of the tip for people, with the values that it runs with."""
+        tip = self._tip
+        if self.held:
+            tip = next(node for node in self.root.iterate() if _path_of(node) == self.held[0])
+        if tip is None:
+            return ""
+        message = tip.feedback_message if tip.status is Status.RUNNING else ""
+        return excerpt(filled_name(tip.name, message), _LONGEST_NAME)
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Paths of the nodes before whose start the last tick of the tree stopped."""
+        stops = self._breakpoints
+        return () if stops is None or not self.ticking else stops.held
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Paths of all that it kept from starting, also where they were stopped in that tick."""
+        return () if self._breakpoints is None else self._breakpoints.kept
+
+    @property
+    def ticking(self) -> bool:
+        """True until the tree has ended or was stopped; what comes then is its clean-up."""
+        return self._phase is _Phase.TICKING
+
+    @property
+    def scope(self) -> RunScope:
+        """The names of the run."""
+        return self._scope
+
+    @property
+    def _tip(self) -> Behaviour | None:
+        tip: Behaviour | None = (self.clean_up or self.root).tip()
+        return tip
+
+    def set_breakpoints(self, paths: Collection[str]) -> None:
+        """Set the nodes of the tree that wait for one more tick before they start.
+
+        The clean-up has none: what was begun has to be ended.
+        """
+        if self._breakpoints is None:
+            if not paths:
+                return
+            self._breakpoints = Breakpoints(self._ticker(self.root))
+        self._breakpoints.set(paths)
+
+    def report_visits(self, on_visit: OnVisit | None) -> None:
+        """Report each node that is ticked to a listener from the next tick on, or to none."""
+        self._on_visit = on_visit
+        for ticker in self._tickers.values():
+            ticker.report_visits(on_visit)
+        if self._breakpoints is not None:
+            self._breakpoints.replace_again()
 
     def tick(self) -> list[StatusChange]:
         """Tick once, in whatever phase the run is; return what changed, in order."""
         self.changes = []
         self.overrun = None
         self.deadlines.clear()
+        if self._breakpoints is not None:
+            self._breakpoints.begin_tick()
         if self._phase is _Phase.HALTED and self._steady() >= self.deadline:
             self._clean(None)
         match self._phase:
             case _Phase.TICKING:
-                self._tick(self._root)
-                if self._root.status is not Status.RUNNING:
+                self._tick(self.root)
+                if self.root.status is not Status.RUNNING:
                     self._finish_tree()
             case _Phase.CLEANING:
-                assert self._clean_up is not None
+                assert self.clean_up is not None
                 if self._steady() >= self.deadline:
                     self._stop_cleaning()
                 else:
-                    self._tick(self._clean_up)
-                    if self._clean_up.status is not Status.RUNNING:
+                    self._tick(self.clean_up)
+                    if self.clean_up.status is not Status.RUNNING:
                         self._settle()
         if self._phase is _Phase.SETTLING:
             self._try_end()
@@ -235,7 +306,7 @@ class Run:
         if self._phase is not _Phase.TICKING:
             return self.changes
         tip = self.tip if self.ticks else ""
-        self._ticker(self._root).halt()
+        self._ticker(self.root).halt()
         self._end = (TreeOutcome.CANCELLED, reason, tip)
         if self.spec.on_cancel is None or not clean_up or not self.ticks:
             self._settle()
@@ -255,7 +326,7 @@ class Run:
 
     def give_up(self, reason: str) -> RunResult:
         """Stop every leaf and end at once, without clean-up or waiting; return how it ended."""
-        for tree in (self._root, self._clean_up):
+        for tree in (self.root, self.clean_up):
             # What made it give up may stand in the way of stopping, too.
             with suppress(Exception):
                 if tree is not None:
@@ -267,23 +338,23 @@ class Run:
         return self.result
 
     def _finish_tree(self) -> None:
-        if self._root.status is Status.SUCCESS:
+        if self.root.status is Status.SUCCESS:
             self._end = (TreeOutcome.SUCCEEDED, "the tree succeeded", self.tip)
         else:
-            self._end = (TreeOutcome.FAILED, _reason(self._root), self.tip)
+            self._end = (TreeOutcome.FAILED, _reason(self.root), self.tip)
         self._settle()
 
     def _clean(self, cancellation: Cancellation | None) -> None:
         """Begin with the agent's ``on_cancel``, whether it is known who stopped the run or not."""
         assert self.spec.on_cancel is not None
         self._scope.cancellation = cancellation
-        self._clean_up = build(self.spec.on_cancel, self._context, self._plugins)
+        self.clean_up = build(self.spec.on_cancel, self._context, self._plugins)
         self._phase = _Phase.CLEANING
         self.deadline = self._steady() + self.spec.clean_up_s
 
     def _stop_cleaning(self) -> None:
-        assert self._clean_up is not None
-        self._ticker(self._clean_up).halt()
+        assert self.clean_up is not None
+        self._ticker(self.clean_up).halt()
         self._settle()
 
     def _settle(self) -> None:
@@ -316,6 +387,7 @@ class Run:
             duration_s=self._context.clock() - self._start,
         )
         self._phase = _Phase.ENDED
+        self._context.close()
 
     def _tick(self, root: Behaviour) -> None:
         self.ticks += 1

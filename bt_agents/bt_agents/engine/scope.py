@@ -24,6 +24,7 @@ from bt_agents_language.model.specs import (
     ListValue,
     Literal,
     MapValue,
+    Place,
     Reference,
     Text,
     Value,
@@ -32,7 +33,8 @@ from bt_agents_language.model.specs import (
 
 _LONGEST_JSON = 100_000
 _MOST_NAMES = 4
-_QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
+QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
+"""Types of numbers with a unit."""
 
 
 class ValueSource(Protocol):
@@ -65,6 +67,8 @@ class RunScope:
         live: Returns the scene as it is now, or as it was last, marked as stale.
         profile: The agent's own vector.
         tunables: Current values by name, shared with the host, which tunes them.
+        agent: Name of the agent.
+        host: Fully qualified name of the node that ticks the tree; empty where there is none.
         clock: Returns the local time; None where nobody knows it.
         cancellation: Who stopped the run and why; None while nobody has said.
         told: Values that nodes have put into the scene or remembered of the person, by full name:
@@ -78,6 +82,8 @@ class RunScope:
     live: Callable[[], Scene]
     profile: Vector
     tunables: Mapping[str, Plain]
+    agent: str = ""
+    host: str = ""
     clock: Callable[[], LocalTime] | None = None
     cancellation: Cancellation | None = None
     told: dict[str, Plain] = field(default_factory=dict)
@@ -104,6 +110,8 @@ class RunScope:
             return self.cancellation.reason
         if name in self.told:
             return self.told[name]
+        if name.startswith("run."):
+            return self._of_run(name)
         return resolve(
             name,
             self.scene,
@@ -113,6 +121,18 @@ class RunScope:
             self.clock,
             lambda member: self.live().of_person(member),
         )
+
+    def _of_run(self, name: str) -> Plain:
+        match name:
+            case "run.agent":
+                return self.agent
+            case "run.host":
+                return self.host
+            case "run.person":
+                return self.scene.person_id or self.live().person_id
+            case "run.urgency":
+                return int(self.scene.urgent)
+        raise MissingValue(name)
 
     def _mood_change(self, live: Scene) -> float:
         return mood_of(live, self.space) - mood_of(self.scene, self.space)
@@ -126,13 +146,19 @@ class RunScope:
 
 @dataclass(frozen=True, kw_only=True)
 class BindingNames:
-    """The names inside the binding of a skill: its inputs, then those of the tree."""
+    """The names inside the binding of a skill: its inputs, its place, then those of the tree."""
 
     inputs: Mapping[str, Plain]
     around: ValueSource
+    place: Place | None = None
 
     def lookup(self, name: str) -> Plain:
-        return self.inputs[name] if name in self.inputs else self.around.lookup(name)
+        if name in self.inputs:
+            return self.inputs[name]
+        group, _, member = name.partition(".")
+        if self.place is not None and group == "place":
+            return self.place.values[member]
+        return self.around.lookup(name)
 
 
 @dataclass(kw_only=True)
@@ -310,7 +336,7 @@ def format_value(value: Plain, field_type: FieldType) -> str:
     match value:
         case bool():
             return "yes" if value else "no"
-        case int() | float() if field_type in _QUANTITIES:
+        case int() | float() if field_type in QUANTITIES:
             return quantities.format_quantity(value, field_type)
         case float():
             return f"{value:g}"

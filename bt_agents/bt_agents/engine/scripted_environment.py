@@ -105,7 +105,8 @@ class ScriptedGoal:
 
     @property
     def result(self) -> Mapping[str, Plain]:
-        return self._answer.result if self.state is GoalState.SUCCEEDED else {}
+        ended = self.state in (GoalState.SUCCEEDED, GoalState.ABORTED)
+        return self._answer.result if ended else {}
 
     @property
     def feedback(self) -> Mapping[str, Plain] | None:
@@ -222,6 +223,9 @@ class ScriptedEnvironment:
             inbox.messages.append(self._last[topic])
         self._inboxes.append((topic, inbox))
         return inbox
+
+    def open_plugin_node(self, path: str) -> None:
+        """Return none, as there is no ROS."""
 
     def log(self, level: str, text: str) -> None:
         """Store a line."""

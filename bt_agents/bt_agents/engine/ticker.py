@@ -128,6 +128,21 @@ class Ticker:
         """Tick a node below the one that is being ticked; return its status."""
         return self.ticks[node]()
 
+    def replace_tick(self, node: Behaviour, tick: Tick) -> None:
+        """Replace the tick of a node of the tree from its next tick on."""
+        self.ticks[node] = tick
+        if node is self.root:
+            self._tick = tick
+
+    def report_visits(self, on_visit: OnVisit | None) -> None:
+        """Report visits to another listener from the next tick on, or to none.
+
+        Replaced ticks are the plain ones again.
+        """
+        self._on_visit = on_visit
+        self.ticks.clear()
+        self._tick = self.ticks[self.root]
+
     def reset_child(self, node: Behaviour) -> None:
         """Stop a node below the one that is being ticked unless it is INVALID already."""
         if node.status is not INVALID:

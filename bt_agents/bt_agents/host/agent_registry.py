@@ -55,6 +55,11 @@ class HostedAgent:
         """Return what it bids for a scene: for the person, else for the place, else for all."""
         return self._profile_in(layers_of(scene))
 
+    @property
+    def obstacle(self) -> str:
+        """Reason why its tree cannot run here, whatever the scene; empty if it can."""
+        return self.removal_reason or "; ".join(self.spec.unoffered)
+
     def _profile_in(self, named: Mapping[str, str]) -> Vector:
         for kind, layer in named.items():
             if kind in self.spec.learning.layers and layer in self.layers:
@@ -273,11 +278,7 @@ class AgentRegistry:
         self._registered = _Registered(
             bidders=self._columns_of(members, {}),
             conditional=tuple(
-                member
-                for member in members
-                if member.removal_reason
-                or member.spec.unoffered
-                or member.spec.requires is not None
+                member for member in members if member.obstacle or member.spec.requires is not None
             ),
             layered=any(member.layers for member in members),
         )
@@ -318,10 +319,8 @@ class AgentRegistry:
             name, requires = member.spec.name, member.spec.requires
             if name in excluded:
                 continue
-            if member.removal_reason:
-                decline: Decline | None = Decline(member.removal_reason)
-            elif member.spec.unoffered:
-                decline = Decline("; ".join(member.spec.unoffered))
+            if member.obstacle:
+                decline: Decline | None = Decline(member.obstacle)
             elif requires is not None and requires.text in unmet_ones:
                 decline = unmet_ones[requires.text]
             elif requires is not None:

@@ -3,29 +3,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 from bt_agents_core.liveness import StallDetector, extended_after_stall
+from bt_agents_core.run_key import RunKey
 
 _POLL_AGAIN_S = 0.1
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunKey:
-    """Identity of a run: market, round and agent; round 0 is no run.
-
-    A round has several runs when agents refuse theirs.
-    """
-
-    epoch: str
-    round: int = 0
-    agent: str = ""
-
-    @classmethod
-    def of(cls, message: Any) -> RunKey:
-        """Return the run that a message is about: a goal, an event or a heartbeat."""
-        return cls(epoch=message.epoch, round=message.round, agent=message.agent)
 
 
 class AwardMonitor:
@@ -69,21 +50,18 @@ class AwardMonitor:
 class MarketLease:
     """Lease of the market on the run under way; all times are on the steady clock [s].
 
-    A market is gone when it has been silent for ``lease_s``. One without a heartbeat so far is not
-    missed: it may have none.
+    A market is gone when it has been silent for ``lease_s``, also one that dies before its first
+    heartbeat has come.
     """
 
     def __init__(self, lease_s: float) -> None:
         self.lease_s = lease_s
         self._epoch: str | None = None
-        self._known = False
         self._last = 0.0
-        self._latest = ""
 
     def begin(self, epoch: str, now: float) -> None:
         """Begin with a run of a market, which is a sign of life of it."""
         self._epoch = epoch
-        self._known = epoch == self._latest
         self._last = now
 
     def end(self) -> None:
@@ -92,9 +70,7 @@ class MarketLease:
 
     def on_heartbeat(self, epoch: str, now: float) -> None:
         """Renew the lease, if it is that of this market."""
-        self._latest = epoch
         if epoch == self._epoch:
-            self._known = True
             self._last = now
 
     def extend_after_stall(self, since: float, now: float) -> None:
@@ -104,4 +80,4 @@ class MarketLease:
     def silence(self, now: float) -> float:
         """Return how long the market has been silent if that is too long, else 0 [s]."""
         silent = now - self._last
-        return silent if self._epoch and self._known and silent >= self.lease_s else 0.0
+        return silent if self._epoch and silent >= self.lease_s else 0.0

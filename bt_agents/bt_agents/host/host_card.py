@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterable
 from dataclasses import asdict
 
@@ -36,6 +37,9 @@ class HostCardPublisher:
 
     The card stands under the name of the host. Only the host that the market has registered may
     have one: a card of another host of the same name would replace it.
+
+    Attributes:
+        problems: Those of the files, when the card was last asked for.
     """
 
     def __init__(
@@ -46,10 +50,12 @@ class HostCardPublisher:
         self._registry = registry
         self._versions = versions
         self._folder = str(versions.trees.folder.resolve())
+        self._machine = socket.gethostname()
         self._node = node
         self._registered = False
         self._bundle: SourceBundle | None = None
-        self._cards = node.create_publisher(HostCard, "cards", qos.FACT)
+        self.problems: tuple[FileProblem, ...] = ()
+        self._cards = node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
         self._files = node.create_publisher(AgentFiles, "~/files", qos.FACT)
 
@@ -57,14 +63,12 @@ class HostCardPublisher:
         """Publish the card of a host that the market has registered, or withdraw it."""
         if self._registered and not registered:
             self._node.destroy_publisher(self._cards)
-            self._cards = self._node.create_publisher(HostCard, "cards", qos.FACT)
+            self._cards = self._node.create_publisher(HostCard, "bt_agents/cards", qos.FACT)
         self._registered = registered
         self.card()
 
     def card(self) -> None:
         """Publish the card: the registered agents, and every problem of the files."""
-        if not self._registered:
-            return
         trees = self._versions.trees
         members = self._registry.members.values()
         problems = self._versions.folder_problems()
@@ -76,15 +80,19 @@ class HostCardPublisher:
             FileProblem(agent=name, message=f"does not bid: it {reason}")
             for name, reason in self._registry.undecided.items()
         ]
+        self.problems = tuple(dict.fromkeys(problems))
+        if not self._registered:
+            return
         self._cards.publish(
             HostCard(
                 host=self._host,
                 host_instance=self._instance,
+                machine=self._machine,
                 trees=self._folder,
                 parameters=list(self._registry.space.profiles.names),
                 agents=[self._agent_card(member) for member in members if member.agent_id],
                 broken_files=[str(broken.file) for broken in trees.broken],
-                problems=_problems_to_msg(dict.fromkeys(problems)),
+                problems=_problems_to_msg(self.problems),
             )
         )
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -11,18 +12,21 @@ from typing import Any
 from rclpy.node import Node
 
 from bt_agents.host.agent_registry import AgentRegistry
-from bt_agents.host.award_monitor import MarketLease, RunKey
+from bt_agents.host.award_monitor import MarketLease
 from bt_agents.host.run_messages import cancellation_from_msg
 from bt_agents.host.run_server import RunServer
 from bt_agents_core.liveness import STALL_S
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.stop_cause import StopCause, StoppedBy
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.messages import header_at
 from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.workarounds.sender_identity import SenderRates, create_identified_subscription
 
 MARKET_LEASE = "market_lease"
 """Parameter of hosts: how long a run goes on without a sign of life of its market."""
@@ -34,6 +38,9 @@ _REMEMBERED = 50
 _LIMIT_S = 1.0
 _RETRY_S = 1.0
 _POLL_S = 0.02
+_ALIVE_S = 0.3
+"""A market that was heard this long ago announces the end of a run [s]."""
+
 _LOG_PERIOD_S = 30.0
 
 
@@ -74,6 +81,10 @@ class UnreportedRuns:
         """Return the runs of other markets than this one, the oldest first."""
         return [run for run in self._runs.values() if run.epoch != epoch]
 
+    def waits(self, epoch: str) -> bool:
+        """Return whether a run of this market is not closed yet."""
+        return any(run.epoch == epoch for run in self._runs.values())
+
     def acknowledge(self, runs: list[Run]) -> None:
         """Remove runs that a market has recorded."""
         for run in runs:
@@ -102,6 +113,8 @@ class MarketRegistration:
         registry: Its agents.
         runs: Its action.
         instance: This start of the host.
+        earlier: The start before in the same process; empty for none.
+        slowness: Factor for the lease of the market; see :func:`declare_slow_network`.
         ready: Returns whether the host may register; until then it waits.
         matched: Returns whether calls and bids are matched in both directions; if not, the host
             registers after a second all the same.
@@ -118,6 +131,8 @@ class MarketRegistration:
         registry: AgentRegistry,
         runs: RunServer,
         instance: str,
+        earlier: str,
+        slowness: float,
         ready: Callable[[], bool],
         matched: Callable[[], bool],
         changed: Callable[[], None],
@@ -128,6 +143,7 @@ class MarketRegistration:
         self._registry = registry
         self._runs = runs
         self._instance = instance
+        self._earlier = earlier
         self._ready = ready
         self._matched = matched
         self._changed = changed
@@ -135,18 +151,25 @@ class MarketRegistration:
         self._deferred: Callable[[], None] | None = None
         self._stale = False
         self._asked_at = 0.0
+        self._heard_at = -math.inf
         self._checked_at = time.monotonic()
         self._unreported = UnreportedRuns()
+        self._slowness = slowness
         self._lease = MarketLease(self._declare_lease())
         self._calls = Calls(node)
         self._client = node.create_client(
             RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
         )
-        node.create_subscription(MarketStatus, "market", self._on_status, qos.FACT)
-        node.create_subscription(
-            MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.SENSOR
+        node.create_subscription(MarketStatus, "bt_agents/market", self._on_status, qos.FACT)
+        create_identified_subscription(
+            node,
+            MarketHeartbeat,
+            "marketplace/heartbeat",
+            lambda heartbeat, _sender: self._on_heartbeat(heartbeat),
+            qos.HEARTBEATS,
+            accepts=SenderRates(),
         )
-        node.create_subscription(Run, "runs", self._on_run_event, qos.HISTORY)
+        node.create_subscription(Run, "bt_agents/runs", self._on_run_event, qos.HISTORY)
         runs.on_begin(lambda goal: self._lease.begin(goal.epoch, time.monotonic()))
         runs.on_end(self._on_run_end)
         steady_timer(node, _RETRY_S, self._retry)
@@ -157,6 +180,12 @@ class MarketRegistration:
     def complete(self) -> bool:
         """True when the market has taken every agent of this host."""
         return bool(self.epoch) and all(m.agent_id for m in self._registry.members.values())
+
+    @property
+    def awaits_end(self) -> bool:
+        """True while the market, which is alive, has not announced the end of the last run."""
+        alive = time.monotonic() - self._heard_at < _ALIVE_S
+        return alive and self._unreported.waits(self.epoch)
 
     def defer(self, action: Callable[[], None]) -> bool:
         """Defer an action until the market answers; return False when it is not asked.
@@ -175,17 +204,19 @@ class MarketRegistration:
 
     def _declare_lease(self) -> float:
         def take(seconds: float) -> None:
-            self._lease.lease_s = seconds
+            self._lease.lease_s = seconds * self._slowness
 
         meaning = "a tree is stopped when the market that started it is silent for this long [s]"
-        limits = describe(meaning, minimum=0.3, maximum=10.0)
-        return float(declare_and_watch(self._node, MARKET_LEASE, 1.0, limits, take))
+        limits = describe(meaning, minimum=0.5, maximum=10.0)
+        return self._slowness * float(
+            declare_and_watch(self._node, MARKET_LEASE, 1.0, limits, take)
+        )
 
     def _on_run_end(self, goal: Any, result: RunAgent.Result) -> None:
         self._lease.end()
         self._unreported.store(
             Run(
-                stamp=self._node.get_clock().now().to_msg(),
+                header=header_at(self._node.get_clock().now().to_msg()),
                 epoch=goal.epoch,
                 round=goal.round,
                 event=Run.ENDED,
@@ -213,14 +244,16 @@ class MarketRegistration:
 
     def _on_heartbeat(self, heartbeat: MarketHeartbeat) -> None:
         now = time.monotonic()
+        if heartbeat.epoch == self.epoch:
+            self._heard_at = now
         self._lease.on_heartbeat(heartbeat.epoch, now)
         self._runs.on_market_heartbeat(heartbeat)
-        # Two markets of one name must not have the host register ten times a second.
+        # Two markets of one name must not have the host register with each heartbeat.
         if heartbeat.epoch != self.epoch and now - self._asked_at >= _RETRY_S:
             self._register(heartbeat.epoch)
 
     def check_lease(self) -> None:
-        """Cancel a run whose market is silent; called ten times a second, to detect stalls."""
+        """Cancel a run whose market is silent; called with each heartbeat, to detect stalls."""
         now = time.monotonic()
         gap_s = now - self._checked_at
         if gap_s > self._lease.lease_s / 2:
@@ -265,6 +298,7 @@ class MarketRegistration:
         request = RegisterHost.Request(
             host=host,
             host_instance=self._instance,
+            earlier_instance=self._earlier,
             # rclpy does not remap actions, so neither is their name here.
             run_action=f"{host}/run",
             heartbeat=self._node.resolve_topic_name("~/heartbeat"),

@@ -5,70 +5,150 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
+from bt_agents.host.control_service import ControlService
+from bt_agents.host.detail_publisher import DetailPublisher
 from bt_agents.host.earlier_goals import EarlierGoals
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.subscriptions import LiveScene
+from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.market_registration import MarketRegistration
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.version_services import ReloadServices
 from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
 from bt_agents.host.run_server import RunServer
+from bt_agents.host.tree_streams.stream_server import DEFAULT_PERIOD, offer_tree_streams
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import PartHealth
 from bt_agents_core.trees_folder import find_trees
+from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Bids, CallForBids, Heartbeat
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_language.files.folder_reader import Trees as TreesFolder
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.bid_encoding import BidEncoder
 from bt_agents_ros.discovery import is_matched, participants
+from bt_agents_ros.health_publisher import HealthPublisher
 from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.managed_node import ManagedNode, make_managed
 from bt_agents_ros.messages import scene_from_msg, seconds
-from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
+from bt_agents_ros.parameters import TREES, StartParameter, declare_slow_network
 from bt_agents_ros.spinner import run
-from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.timers import HEARTBEAT_S, steady_timer
 from bt_agents_ros.workarounds.sender_identity import UNKNOWN, create_identified_service
 
-HEARTBEAT_S = 0.1
 _NAMES_SHOWN = 20
 
 
-class HostNode(BaseNode):
-    """Host of the agents of a trees folder: registers them, bids, and ticks the winner's tree.
+TAGS = StartParameter(
+    name="tags",
+    description="agents with one of these tags, commas between them; empty takes every agent",
+)
+ROBOT = StartParameter(
+    name="robot",
+    description="robots whose bindings of skills are preferred, with commas between; empty takes "
+    "the first that fits",
+)
+LANGUAGE = StartParameter(
+    name="language",
+    description="language of what agents say, ask and show; empty takes that of scene.yaml",
+)
+TUNINGS = StartParameter(
+    name="tunings",
+    description="file in which tunings outlive the host; empty keeps them in memory",
+)
+OPEN_GOALS = StartParameter(
+    name="open_goals",
+    description="file from which a later start of the host learns which goals a killed one has "
+    "left open, to cancel them; empty for none",
+)
+MARKET = StartParameter(
+    name="market",
+    description="none: any program runs an agent by its name, at ~/run; empty: the marketplace "
+    "awards the runs",
+)
 
-    What was tuned outlives it in the file ``tunings``, and what it has open at servers in the file
-    ``open_goals``, so that a later start ends it; an empty name keeps nothing. Other arguments are
-    those of :class:`rclpy.node.Node`.
+
+@dataclass(frozen=True, kw_only=True)
+class HostConfiguration:
+    """What a host is made of.
+
+    Attributes:
+        folder: Its agents.
+        tunings: File in which tunings outlive it; empty keeps them in memory.
+        open_goals: File of what it has open at servers, so that a later start ends it; empty for
+            none.
+        market: Whether a marketplace awards its runs; else any program runs an agent by its name.
     """
 
-    def __init__(
-        self, folder: TreesFolder, *, tunings: str = "", open_goals: str = "", **node_kwargs: Any
-    ) -> None:
-        super().__init__("agents", **node_kwargs)
-        self.instance = uuid.uuid4().hex[:12]
+    folder: TreesFolder
+    tunings: str = ""
+    open_goals: str = ""
+    market: bool = True
+
+
+class HostNode(ManagedNode[HostConfiguration]):
+    """Host of the agents of a trees folder: registers them, bids, and ticks the winner's tree.
+
+    Attributes:
+        instance: Its activation, by which others know it from those before.
+    """
+
+    instance = ""
+
+    may_be_infinite = frozenset((DEFAULT_PERIOD,))
+    start_parameters = (TREES, TAGS, ROBOT, LANGUAGE, TUNINGS, OPEN_GOALS, MARKET)
+
+    def __init__(self, configuration: HostConfiguration | None = None, **node_kwargs: Any) -> None:
+        super().__init__("agents", configuration, **node_kwargs)
+
+    def configure(self, values: Mapping[str, str]) -> HostConfiguration:
+        if values["market"] not in ("", "none"):
+            raise Refused(
+                "UNKNOWN_MARKET",
+                f"the parameter 'market' is '{values['market']}', expected 'none', or nothing for "
+                "the marketplace of this namespace",
+            )
+        folder = find_trees(values["trees"])
+        trees = read_trees(folder, InstalledInterfaces(), values["robot"], values["language"])
+        return HostConfiguration(
+            folder=trees.tagged(values["tags"]),
+            tunings=values["tunings"],
+            open_goals=values["open_goals"],
+            market=not values["market"],
+        )
+
+    def activate(self, configuration: HostConfiguration, closing: ExitStack) -> None:
+        folder, market = configuration.folder, configuration.market
+        earlier, self.instance = self.instance, uuid.uuid4().hex[:12]
         self.registry = AgentRegistry(folder.scene.space, folder.agents)
         self._beats = 0
+        slowness = declare_slow_network(self)
         for broken in folder.broken:
             self.get_logger().error(f"agent file left out, the others run:\n{broken.error.report}")
         for problem in folder.plugin_problems:
             self.get_logger().warning(f"a node of a package is left out: {problem}")
-        self._bids = self.create_publisher(Bids, "bids", qos.EVENTS)
+        self._bids = self.create_publisher(Bids, "bt_agents/bids", qos.EVENTS)
         self._bid_encoder = BidEncoder(self.host, self.instance)
         self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         stamp = seconds(self.get_clock().now().to_msg())
         self._versions = AgentVersions(folder, stamp)
         self._host_card = HostCardPublisher(self, self.instance, self.registry, self._versions)
+        open_goals = configuration.open_goals
         self._open_goals_file = self._hold(Path(open_goals)) if open_goals else None
         file = self._open_goals_file
-        earlier_goals = EarlierGoals(self, file) if file is not None else None
+        if file is not None:
+            closing.callback(file.close)
+        self._earlier_goals = EarlierGoals(self, file) if file is not None else None
         live = LiveScene(self, self.registry.space)
         self._runs = RunServer(
             self,
@@ -77,7 +157,11 @@ class HostNode(BaseNode):
             live.begin_run,
             version=lambda name: self._versions.histories[name].current.number,
             open_goals_file=file,
+            market=market,
+            slowness=slowness,
         )
+        closing.callback(self._runs.environment.close)
+        closing.callback(self._runs.close)
         for member in self.registry.members.values():
             self._prepare(member.spec)
         self._tunables = TunableParameters(
@@ -85,30 +169,50 @@ class HostNode(BaseNode):
             self.registry,
             self._host_card.card,
             set_rate=self._runs.set_rate,
-            tunings=tunings,
+            tunings=configuration.tunings,
         )
+        closing.callback(self._tunables.close)
         create_identified_service(
             self, SetProfile, "~/set_profile", self._set_profile, qos.SERVICE
         )
-        self._calls = self.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
-        self._registration = MarketRegistration(
-            self,
-            self.registry,
-            self._runs,
-            self.instance,
-            ready=lambda: earlier_goals is None or earlier_goals.ended,
-            matched=lambda: is_matched(self, self._bids, self._calls, partner="market"),
-            changed=lambda: self._host_card.set_registered(self._registration.accepted),
-        )
+        self._registration: MarketRegistration | None = None
+        if market:
+            self._calls = self.create_subscription(
+                CallForBids, "bt_agents/calls", self._bid, qos.EVENTS
+            )
+            self._registration = MarketRegistration(
+                self,
+                self.registry,
+                self._runs,
+                self.instance,
+                earlier,
+                slowness,
+                ready=self._is_ready,
+                matched=lambda: is_matched(
+                    self, self._bids, self._calls, partner="bt_agents/market"
+                ),
+                changed=self._on_registration,
+            )
+            # The market learns from it that the goal is not refused, before its tree acts, as
+            # nothing else tells it that a host has acted that dies at once.
+            self._runs.on_begin(lambda _: self._publish_heartbeat())
         self._reloading = ReloadService(
             self, self._versions, self._runs, apply=self._change, applied=self._publish_changes
         )
+        closing.callback(self._reloading.close)
         ReloadServices(self, self._reloading, self._runs)
+        ControlService(self, self._runs, self.instance)
+        self._details = DetailPublisher(self, self._runs, self.instance)
+        self._tree_streams = offer_tree_streams(self, self._runs)
         self._changed = False
         self._runs.on_end(lambda *_: self._tidy_up())
         steady_timer(self, HEARTBEAT_S, self._beat)
         self._host_card.trees()
         self._host_card.files()
+        self._host_card.card()
+        self._tick_counts = TickCounts()
+        self._health = HealthPublisher(self, self._judge)
+        self._runs.on_end(self._count_ticks)
         names = list(self.registry.members)
         shown = ", ".join(names[:_NAMES_SHOWN]) + (" …" if names[_NAMES_SHOWN:] else "")
         self.get_logger().info(f"{len(names)} agents: {shown}")
@@ -121,22 +225,41 @@ class HostNode(BaseNode):
     @property
     def registered(self) -> bool:
         """True when the market has taken every agent of this host."""
-        return self._registration.complete
+        return self._registration is not None and self._registration.complete
 
-    def request_stop(self) -> None:
+    def begin_stop(self) -> None:
         self._runs.stop("the host is stopping")
 
-    def stopped(self) -> bool:
-        return not self._runs.busy
+    def has_stopped(self) -> bool:
+        """Return True when no tree runs, and a market that is there has announced its end."""
+        awaited = self._registration is not None and self._registration.awaits_end
+        return not self._runs.busy and not awaited
 
-    def destroy_node(self) -> None:
-        self._reloading.close()
-        self._tunables.close()
-        self._runs.close()
-        self._runs.environment.close()
-        if self._open_goals_file is not None:
-            self._open_goals_file.close()
-        super().destroy_node()
+    def keeps(self, parameter: str) -> bool:
+        """Return whether it is none of the tunables, which their file keeps."""
+        return parameter not in self._tunables
+
+    def _judge(self) -> tuple[PartHealth, ...]:
+        run = self._runs.run
+        if run is not None:
+            self._tick_counts = TickCounts(agent=run.spec.name, overruns=run.overruns)
+        problems = [(one.file or one.agent, one.message) for one in self._host_card.problems]
+        return (
+            files_health(len(self.registry.members), problems),
+            ticks_health(self._tick_counts),
+            servers_health(self._runs.environment.silent_servers.reasons),
+        )
+
+    def _count_ticks(self, goal: RunAgent.Goal, result: RunAgent.Result) -> None:
+        self._tick_counts = TickCounts(agent=goal.agent, overruns=result.overruns)
+        self._health.update()
+
+    def _is_ready(self) -> bool:
+        return self._earlier_goals is None or self._earlier_goals.ended
+
+    def _on_registration(self) -> None:
+        assert self._registration is not None, "it has called back"
+        self._host_card.set_registered(self._registration.accepted)
 
     def _hold(self, path: Path) -> OpenGoalsFile | None:
         try:
@@ -204,7 +327,7 @@ class HostNode(BaseNode):
     def _publish_changes(self, effects: Sequence[ReloadEffect]) -> None:
         """Publish changed agents, each topic once."""
         actions = {effect.action for effect in effects}
-        if actions & {ReloadAction.ADD, ReloadAction.REMOVE}:
+        if self._registration and actions & {ReloadAction.ADD, ReloadAction.REMOVE}:
             self._registration.refresh()
         if actions - {ReloadAction.REPORT}:
             self._host_card.trees()
@@ -213,10 +336,13 @@ class HostNode(BaseNode):
         # Not of its agents alone: the rules of the market stand in its folder.
         self._host_card.files()
         self._host_card.card()
+        self._health.update()
 
     def _bid(self, call: CallForBids) -> None:
         same_space = list(call.parameters) == list(self.registry.space.profiles.names)
         registration = self._registration
+        if registration is None:
+            return
         if call.epoch != registration.epoch and registration.defer(lambda: self._bid(call)):
             return
         if not (registration.accepted and call.epoch == registration.epoch and same_space):
@@ -269,18 +395,31 @@ class HostNode(BaseNode):
         Raises:
             Refused: ``OTHER_PARTICIPANT``.
         """
-        known = participants(self.get_publishers_info_by_topic("profiles"))
+        known = participants(self.get_publishers_info_by_topic("bt_agents/profiles"))
         if sender in known or not known or sender == UNKNOWN:
             return sender in known
         raise Refused(
             "OTHER_PARTICIPANT",
             f"it is from the DDS participant {sender}, expected the feedback node, which "
-            "publishes 'profiles'; 'bt-agents feedback' changes a profile there",
+            "publishes 'bt_agents/profiles'; 'bt-agents feedback' changes a profile there",
         )
 
     def _beat(self) -> None:
+        self._publish_heartbeat()
+        if self._registration is not None:
+            self._registration.check_lease()
+        elif self._is_ready():
+            self._runs.open()
+        self._runs.check_stall()
+        self._details.check_subscribers()
+        if self._tree_streams is not None:
+            self._tree_streams.check_subscribers()
+        self._health.update()
+
+    def _publish_heartbeat(self) -> None:
         self._beats += 1
         goal = self._runs.goal
+        tip, tip_name = self._runs.tip
         self._heartbeats.publish(
             Heartbeat(
                 host=self.host,
@@ -288,12 +427,11 @@ class HostNode(BaseNode):
                 epoch=goal.epoch if goal else "",
                 round=goal.round if goal else 0,
                 agent=goal.agent if goal else "",
-                tip=self._runs.tip,
+                tip=tip,
+                tip_name=tip_name,
                 sequence=self._beats % 2**32,
             )
         )
-        self._registration.check_lease()
-        self._runs.check_stall()
 
 
 def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:
@@ -301,48 +439,14 @@ def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:
         yield from iter_nodes(root)
 
 
-TAGS = StartParameter(
-    name="tags",
-    description="agents with one of these tags, commas between them; empty takes every agent",
-)
-ROBOT = StartParameter(
-    name="robot",
-    description="robot whose bindings of skills are preferred; empty takes the first that fits",
-)
-LANGUAGE = StartParameter(
-    name="language",
-    description="language of what agents say, ask and show; empty takes that of scene.yaml",
-)
-TUNINGS = StartParameter(
-    name="tunings",
-    description="file in which tunings outlive the host; empty keeps them in memory",
-)
-OPEN_GOALS = StartParameter(
-    name="open_goals",
-    description="file from which a later start of the host learns which goals a killed one has "
-    "left open, to cancel them; empty for none",
-)
-
-
 def make_node() -> HostNode:
     """Create the node with the agents of the folder that its parameter names.
 
     Raises:
+        Refused: ``UNKNOWN_MARKET``.
         BtAgentsError: There is no such folder, or its scene or skills are broken.
     """
-
-    def make(values: Mapping[str, str]) -> HostNode:
-        folder = find_trees(values["trees"])
-        trees = read_trees(folder, InstalledInterfaces(), values["robot"], values["language"])
-        return HostNode(
-            trees.tagged(values["tags"]),
-            tunings=values["tunings"],
-            open_goals=values["open_goals"],
-        )
-
-    return make_from_parameters(
-        "agents", (TREES, TAGS, ROBOT, LANGUAGE, TUNINGS, OPEN_GOALS), make
-    )
+    return make_managed(HostNode)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -17,6 +17,7 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
 from bt_agents_interfaces.msg import TreeStatus
+from bt_agents_ros.messages import header_at
 
 _LONGEST_REASON = 500
 _STATUS = {status: getattr(StatusChangeMsg, status.name) for status in Status}
@@ -27,7 +28,7 @@ def tree_status(
 ) -> TreeStatus:
     """Return the message of a tick, with the run after it and what it has changed, in order."""
     return TreeStatus(
-        stamp=stamp,
+        header=header_at(stamp),
         epoch=goal.epoch,
         round=goal.round,
         agent=goal.agent,

@@ -16,6 +16,7 @@ from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_interfaces.msg import RunRecord, TreeStatus
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros import qos
+from bt_agents_ros.messages import header_at
 from bt_agents_ros.timers import steady_timer
 
 _MOST_CHARACTERS = 8_000
@@ -56,7 +57,7 @@ class RunRecords:
     def run(self, goal: Any, spec: AgentSpec, *, environment: Environment, **how: Any) -> Run:
         """Return the run of a goal, recorded when there are subscribers; see :class:`Run`."""
         if not self._has_subscribers():
-            return Run(spec, environment=environment, **how)
+            return Run(spec, environment=environment, host=self._host, **how)
         self.flush()
         self._goal = goal
         seed = secrets.randbits(_SEED_BITS)
@@ -66,6 +67,7 @@ class RunRecords:
             seed=seed,
             version=self._version(spec.name),
             sink=self._collect,
+            host=self._host,
             **how,
         )
 
@@ -78,7 +80,7 @@ class RunRecords:
         self._characters = 0
         self._records.publish(
             RunRecord(
-                stamp=self._node.get_clock().now().to_msg(),
+                header=header_at(self._node.get_clock().now().to_msg()),
                 host=self._host,
                 host_instance=self._instance,
                 epoch=self._goal.epoch,

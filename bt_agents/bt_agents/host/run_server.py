@@ -6,8 +6,9 @@ from __future__ import annotations
 import hmac
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rclpy.action import CancelResponse, GoalResponse
@@ -16,27 +17,35 @@ from rclpy.task import Future
 from rclpy.time import Time
 
 from bt_agents.engine.run import Overrun, Run, RunResult, StatusChange, TreeOutcome
+from bt_agents.engine.scope import RunScope
 from bt_agents.engine.tick_scheduler import TickScheduler
 from bt_agents.host.agent_registry import AgentRegistry
-from bt_agents.host.award_monitor import AwardMonitor, RunKey
+from bt_agents.host.award_monitor import AwardMonitor
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.open_goals_file import OpenGoalsFile
 from bt_agents.host.environment.ros_environment import RosEnvironment
+from bt_agents.host.run_control import ControlledRun, RunControl
 from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
 from bt_agents.host.run_records import RunRecords
 from bt_agents_core.errors import Refused
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import Scene
 from bt_agents_core.stop_cause import Cancellation, StopCause, stopper
+from bt_agents_core.text import printable_line
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
 from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
-from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.messages import partial_scene_from_msg, scene_from_msg, scene_to_msg
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.workarounds.quiet_action_server import QuietActionServer
 
 RESULT_TIMEOUT_S = 2
 """Time for which rclpy stores a result [s]; its default of 900 s slows acceptance 25-fold."""
+
+MOST_REFUSALS = 20
+"""Refused goals within :data:`RESULT_TIMEOUT_S` that get a result; more are rejected without."""
 
 _STOP_SETTLE_S = 0.7
 """Longest wait of a host that is stopped for goals to end [s], of a second for everything."""
@@ -68,7 +77,10 @@ class _Stop:
 
 
 class RunServer:
-    """Action ``~/run``: accepts one goal at a time and ticks its tree until it has ended.
+    """Action ``~/run``: takes one goal at a time and ticks its tree until it has ended.
+
+    A goal that it does not take ends at once as ``REFUSED``, with a code and the reason. Without a
+    market it takes goals of anybody, which name an agent and need nothing else.
 
     Args:
         node: The host's node.
@@ -77,9 +89,14 @@ class RunServer:
         live: Begins with the scene of a run; returns a function for its live scene.
         version: Returns the version of an agent's file that is in force.
         open_goals_file: Keeps what its trees have open over a kill; None keeps nothing.
+        market: False where no market awards its runs.
+        slowness: Factor for limits of servers; see :class:`RosEnvironment`.
 
     Attributes:
         goal: The goal under way; None without one.
+        run: Its run; None before its tree was made.
+        control: Its pause, and the breakpoints of all agents.
+        tick_began: When the last tick began, on the steady clock [s].
     """
 
     def __init__(
@@ -90,18 +107,28 @@ class RunServer:
         live: Callable[[Scene], Callable[[], Scene]],
         version: Callable[[str], int],
         open_goals_file: OpenGoalsFile | None = None,
+        *,
+        market: bool = True,
+        slowness: float = 1.0,
     ) -> None:
         self.goal: Any = None
+        self.run: Run | None = None
+        self.control = RunControl(self._on_control)
+        self.tick_began = 0.0
+        self._market = market
+        self._runs_begun = 0
         self._node = node
         self._registry = registry
         self._instance = instance
         self._live = live
-        self._run: Run | None = None
+        self._live_now: Callable[[], Scene] | None = None
         self._ended: Any = None
         self._stopped: tuple[Run, Sequence[StatusChange], Time] | None = None
         self._ticked = node.get_clock().now()
         self._handle: Any = None
         self._scene: Any = None
+        self._refusal: Refused | None = None
+        self._refused_at: deque[float] = deque(maxlen=MOST_REFUSALS)
         self._stop: _Stop | None = None
         self._cancellation: Cancellation | None = None
         self._shutting_down = False
@@ -109,10 +136,14 @@ class RunServer:
         self._free_since = 0.0
         self._award_monitor = AwardMonitor(time.monotonic())
         self._tick_queued = False
+        self._stepping = False
         self._period_s = 0.05
         self._scheduler = TickScheduler(self._period_s, time.monotonic())
         self._begin_listeners: list[Callable[[Any], None]] = []
+        self._start_listeners: list[Callable[[Run], None]] = []
         self._end_listeners: list[Callable[[Any, RunAgent.Result], None]] = []
+        self._control_listeners: list[Callable[[], None]] = []
+        self._tick_listeners: list[Callable[[], None]] = []
         self.environment = RosEnvironment(
             node,
             self._on_arrival,
@@ -120,6 +151,8 @@ class RunServer:
             space=registry.space,
             agent=lambda: self.goal.agent if self.goal is not None else "",
             scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
+            run=lambda: RunKey.of(self.goal) if self.goal is not None else None,
+            slowness=slowness,
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
         self._records = RunRecords(node, instance, self._status, version)
@@ -128,10 +161,11 @@ class RunServer:
         self._server: QuietActionServer | None = None
         self._award_key = b""
 
-    def open(self, award_key: bytes) -> None:
+    def open(self, award_key: bytes = b"") -> None:
         """Open the action; two servers of one name would each take every goal.
 
-        Goals without the key of the market that has registered the host are refused.
+        Goals without the key of the market that has registered the host are refused; where no
+        market awards runs, there is no key.
         """
         self._award_key = award_key if any(award_key) else b""
         self._withdrawing = False
@@ -175,15 +209,27 @@ class RunServer:
         return str(self.goal.agent) if self.goal is not None else ""
 
     @property
-    def tip(self) -> str:
-        """Path of the node that decides the status of the tree; empty without one."""
-        return self._run.tip if self._run is not None and self._run.ticks else ""
+    def tip(self) -> tuple[str, str]:
+        """Path and name of the node that decides the status of the tree; empty without one."""
+        run = self.run
+        return (run.tip, run.tip_name) if run is not None and run.ticks else ("", "")
+
+    def names(self) -> RunScope:
+        """Return the names of the run; who reads them leaves no mark in its recording."""
+        assert self.run is not None
+        assert self._live_now is not None
+        return replace(
+            self.run.scope,
+            live=self._live_now,
+            tunables=self._registry.member(self.running).tunables,
+            clock=self.environment.local_time,
+        )
 
     def set_rate(self, hertz: float) -> None:
         """Tick this often from now on [1/s]."""
         self._period_s = 1.0 / hertz
-        if self._run is not None:
-            self._run.period_s = self._period_s
+        if self.run is not None:
+            self.run.period_s = self._period_s
             self._scheduler.change(self._period_s, time.monotonic())
             self._set_timer()
 
@@ -191,12 +237,61 @@ class RunServer:
         """Register a listener for each goal that was accepted."""
         self._begin_listeners.append(listener)
 
+    def on_start(self, listener: Callable[[Run], None]) -> None:
+        """Register a listener for each run whose tree was made, before it is ticked."""
+        self._start_listeners.append(listener)
+
     def on_end(self, listener: Callable[[Any, RunAgent.Result], None]) -> None:
         """Register a listener for each goal that is over and its result, before that goes out.
 
         The host is not busy any more then.
         """
         self._end_listeners.append(listener)
+
+    def on_control(self, listener: Callable[[], None]) -> None:
+        """Register a listener for each change of the pause and of the breakpoints."""
+        self._control_listeners.append(listener)
+
+    def on_tick(self, listener: Callable[[], None]) -> None:
+        """Register a listener for the end of each tick."""
+        self._tick_listeners.append(listener)
+
+    def pause(self, author: str) -> None:
+        """Stop ticking the tree; see :meth:`RunControl.pause`."""
+        self.control.pause(author)
+        self.environment.clock.stop()
+
+    def resume(self, author: str) -> None:
+        """Tick the tree again; see :meth:`RunControl.resume`."""
+        self.control.resume(author)
+        self.environment.clock.go_on()
+        self._tick_soon()
+
+    def step(self) -> None:
+        """Tick the paused tree once, as if one period had passed.
+
+        Raises:
+            Refused: ``NOT_PAUSED`` or ``HELD_UP``.
+        """
+        self.control.check_paused()
+        if self._hold_off_s(time.monotonic()):
+            raise Refused(
+                "HELD_UP", "this host was held up, and the market may have gone on; ask again"
+            )
+        self.environment.clock.advance(self._period_s)
+        self._stepping = True
+        self._tick()
+
+    def set_breakpoints(self, agent: str, paths: Sequence[str], author: str) -> None:
+        """Set all breakpoints of an agent; see :meth:`RunControl.set_breakpoints`."""
+        spec = self._registry.member(agent).spec
+        nodes = {node.path for node in iter_nodes(spec.tree)}
+        if self.run is not None and self.running == agent:
+            # It keeps the tree that it began with.
+            nodes |= {node.path for node in iter_nodes(self.run.spec.tree)}
+        self.control.set_breakpoints(agent, paths, nodes, author)
+        if self.run is not None and self.running == agent:
+            self.run.set_breakpoints(paths)
 
     def cancel(
         self, reason: str, *, cause: StopCause = StopCause.BY_HOST, clean_up: bool = True
@@ -237,12 +332,12 @@ class RunServer:
         """Stop the running tree soon, without its clean-up, and reject later goals."""
         self._shutting_down = True
         self.cancel(reason, clean_up=False)
-        if self._run is not None:
-            self._run.shorten_settling(_STOP_SETTLE_S)
+        if self.run is not None:
+            self.run.shorten_settling(_STOP_SETTLE_S)
             self._tick_soon()
 
     def check_stall(self) -> None:
-        """Detect a stall, and close after the farewell; called ten times a second."""
+        """Detect a stall, and close after the farewell; called with each heartbeat."""
         now = time.monotonic()
         self._award_monitor.stall.hold_off_s(now)
         if self._withdrawing and not self.busy and now - self._free_since >= _FAREWELL_S:
@@ -255,17 +350,34 @@ class RunServer:
             self.cancel("the market has given its run away", clean_up=False)
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
+        """Accept a goal, also one that is refused: only an accepted goal has a result."""
+        self._refusal = None
         try:
             self._scene = self._check(goal)
         except Refused as refused:
+            self._refusal = refused
             self._node.get_logger().warning(
                 f"goal for '{goal.agent[:80]}' (round {goal.round}) refused: {refused}"
             )
-            return GoalResponse.REJECT
+            return GoalResponse.ACCEPT if self._may_explain() else GoalResponse.REJECT
         return GoalResponse.ACCEPT
+
+    def _may_explain(self) -> bool:
+        """Return whether one more refused goal may have a result, which is stored for a while."""
+        now, times = time.monotonic(), self._refused_at
+        if len(times) == MOST_REFUSALS and now - times[0] < RESULT_TIMEOUT_S:
+            return False
+        times.append(now)
+        return True
 
     def _begin(self, handle: Any) -> None:
         """Begin a goal whose acceptance is on its way; a cancel with it is handled first."""
+        refusal, self._refusal = self._refusal, None
+        if refusal is not None:
+            handle.execute(lambda goal: _refuse(goal, refusal))
+            return
+        if not self._market:
+            self._complete(handle.request)
         self._handle = handle
         self.goal = handle.request
         handle.execute()
@@ -279,6 +391,9 @@ class RunServer:
             raise Refused("REFUSED", "the market has refused this host, so it takes no goals")
         if self.busy:
             raise Refused("BUSY", f"{self.goal.agent} is running; one tree at a time")
+        return self._check_award(goal) if self._market else self._check_direct(goal)
+
+    def _check_award(self, goal: Any) -> Scene:
         if goal.host_instance != self._instance:
             raise Refused(
                 "WRONG_INSTANCE",
@@ -300,11 +415,30 @@ class RunServer:
             )
         return scene_from_msg(goal.scene, self._registry.space)
 
+    def _check_direct(self, goal: Any) -> Scene:
+        """Check a goal that no market has awarded; what its scene leaves open is as of nobody."""
+        if not goal.agent:
+            known = ", ".join(self._registry.members) or "none"
+            raise Refused("EMPTY", f"the goal names no agent; there are: {known}")
+        obstacle = self._registry.member(goal.agent).obstacle
+        if obstacle:
+            raise Refused("UNAVAILABLE", f"{goal.agent} cannot run: {obstacle}")
+        return partial_scene_from_msg(goal.scene, self._registry.space)
+
+    def _complete(self, goal: Any) -> None:
+        """Fill in what a market would have said: which run it is, and its whole scene."""
+        self._runs_begun += 1
+        goal.epoch, goal.round = self._instance, self._runs_begun
+        goal.host_instance, goal.scene = self._instance, scene_to_msg(self._scene)
+
     def _answer_cancel(self, handle: Any) -> CancelResponse:
         if self._handle is None or handle != self._handle:
             return CancelResponse.REJECT
         if self._stop is None:
-            self.cancel("the market stopped it", cause=StopCause.BY_MARKET)
+            if self._market:
+                self.cancel("the market stopped it", cause=StopCause.BY_MARKET)
+            else:
+                self.cancel("the program that started it stopped it")
             self._tick()
         return CancelResponse.ACCEPT
 
@@ -318,8 +452,11 @@ class RunServer:
             result = not_begun(error)
         finally:
             stop, self._stop, self._cancellation = self._stop, None, None
-            self.goal = self._run = self._handle = None
+            self.goal = self.run = self._handle = None
             self._free_since = time.monotonic()
+            self._stepping = False
+            self.control.end()
+            self.environment.clock.go_on()
         self._node.get_logger().info(
             f"round {goal.round}: {goal.agent} {result.outcome.value}: {result.message}"
         )
@@ -338,19 +475,24 @@ class RunServer:
 
     def _start(self, goal: Any) -> None:
         member = self._registry.member(goal.agent)
-        self._run = self._records.run(
+        self._live_now = self._live(self._scene)
+        self.run = self._records.run(
             goal,
             member.spec,
             space=self._registry.space,
             scene=self._scene,
             profile=member.profile_for(self._scene),
-            live=self._live(self._scene),
+            live=self._live_now,
             tunables=member.tunables,
             environment=self.environment,
             steady=time.monotonic,
         )
-        self._run.period_s = self._period_s
+        self.run.period_s = self._period_s
+        self.run.set_breakpoints(self.control.breakpoints.get(goal.agent, ()))
         self._scheduler = TickScheduler(self._period_s, time.monotonic())
+        self.control.begin(ControlledRun(epoch=goal.epoch, round=goal.round, agent=goal.agent))
+        for listener in self._start_listeners:
+            self._notify(listener, self.run)
         self._tick()
         self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
 
@@ -362,7 +504,7 @@ class RunServer:
             self._node.get_logger().error(traceback.format_exc())
 
     def _on_arrival(self) -> None:
-        if self._run is not None:
+        if self.run is not None:
             self._scheduler.request(time.monotonic())
             self._set_timer()
 
@@ -370,7 +512,13 @@ class RunServer:
         self._scheduler.now(time.monotonic())
         self._set_timer()
 
+    @property
+    def _is_paused(self) -> bool:
+        return self.control.paused and self._stop is None and not self._stepping
+
     def _set_timer(self) -> None:
+        if self._is_paused:
+            return
         now = time.monotonic()
         wait_s = self._scheduler.due - now
         if self._stop is None:
@@ -393,10 +541,10 @@ class RunServer:
     def _tick(self) -> None:
         self._tick_queued = False
         self._timer.cancel()
-        run = self._run
-        if run is None or run.result is not None:
+        run = self.run
+        if run is None or run.result is not None or self._is_paused:
             return
-        began = time.monotonic()
+        self.tick_began = began = time.monotonic()
         if self._hold_off_s(began) and self._stop is None:
             # The market may have given the run to another agent meanwhile, and will say so.
             self._set_timer()
@@ -408,11 +556,26 @@ class RunServer:
             # What a node raises is its FAILURE; this is a fault of the engine, and ends the run.
             self._end(self._give_up(run, f"{type(error).__name__}: {error}"))
             return
+        self._after_tick(run)
         if run.result is not None:
             self._end(run.result)
             return
         self._scheduler.finished(began, time.monotonic(), run.deadline)
         self._set_timer()
+
+    def _after_tick(self, run: Run) -> None:
+        self._stepping = False
+        if not run.ticking:
+            self.control.end_ticking()
+            self.environment.clock.go_on()
+        elif self.control.on_tick(run.held):
+            self.environment.clock.stop()
+        for listener in self._tick_listeners:
+            self._notify(listener)
+
+    def _on_control(self) -> None:
+        for listener in self._control_listeners:
+            self._notify(listener)
 
     def _end(self, result: RunResult) -> None:
         self._timer.cancel()
@@ -454,6 +617,8 @@ class RunServer:
 
     def _hold_off_s(self, now: float) -> float:
         """Return how long not to tick, as the run may have been given away meanwhile [s]."""
+        if not self._market:
+            return 0.0
         return self._award_monitor.hold_off_s(RunKey.of(self.goal), now)
 
     def _report_overrun(self, run: Run, overrun: Overrun) -> None:
@@ -481,6 +646,12 @@ class RunServer:
         self, goal: Any, run: Run, changes: Sequence[StatusChange], ticked: Time
     ) -> TreeStatus:
         return tree_status(ticked.to_msg(), goal, self._instance, run, changes)
+
+
+def _refuse(handle: Any, refusal: Refused) -> RunAgent.Result:
+    handle.abort()
+    message = printable_line(refusal.reason)
+    return RunAgent.Result(outcome=RunAgent.Result.REFUSED, code=refusal.code, message=message)
 
 
 def _close(handle: Any, result: RunResult) -> None:

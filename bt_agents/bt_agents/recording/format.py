@@ -6,8 +6,8 @@ and goals answer each time as they did first, a goal that is cancelled excepted.
 step is enough. A step in which nothing new came has no entry.
 
 ``NaN`` and ``Infinity`` are written as Python writes them. The first line has what was known
-before: ``format``, ``agent``, ``version``, ``file``, ``seed``, ``limits``, ``parameters``,
-``scene``, ``profile``, ``tunables``, ``live``, ``t``. The others have:
+before: ``format``, ``agent``, ``host``, ``version``, ``file``, ``seed``, ``limits``,
+``parameters``, ``scene``, ``profile``, ``tunables``, ``live``, ``t``. The others have:
 
 ============ =====================================================================================
 ``step``     number of the step, from 1
@@ -22,12 +22,15 @@ before: ``format``, ``agent``, ``version``, ``file``, ``seed``, ``limits``, ``pa
 ``calls``    what the host did besides: ``{"call": "cancel", "reason", "clean_up"}``, with the
              ``"cancellation"``: ``{"by", "reason"}`` where it is known who stopped it, or
              ``{"call": "shorten_settling", "settle_s"}`` each
+``kept``     paths of the nodes that a breakpoint kept from starting in it; they start in the next
+             tick, if their turn has not passed by then
 ``goals``    what is new about goals that were polled: ``{"goal", "field", "value"}`` each, with
              ``"after_cancel": true`` where only a cancel in the same step brought it out; goals
              are numbered as sent, from 0
 ``messages`` messages that were taken: ``{"inbox", "message"}`` each, inboxes numbered as opened
 ``plugins``  answers of behaviours of packages: ``{"path", "status", "message"}`` each; what went
-             wrong at the end of one has no status
+             wrong at the end of one has no status; with the ``"writes"`` of names, if any
+``settling`` paths of such behaviours, one for each goal that is not confirmed ended, when changed
 ``requests`` what was asked for: ``{"kind", "name", "fields"}`` each; one that was refused has the
              ``"error"``: ``{"code", "reason"}``, or ``{"type", "message"}`` of another exception
 ``end``      how the run has ended

@@ -12,7 +12,7 @@ from random import Random
 from typing import Any
 
 from bt_agents.engine.context import BuildChild, RunContext
-from bt_agents.engine.environment import Clock, Environment, GoalRun, Inbox, SkillGoal
+from bt_agents.engine.environment import Clock, Environment, GoalRun, Inbox, PluginNode, SkillGoal
 from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.scope import RunScope, Scope
 from bt_agents.recording.format import Entry
@@ -102,6 +102,10 @@ class RecordingEnvironment:
         self._inboxes += 1
         return RecordingInbox(inbox, self._inboxes - 1, self.steps)
 
+    def open_plugin_node(self, path: str) -> PluginNode | None:
+        """Return the node for a plug-in, of which only the answers are recorded."""
+        return self._environment.open_plugin_node(path)
+
     def log(self, level: str, text: str) -> None:
         """Write a line into the log, which is not recorded."""
         self._environment.log(level, text)
@@ -160,12 +164,30 @@ class RecordingContext(RunContext):
         super().__init__(environment, scope, random)
         assert isinstance(environment, RecordingEnvironment)
         self._is_due = environment.clock.is_due
+        self._steps = environment.steps
+        self._plugin_goals: tuple[str, ...] = ()
 
     def is_due(self, path: str, at: float) -> bool:
         if self._is_due(at):
             return True
         self.deadlines[path] = at
         return False
+
+    def plugin_goals(self) -> tuple[str, ...]:
+        """Return the paths of plug-ins with open goals; what is new about them is recorded."""
+        before, self._plugin_goals = self._plugin_goals, super().plugin_goals()
+        if self._plugin_goals != before:
+            self._steps.entry["settling"] = list(self._plugin_goals)
+        return self._plugin_goals
+
+
+class ReplayContext(RunContext):
+    """Shared state of the nodes of a replayed run."""
+
+    def plugin_goals(self) -> tuple[str, ...]:
+        """Return the paths of plug-ins with open goals as they were recorded."""
+        assert isinstance(self.environment, ReplayEnvironment)
+        return self.environment.plugin_goals
 
 
 class ReplayEnvironment:
@@ -180,6 +202,7 @@ class ReplayEnvironment:
         self.live = scene
         self._local_time = NOON
         self.tunables: dict[str, Plain] = {}
+        self.plugin_goals: tuple[str, ...] = ()
         self.requests: list[Entry] = []
         self._goals: defaultdict[int, ReplayGoal] = defaultdict(ReplayGoal)
         self._sent = 0
@@ -196,6 +219,8 @@ class ReplayEnvironment:
         if "tunables" in entry:
             self.tunables.clear()
             self.tunables.update(entry["tunables"])
+        if "settling" in entry:
+            self.plugin_goals = tuple(entry["settling"])
         if "clock" in entry:
             self._local_time = LocalTime(**entry["clock"])
         if "live" in entry:
@@ -230,6 +255,9 @@ class ReplayEnvironment:
         self._request("watch", topic, {})
         self._opened += 1
         return self._inboxes[self._opened - 1]
+
+    def open_plugin_node(self, path: str) -> None:
+        """Return none, as plug-ins do not run."""
 
     def log(self, level: str, text: str) -> None:
         """Write nothing: the line was logged when the run was recorded."""

@@ -27,7 +27,13 @@ class RecordingPlugin(PluginLeaf):
 
     def update(self) -> Status:
         status = super().update()
-        entry = {"path": self.spec.path, "status": status.name, "message": self.feedback_message}
+        entry: Entry = {
+            "path": self.spec.path,
+            "status": status.name,
+            "message": self.feedback_message,
+        }
+        if self.written:
+            entry["writes"] = dict(self.written)
         self._log.add("plugins", entry)
         return status
 
@@ -59,6 +65,8 @@ class ReplayPlugin(Leaf):
     def update(self) -> Status:
         answer = self._answers[self.spec.path].popleft()
         self.feedback_message = answer["message"]
+        for name, value in answer.get("writes", {}).items():
+            self.scope.write(name, value)
         return cast(Status, Status[answer["status"]])
 
     def terminate(self, new_status: Status) -> None:

@@ -15,6 +15,7 @@ from bt_agents.recording.format import FORMAT, Entry, Recording, bad_recording, 
 from bt_agents.recording.recorded_environment import (
     RecordingContext,
     RecordingEnvironment,
+    ReplayContext,
     ReplayEnvironment,
 )
 from bt_agents_core.field_types import Plain
@@ -58,6 +59,7 @@ class RecordingRun(Run):
         limits: RunLimits | None = None,
         version: int = 0,
         most: int = MOST_CHARACTERS,
+        host: str = "",
     ) -> None:
         limits = limits or RunLimits()
         recorded = self._recorded = RecordingEnvironment(environment, live, tunables, steady)
@@ -79,11 +81,13 @@ class RecordingRun(Run):
             stopwatch=steady,
             plugins=recorded.plugin,
             context=RecordingContext,
+            host=host,
         )
         self._write(
             {
                 "format": FORMAT,
                 "agent": spec.name,
+                "host": host,
                 "version": version,
                 "file": spec.file,
                 "seed": seed,
@@ -101,6 +105,8 @@ class RecordingRun(Run):
         if not steps.began and recorded.recorded_tunables != recorded.tunables:
             recorded.record_tunables()
         changes = Run.tick(self)
+        if self.kept and not steps.closed:
+            steps.entry["kept"] = list(self.kept)
         if changes or steps.entry or self.result is not None:
             self._changed += len(changes)
             self._end_step()
@@ -221,6 +227,8 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
         random=Random(head["seed"]),
         stopwatch=lambda: 0.0,
         plugins=environment.plugin,
+        context=ReplayContext,
+        host=str(head.get("host", "")),
     )
     for number in range(1, recording.steps + 1):
         entry = recording.entries.get(number, {})
@@ -235,6 +243,7 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
                     clean_up=bool(call["clean_up"]),
                     cancellation=_cancellation(call.get("cancellation")),
                 )
+        run.set_breakpoints(entry.get("kept", ()))
         changes += run.tick()
         yield ReplayedStep(
             tick=run.ticks,

@@ -6,8 +6,9 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -152,28 +153,37 @@ def plot(name: str, output: Path, seeds: int) -> None:
     runs = range(seeds)
     judged = []
 
-    def first() -> None:
+    def first() -> Iterator[None]:
         one = paper("1")
         paper_figures.first(output, one)
+        yield
         judged.extend(claims.first(one))
+        yield
 
-    def second() -> None:
+    def second() -> Iterator[None]:
         arms = {arm: paper(f"2-{arm}") for arm in claims.RATES}
         paper_figures.second(output, arms, runs)
+        yield
         judged.extend(claims.second(arms, runs))
+        yield
 
-    def third() -> None:
+    def third() -> Iterator[None]:
         three = paper("3")
         many = claims.played_third(three, runs)
+        yield
         paper_figures.third(output, many, three.spec.rounds)
+        yield
         judged.extend(claims.third(many))
+        yield
 
     console = Console()
-    steps = {"1": first, "2": second, "3": third}
+    steps = {"1": (first, 2), "2": (second, 2), "3": (third, 3)}
     wanted = [step for of, step in steps.items() if name in ("all", of)]
     with progress_bar() as progress:
-        for step in progress.track(wanted, description="drawing and judging"):
-            step()
+        total = sum(count for _, count in wanted)
+        done = chain.from_iterable(step() for step, _ in wanted)
+        for _ in progress.track(done, total, description="drawing and judging"):
+            pass
         stem = "verdicts" if name == "all" else f"verdicts-{name}"
         _write(output / f"{stem}.md", verdicts.as_markdown(judged))
         _write(output / f"{stem}.json", verdicts.as_json(judged))

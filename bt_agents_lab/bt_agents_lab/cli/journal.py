@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,17 +21,11 @@ from bt_agents_core.text import printable, printable_lines
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.trees_choice import kept_state
 
-try:
-    with loading():
-        from bt_agents_lab.recorder.daily_recorder import newest_files
-        from bt_agents_lab.replay.recording_index import RecordingIndex, Round, read
-        from bt_agents_lab.results import ResultFile, ResultRow, row_of_feedback, rows_of_auction
-        from marketplace_node.strategies.plugins import add_installed
-except ModuleNotFoundError as error:
-    raise BtAgentsError(
-        f"this command needs the package {error.name}; install it with "
-        "pip install 'bt-agents[lab]'"
-    ) from None
+with loading():
+    from bt_agents_lab.recorder.daily_recorder import newest_files
+    from bt_agents_lab.replay.recording_index import RecordingIndex, Round, read
+    from bt_agents_lab.results import ResultFile, ResultRow, row_of_feedback, rows_of_auction
+    from marketplace_node.strategies.plugins import add_installed
 
 files_argument = click.argument("files", nargs=-1, type=click.Path(path_type=Path))
 
@@ -45,19 +40,26 @@ files_argument = click.argument("files", nargs=-1, type=click.Path(path_type=Pat
 def journal(files: tuple[Path, ...], out: Path | None) -> None:
     """Show what the FILES of a journal hold: topics, time, rounds and who won them.
 
-    Without FILES it takes those of the newest day of the trees folder here.
+    Without FILES it takes those of the newest day of the trees folder here. A bag of 'ros2 bag
+    record' is one, too.
     """
-    paths = resolve_files(files)
     results = ResultFile(out) if out is not None else None
-    recording = read_files(paths)
+    recording = read_files(files)
     console = Console(highlight=False, soft_wrap=True)
-    for path in paths:
+    for path in recording.files:
         console.print(f"{escape(str(path))}  {path.stat().st_size / 1e6:.2f} MB")
     show_problems(console, recording)
     total = sum(recording.counts.values())
     console.print(
         f"{_moment(recording.first_ns)} to {_moment(recording.last_ns)}, {total} messages"
     )
+    for one in recording.recordings.values():
+        if one.label or one.notes:
+            console.print(_escaped(f"{one.file}: {_described(one)}"))
+    for one in recording.bookmarks:
+        console.print(
+            _escaped(f"{_moment(_nanoseconds(one.header.stamp))}  marked: {_described(one)}")
+        )
     digits = len(str(max(recording.counts.values())))
     for topic, number in sorted(recording.counts.items()):
         console.print(f"{number:>{digits}}  {_escaped(topic)}")
@@ -86,12 +88,13 @@ def _parameters(recording: RecordingIndex) -> list[str]:
 
 
 def read_files(files: Sequence[Path]) -> RecordingIndex:
-    """Return the contents of some files, named as for :func:`resolve_files`.
+    """Return the contents of journals and bags; without any of the newest day here.
 
     Raises:
-        BtAgentsError: There is no file, or one cannot be read at all.
+        BtAgentsError: There is no file, one cannot be read at all, or they hold several systems.
     """
-    recording = read(resolve_files(files))
+    paths = files or newest_journal(kept_state().journal)
+    recording = read(paths, os.environ.get("ROS_NAMESPACE", ""))
     recording.hints += add_installed()
     if not recording.counts:
         reasons = "; ".join([*recording.hints, *recording.problems]) or "it is empty"
@@ -115,28 +118,15 @@ def damage_reported() -> Iterator[None]:
         ) from error
 
 
-def resolve_files(files: Sequence[Path]) -> list[Path]:
-    """Return files, and those in folders; without any those of the newest day here."""
-    if not files:
-        return _newest(kept_state().journal)
-    paths: list[Path] = []
-    for path in files:
-        inside = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-        if not inside:
-            raise BtAgentsError(f"there is no journal in the folder {path}")
-        paths += inside
-    return paths
-
-
-def recorded_rounds(folder: Path) -> list[Round]:
-    """Return the rounds of the newest day in the folder of a journal, the oldest first.
+def recorded_rounds(files: Sequence[Path]) -> list[Round]:
+    """Return the rounds of journals and bags, the oldest first.
 
     Their texts are printable: anybody may have sent what a journal holds.
 
     Raises:
         BtAgentsError: There is no journal, or it cannot be read at all.
     """
-    rounds = read_files(_newest(folder)).rounds
+    rounds = read_files(files).rounds
     for one in rounds:
         _printable([one.auction, *one.run_events])
     return rounds
@@ -162,7 +152,12 @@ def _escaped(text: str) -> str:
     return escape(printable(text))
 
 
-def _newest(folder: Path) -> list[Path]:
+def newest_journal(folder: Path) -> list[Path]:
+    """Return the files of the newest day in the folder of a journal.
+
+    Raises:
+        BtAgentsError: There is none.
+    """
     found = newest_files(folder)
     if not found:
         raise BtAgentsError(
@@ -178,6 +173,17 @@ def show_problems(console: Console, recording: RecordingIndex) -> None:
         console.print(f"[yellow]{_escaped(text)}[/]")
     for topic, number in sorted(recording.lost.items()):
         console.print(f"[yellow]{number} messages on {_escaped(topic)} are lost[/]")
+
+
+def _described(one: Any) -> str:
+    """Return label, notes and author of a recording or a bookmark, as far as there are any."""
+    author = f" ({one.author})" if one.author else ""
+    notes = f" - {one.notes}" if one.notes else ""
+    return f"{one.label or 'no label'}{notes}{author}"
+
+
+def _nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def _moment(nanoseconds: int) -> str:

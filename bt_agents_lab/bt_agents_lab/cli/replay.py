@@ -88,7 +88,7 @@ def _show(console: Console, recording: RecordingIndex, found: FindingCounts) -> 
     elif found.counts and not recording.whole:
         text = "all that could be read is equal; a part of it could not, or is lost"
         console.print(f"[yellow]{text}[/]")
-    elif found.unequal:
+    elif found.unequal or (found.counts and not recording.is_counted):
         console.print("[green]all that was recorded is equal[/]")
     elif found.counts:
         console.print("[green]everything is equal[/]")

@@ -23,7 +23,7 @@ from bt_agents_tools.cli.formatting import progress_bar
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from bt_agents_tools.launcher.log_files import new_log_folder
-from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_local_discovery
+from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_discovery
 from marketplace_node.settings import Settings
 
 _STALL_S = 30.0
@@ -44,13 +44,13 @@ def through_ros(
     """
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
-    set_local_discovery(os.environ)
+    set_discovery(os.environ)
     path, space = folder.folder, folder.scene.space
     with tempfile.TemporaryDirectory(prefix="bt-agents-experiment-") as scratch:
         script = Path(scratch) / "script.yaml"
         script.write_text(_script(spec, space), encoding="utf-8")
         prepared = Path(scratch) / "experiment.yaml"
-        prepared.write_text(_prepared(spec, space), encoding="utf-8")
+        prepared.write_text(prepared_experiment(spec, space), encoding="utf-8")
         market = components.market(path, strategy=settings.strategy)
         ranking: dict[str, str | float] = {"tie_break": settings.tie_break, **settings.options}
         supervisor = Supervisor(new_log_folder())
@@ -84,7 +84,10 @@ def _record(
     from bt_agents_tools.client.observer import Observer
 
     observer = Observer()
-    auctions, feedbacks = observer.received("auctions"), observer.received("feedback")
+    auctions, feedbacks = (
+        observer.received("bt_agents/auctions"),
+        observer.received("bt_agents/feedback"),
+    )
 
     def is_complete() -> bool:
         """Return whether the last round is there, with its decision, which may come after it."""
@@ -147,7 +150,7 @@ def _script(spec: ExperimentSpec, space: SceneSpace) -> str:
     return json.dumps({"format": 1, "title": "an experiment", "visits": visits}, indent=1)
 
 
-def _prepared(spec: ExperimentSpec, space: SceneSpace) -> str:
+def prepared_experiment(spec: ExperimentSpec, space: SceneSpace) -> str:
     """Return the experiment as a file that has the seed that was asked for."""
 
     def named(vector: Vector) -> dict[str, float]:
@@ -156,6 +159,10 @@ def _prepared(spec: ExperimentSpec, space: SceneSpace) -> str:
 
     feedback: dict[str, Any] = {
         "each": {agent: named(vector) for agent, vector in spec.feedback.each.items()},
+        "sequences": {
+            agent: [named(vector) for vector in rows]
+            for agent, rows in spec.feedback.sequences.items()
+        },
         "sequence": [named(vector) for vector in spec.feedback.sequence],
         "repeat": spec.feedback.repeat,
     }

@@ -21,16 +21,10 @@ from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import MEMORY
 from feedback_node.simulated_feedback import SimulatedFeedback
-from marketplace_node.effects import (
-    Collect,
-    Effect,
-    OpenCall,
-    PublishAuction,
-    RunOutcome,
-    SendGoal,
-)
+from marketplace_node.effects import Collect, Effect, OpenCall, PublishAuction, SendGoal
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market
+from marketplace_node.outcomes import RunOutcome
 from marketplace_node.registry import Registration
 from marketplace_node.round.decision import Bids
 from marketplace_node.settings import Settings
@@ -87,7 +81,8 @@ class Core:
         if len(self._records) != before + 1:
             raise BtAgentsError(
                 f"{label} led to no feedback, expected some after each; name every agent under "
-                "'each' of the experiment's feedback, or let its 'sequence' be long enough"
+                "'each' or 'sequences' of the experiment's feedback, and let each list be long "
+                "enough, or 'repeat: true'"
             )
         return self._records[-1]
 

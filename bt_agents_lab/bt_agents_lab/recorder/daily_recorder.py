@@ -28,6 +28,9 @@ _NAME = re.compile(r"journal-(\d{4}-\d\d-\d\d)(?:_(\d{3,}))?\.mcap")
 class DailyRecorder:
     """Recorder of messages; a full disk costs those that arrive meanwhile, and nothing else.
 
+    It records until it is stopped. While it is stopped, it remembers what is still true, so that
+    the file of the next start is complete in itself.
+
     Args:
         days: Number of days of which files are kept; 0 keeps all.
         today: Returns the local date.
@@ -35,6 +38,8 @@ class DailyRecorder:
 
     Attributes:
         dropped: Messages that found no room since the last that did.
+        is_recording: False while it is stopped.
+        trouble: Why nothing can be written; empty when it can.
 
     Raises:
         Refused: ``IN_USE``; another journal writes into the folder.
@@ -51,6 +56,7 @@ class DailyRecorder:
         write: Write = os.pwrite,
     ) -> None:
         self.dropped = 0
+        self.is_recording = True
         self._folder = folder
         self._days = days
         self._today = today
@@ -59,7 +65,7 @@ class DailyRecorder:
         self._facts: dict[str, RecordedMessage] = {}
         self._sequences: dict[str, int] = {}
         self._bytes = 0
-        self._trouble = ""
+        self.trouble = ""
         self._date = today()
         self._lock = lock_folder(folder)
         try:
@@ -70,7 +76,7 @@ class DailyRecorder:
 
     @property
     def path(self) -> Path:
-        """The file of this start and day."""
+        """The file of this start and day; the last one while it is stopped."""
         return self._file.path
 
     def record(self, message: RecordedMessage, *, fact: str = "") -> None:
@@ -79,17 +85,52 @@ class DailyRecorder:
         A fact holds until the next message of the same key, so it is repeated at the beginning of
         later files; an event has no key.
         """
-        if not self._trouble:
+        if self.is_recording and not self.trouble:
             try:
                 self._change_file(message.received_ns)
             except OSError as error:
                 self._warn(error)
         if fact:
             self._facts[fact] = message
-        self._add(message)
+        if self.is_recording:
+            self._add(message)
+
+    def forget(self, fact: str) -> None:
+        """Repeat a fact no more."""
+        self._facts.pop(fact, None)
+
+    def start(self, now_ns: int) -> None:
+        """Begin a new file after a stop, with the facts that hold; ``now_ns`` counts from 1970.
+
+        Raises:
+            Refused: ``IN_USE``; another journal writes into the folder.
+            OSError: The folder cannot be written.
+        """
+        self._lock = lock_folder(self._folder)
+        self._date = self._today()
+        try:
+            self._file = self._open()
+        except BaseException:
+            os.close(self._lock)
+            raise
+        self.is_recording = True
+        self._repeat_facts(now_ns)
+
+    def stop(self) -> None:
+        """Write what waits in memory and end the file; report what is lost."""
+        self.is_recording = False
+        lost = self.dropped + self._file.close()
+        os.close(self._lock)
+        self.dropped, self._bytes, self.trouble = 0, 0, ""
+        if lost:
+            self._report(
+                f"{lost} messages are lost: {self.path} could not be written before the end", True
+            )
 
     def flush(self, now_ns: int) -> None:
         """Write what waits in memory; ``now_ns`` counts from 1970."""
+        if not self.is_recording:
+            return
         try:
             self._flush_file()
             self._change_file(now_ns)
@@ -97,20 +138,16 @@ class DailyRecorder:
         except OSError as error:
             self._warn(error)
             return
-        if self._trouble:
-            self._trouble = ""
+        if self.trouble:
+            self.trouble = ""
             lost = f"; {self.dropped} messages are lost" if self.dropped else ""
             self._report(f"the journal goes on in {self.path}{lost}", bool(lost))
             self.dropped = 0
 
     def close(self) -> None:
-        """Write what waits in memory and close the file; report what is lost."""
-        lost = self.dropped + self._file.close()
-        os.close(self._lock)
-        if lost:
-            self._report(
-                f"{lost} messages are lost: {self.path} could not be written before the end", True
-            )
+        """Stop, if it records."""
+        if self.is_recording:
+            self.stop()
 
     def _flush_file(self) -> None:
         self._file.flush()
@@ -144,6 +181,9 @@ class DailyRecorder:
             raise
         self._file.close()
         self._file = following
+        self._repeat_facts(now_ns)
+
+    def _repeat_facts(self, now_ns: int) -> None:
         self._sequences.clear()
         for fact in self._facts.values():
             self._add(replace(fact, received_ns=now_ns))
@@ -175,8 +215,8 @@ class DailyRecorder:
     def _warn(self, error: OSError) -> None:
         """Report once that nothing can be written."""
         trouble = error.strerror or str(error)
-        if trouble != self._trouble:
-            self._trouble = trouble
+        if trouble != self.trouble:
+            self.trouble = trouble
             code, until = _FULL if error.errno in _NO_ROOM else _FAILED
             self._report(
                 f"{code}: {self._folder} cannot be written ({trouble}); the journal waits in "

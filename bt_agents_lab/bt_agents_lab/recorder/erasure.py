@@ -6,14 +6,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.person_mention import PersonMention
+from bt_agents_lab.recorder.bag import COMPRESSED, is_bag
 from bt_agents_lab.recorder.daily_recorder import lock_folder, newest_files
-from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, RecordedTopic
+from bt_agents_lab.recorder.file import QOS, JournalFile, RecordedMessage, RecordedTopic
 from bt_agents_lab.recorder.reading import JournalReader, StoredMessage
 
 _FLUSHED = 1000
@@ -30,12 +31,14 @@ class ErasedJournals:
         messages: Number of messages that are gone.
         files: The files they were in.
         in_use: File that is being written and holds some still; None for none.
+        bags: Bags of ``ros2 bag`` in the folder, which are left as they are.
         problems: What could not be read, and is not in the new files.
     """
 
     messages: int = 0
     files: tuple[Path, ...] = ()
     in_use: Path | None = None
+    bags: tuple[Path, ...] = ()
     problems: tuple[str, ...] = ()
 
 
@@ -49,16 +52,18 @@ def erase_from_journals(folder: Path, person: PersonMention) -> ErasedJournals:
     Raises:
         BtAgentsError: A file cannot be read or written; it is as it was then.
     """
-    paths = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
+    inside = sorted(folder.iterdir()) if folder.is_dir() else []
+    paths = [one for one in inside if one.suffix == ".mcap" and one.is_file()]
+    bags = tuple(one for one in inside if one.name.endswith(COMPRESSED) or is_bag(one))
     if not paths:
-        return ErasedJournals()
+        return ErasedJournals(bags=bags)
     lock, open_file = -1, None
     try:
         lock = lock_folder(folder)
     except Refused:
         open_file = newest_files(folder)[-1]
     try:
-        return _erase(paths, open_file, person)
+        return replace(_erase(paths, open_file, person), bags=bags)
     except OSError as error:
         raise BtAgentsError(
             f"the journal in {folder} cannot be written ({error.strerror}); make room, or look at "
@@ -121,7 +126,10 @@ def _rewrite(reader: JournalReader, path: Path, person: PersonMention, rounds: s
 def _recorded(one: StoredMessage) -> RecordedMessage:
     return RecordedMessage(
         topic=RecordedTopic(
-            name=one.channel.topic, type=one.schema.name, definition=one.schema.data.decode()
+            name=one.channel.topic,
+            type=one.schema.name,
+            definition=one.schema.data.decode(),
+            qos=one.channel.metadata.get(QOS, ""),
         ),
         data=one.message.data,
         sent_ns=one.message.publish_time,

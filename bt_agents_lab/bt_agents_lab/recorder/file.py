@@ -21,6 +21,9 @@ from bt_agents_core.private_files import make_private_folder, open_private
 LIBRARY = "bt-agents"
 """Name of the writer in the header of a file."""
 
+QOS = "offered_qos_profiles"
+"""Key in the metadata of a channel by which ``ros2 bag play`` publishes as was published."""
+
 Write = Callable[[int, bytes, int], int]
 """As :func:`os.pwrite`."""
 
@@ -40,11 +43,13 @@ class RecordedTopic:
     Attributes:
         type: ``package/msg/Name``.
         definition: Text of the type, followed by those that it uses.
+        qos: What its publishers offer, as ``ros2 bag`` reads it; empty leaves it to that.
     """
 
     name: str
     type: str
     definition: str
+    qos: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,6 +135,7 @@ class JournalFile:
                 topic=topic.name,
                 message_encoding=MessageEncoding.CDR,
                 schema_id=self._schemas[schema],
+                metadata={QOS: topic.qos} if topic.qos else {},
             )
         return self._channels[topic]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of journals, whole or torn, without ROS."""
+"""Reader of journals and of bags of ``ros2 bag record``, whole or torn, without ROS."""
 
 from __future__ import annotations
 
@@ -8,22 +8,45 @@ import zlib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from io import BytesIO
+from itertools import islice
 from pathlib import Path
+from struct import Struct
 from typing import Any, BinaryIO
 
 import zstandard
 from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, Header, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
+from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
 
-from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.text import join_first
+from bt_agents_lab.recorder.bag import COMPRESSED, RecordedFiles, recorded_files
+from bt_agents_lab.recorder.earlier_formats import present_fields, present_name
 from bt_agents_lab.recorder.file import LIBRARY
+from bt_agents_ros.system_topics import HOST, TOPICS
 
 MOST_UNPACKED = 1 << 26
 """Bytes that a chunk may hold; more than a journal ever writes into one."""
 
+MOST_UNPACKED_FILE = 1 << 31
+"""Bytes that are read of a file which is compressed as a whole."""
+
 _LARGEST_RECORD = 1 << 30
+_FIRST_MESSAGES = 1000
+_HEAD = Struct("<BQ")
+"""Opcode and length [bytes] before each record."""
+
+_RECORDS = frozenset((Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK))
+_OWN_PACKAGE = "bt_agents_interfaces/"
+_TELLING = tuple(
+    one for one in TOPICS if one.type.startswith(_OWN_PACKAGE) and HOST not in one.name
+)
+"""Topics by whose names and types a system is known."""
+
 _FOOTER_BYTES = 37
 """Length of the last record of a file, with the magic bytes behind it."""
 
@@ -33,8 +56,10 @@ class JournalEntry:
     """One message of a journal.
 
     Attributes:
+        topic: Its name as it is now, also where an earlier version recorded it.
         type: ``package/msg/Name``.
-        sent_ns: When it was sent [ns since 1970].
+        sent_ns: When it was sent; in a bag that does not say so, when it was received [ns since
+            1970].
         lost: Number of messages of its topic right before it that the journal found no room for.
         data: Serialised, as it was sent.
         decoder: Returns the message of ``data`` with its fields as attributes.
@@ -48,13 +73,14 @@ class JournalEntry:
     decoder: Callable[[bytes], Any]
 
     def decode(self) -> Any:
-        """Return the message with its fields as attributes.
+        """Return the message with its fields of now as attributes.
 
         Raises:
             BtAgentsError: The message or the definition of its type cannot be read.
         """
         try:
-            return self.decoder(self.data)
+            message = self.decoder(self.data)
+            return present_fields(message) if self.type.startswith(_OWN_PACKAGE) else message
         except BtAgentsError:
             raise
         except Exception as error:
@@ -105,49 +131,81 @@ class Counted:
 
 
 class JournalReader:
-    """Reader of the messages of some files, in the order in which they were sent.
+    """Reader of the messages of some journals and bags, in the order in which they were sent.
 
     Duplicates, such as a latched message that a journal received again after its restart, are
     returned once.
 
+    Args:
+        paths: Files, bags, or folders of files.
+        namespace: Of the system to read, where there are several in it.
+
     Attributes:
+        files: All files that are read.
         problems: Texts about what could not be read; complete after reading.
+        hints: Texts about what the files do not tell; complete after reading.
+        is_counted: Whether the files tell how many messages are lost; complete after reading.
         counted: Topic → its messages that were only counted; complete after reading.
 
     Raises:
+        Refused: ``SQLITE_BAG`` or ``NO_RECORDING``.
         BtAgentsError: A file cannot be opened.
     """
 
-    def __init__(self, paths: Sequence[Path]) -> None:
+    def __init__(self, paths: Sequence[Path], namespace: str = "") -> None:
         self.problems: list[str] = []
+        self.hints: list[str] = []
+        self.is_counted = True
         self.counted: dict[str, Counted] = {}
-        self._paths = paths
+        self._namespace = f"/{namespace.strip('/')}"
+        self.files: list[Path] = []
+        self._recorded: dict[Path, RecordedFiles] = {}
         for path in paths:
             try:
-                with path.open("rb"):
-                    pass
+                self._recorded[path] = recorded_files(path)
+                for file in self._recorded[path].paths:
+                    with file.open("rb"):
+                        self.files.append(file)
             except OSError as error:
-                raise BtAgentsError(f"no journal {path}: {error.strerror}") from None
+                raise BtAgentsError(
+                    f"no journal {error.filename or path}: {error.strerror}"
+                ) from None
 
     def entries(self, types: Collection[str] | None = None) -> list[JournalEntry]:
         """Return messages of the types ``package/msg/Name``; None returns all.
 
         The others are counted as often as they are there.
+
+        Raises:
+            Refused: ``SEVERAL_SYSTEMS``; they were recorded together, and none of them is in the
+                namespace.
         """
         seen: set[int] = set()
         found = []
-        for path in self._paths:
-            for entry in self._of_file(path, types):
-                key = hash((entry.topic, entry.sent_ns, zlib.crc32(entry.data)))
-                if key not in seen:
-                    seen.add(key)
-                    found.append(entry)
+        for path, recorded in self._recorded.items():
+            self.problems += recorded.problems
+            number = 0
+            for file in recorded.paths:
+                for one in self._of_file(file):
+                    number += 1
+                    if types is not None and one.type not in types:
+                        self._count(one)
+                        continue
+                    key = hash((one.topic, one.sent_ns, zlib.crc32(one.data)))
+                    if key not in seen:
+                        seen.add(key)
+                        found.append(one)
+            if number < (recorded.messages or 0):
+                self.problems.append(
+                    f"{path} is said to hold {recorded.messages} messages, found {number}"
+                )
+        found = self._of_system(found)
         return sorted(found, key=lambda entry: entry.sent_ns)
 
     def stored(self, path: Path) -> Iterator[StoredMessage]:
         """Yield the messages of one of the files as they are stored, duplicates too."""
         with path.open("rb") as file:
-            schemas, channels = _summary(file)
+            schemas, channels = _summary(file) if not _is_packed(path) else ({}, {})
             unknown = 0
             factory = DecoderFactory()
             ours = False
@@ -156,6 +214,8 @@ class JournalReader:
                     case Header():
                         # Others may count their messages otherwise.
                         ours = record.library == LIBRARY
+                        if not ours:
+                            self._note_foreign(path, record.library)
                     case Schema():
                         schemas[record.id] = record
                     case Channel():
@@ -180,22 +240,57 @@ class JournalReader:
                     f"{path} holds {unknown} messages of which the topic cannot be read"
                 )
 
-    def _of_file(self, path: Path, types: Collection[str] | None) -> Iterator[JournalEntry]:
+    def _of_file(self, path: Path) -> Iterator[JournalEntry]:
         sequences: dict[int, int] = {}
         for one in self.stored(path):
-            lost = _lost_before(one.message, sequences) if one.is_ours else 0
-            if types is not None and one.schema.name not in types:
-                counted = self.counted.setdefault(one.channel.topic, Counted())
-                counted.add(one.message.publish_time, lost)
-                continue
             yield JournalEntry(
-                topic=one.channel.topic,
+                topic=present_name(one.channel.topic, one.schema.name),
                 type=one.schema.name,
-                sent_ns=one.message.publish_time,
-                lost=lost,
+                # Recorders that do not know when a message was sent write 0.
+                sent_ns=one.message.publish_time or one.message.log_time,
+                lost=_lost_before(one.message, sequences) if one.is_ours else 0,
                 data=one.message.data,
                 decoder=one.decoder,
             )
+
+    def _count(self, one: JournalEntry) -> None:
+        self.counted.setdefault(one.topic, Counted()).add(one.sent_ns, one.lost)
+
+    def _note_foreign(self, path: Path, library: str) -> None:
+        """Note that another program has written a file, which is told once."""
+        if self.is_counted:
+            self.hints.append(
+                f"{path} was written by {library or 'another program'}: it does not tell which "
+                "messages its recorder has missed"
+            )
+        self.is_counted = False
+
+    def _of_system(self, entries: list[JournalEntry]) -> list[JournalEntry]:
+        """Return the messages of the system in the namespace, or of the only one; count others."""
+        topics = {(one.topic, one.type) for one in entries}
+        namespaces = {_namespace_of(*topic) for topic in topics} - {""}
+        if len(namespaces) < 2:
+            return entries
+        names = join_first(sorted(namespaces))
+        if self._namespace not in namespaces:
+            raise Refused(
+                "SEVERAL_SYSTEMS",
+                f"the systems of the namespaces {names} were recorded together, expected one in "
+                f"{self._namespace}; set ROS_NAMESPACE to the one to read",
+            )
+        self.hints.append(
+            f"of the systems of the namespaces {names}, this is the one in {self._namespace}; "
+            "ROS_NAMESPACE chooses"
+        )
+        roots = sorted(namespaces, key=len, reverse=True)
+        ours = []
+        for one in entries:
+            below = (root for root in roots if one.topic.startswith(f"{root.rstrip('/')}/"))
+            if next(below, self._namespace) == self._namespace:
+                ours.append(one)
+            else:
+                self._count(one)
+        return ours
 
     def _records(self, path: Path, file: BinaryIO) -> Iterator[McapRecord]:
         """Yield the records of a file up to where it cannot be read any more.
@@ -206,7 +301,7 @@ class JournalReader:
         whole = 0
         reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST_RECORD)
         try:
-            for record in reader.records:
+            for record in _unpacked_records(file) if _is_packed(path) else reader.records:
                 whole = file.tell()
                 if isinstance(record, Chunk):
                     yield from self._of_chunk(path, record)
@@ -214,7 +309,10 @@ class JournalReader:
                     yield record
         except EndOfFile:
             size = os.fstat(file.fileno()).st_size
-            if size > whole:
+            if _is_packed(path):
+                # It was packed when its end was written.
+                self.problems.append(f"{path} is torn: the end of what was packed is missing")
+            elif size > whole:
                 self.problems.append(
                     f"{path} ends in the middle of a record, as after a kill: its last "
                     f"{size - whole} bytes cannot be read"
@@ -230,6 +328,52 @@ class JournalReader:
         except Exception as error:
             self.problems.append(f"{path} has a part that cannot be read: {error}")
             return []
+
+
+def _unpacked_records(file: BinaryIO) -> Iterator[McapRecord]:
+    """Yield the records of a file that is compressed as a whole, up to the end of its data.
+
+    They are unpacked one after the other.
+
+    Raises:
+        EndOfFile: It is torn.
+        ValueError: It holds more than :data:`MOST_UNPACKED_FILE`, or no MCAP.
+        Exception: Whatever a decoder makes of broken bytes.
+    """
+    unpacked = zstandard.ZstdDecompressor(max_window_size=MOST_UNPACKED).stream_reader(file)
+    if unpacked.read(MAGIC_SIZE) != MCAP0_MAGIC:
+        raise ValueError("what it holds is no MCAP")
+    left = MOST_UNPACKED_FILE
+    while len(head := unpacked.read(_HEAD.size)) == _HEAD.size:
+        number, length = _HEAD.unpack(head)
+        left -= _HEAD.size + length
+        if left < 0 or length > MOST_UNPACKED:
+            raise ValueError(
+                f"it holds more than {MOST_UNPACKED_FILE} bytes, or more than {MOST_UNPACKED} at "
+                "once; unpack it with 'zstd -d' and read that"
+            )
+        body = unpacked.read(length)
+        if len(body) < length:
+            break
+        if number == Opcode.DATA_END:
+            return
+        if number in _RECORDS:
+            reader = StreamReader(BytesIO(head + body), skip_magic=True, emit_chunks=True)
+            yield next(reader.records)
+    raise EndOfFile
+
+
+def _is_packed(path: Path) -> bool:
+    return path.name.endswith(COMPRESSED)
+
+
+def _namespace_of(topic: str, type_name: str) -> str:
+    """Return the namespace of the system that a topic is of; empty where it does not tell."""
+    full = f"/{topic.lstrip('/')}"
+    for known in _TELLING:
+        if known.type == type_name and full.endswith(f"/{known.name}"):
+            return full.removesuffix(f"/{known.name}") or "/"
+    return ""
 
 
 def _lost_before(message: Message, sequences: dict[int, int]) -> int:
@@ -297,9 +441,30 @@ def _unpacked(chunk: Chunk) -> list[McapRecord]:
 def _decoded(factory: DecoderFactory, channel: Channel, schema: Schema, data: bytes) -> Any:
     """Return a message of a channel; the factory makes the decoder of a schema once."""
     decoder = factory.decoder_for(channel.message_encoding, schema)
+    if decoder is None and not schema.data:
+        raise BtAgentsError(
+            f"its recorder has not found the definition of {schema.name}; start 'ros2 bag record' "
+            "where the packages of the system are installed"
+        )
     if decoder is None:
         raise BtAgentsError(
             f"{channel.topic} is written as {channel.message_encoding} with a "
             f"{schema.encoding} schema, expected cdr with ros2msg"
         )
     return decoder(data)
+
+
+def recording_label(path: Path) -> str:
+    """Return the label under which a file was begun; empty for none.
+
+    It stands right behind the facts with which a file begins, so no more is read.
+    """
+    try:
+        reader = JournalReader([path])
+        for one in islice(reader.stored(reader.files[0]), _FIRST_MESSAGES):
+            if one.schema.name == "bt_agents_interfaces/msg/RecordingStatus":
+                return str(one.decoder(one.message.data).label)
+    except Exception:
+        # Whatever a decoder makes of broken bytes.
+        pass
+    return ""

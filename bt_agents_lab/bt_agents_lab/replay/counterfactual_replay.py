@@ -27,7 +27,8 @@ from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.model.specs import AgentSpec
 from feedback_node.learning.learning_step import Evidence, requested, step
 from marketplace_node.operator_overrides import NOT_AWARDED, NOT_PINNED, VETOED
-from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Terms
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import AcceptedBid, ClosedBy, Terms
 from marketplace_node.round.ranking import decide
 from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import STRATEGIES
@@ -250,7 +251,7 @@ class _Counterfactual:
             profile = self._profile_of(spec, scene)
             tunables = {tunable.name: tunable.default for tunable in spec.tunables}
             if _left_out(one, spec.name) or unmet(
-                spec, space, scene, profile, tunables, lambda: local_time(auction.stamp.sec)
+                spec, space, scene, profile, tunables, lambda: local_time(auction.header.stamp.sec)
             ):
                 continue
             unknown = AcceptedBid(

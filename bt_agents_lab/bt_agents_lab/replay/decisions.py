@@ -16,8 +16,8 @@ from bt_agents_lab.replay.recording_index import NO_TEXTS, Round
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import calculation, reason_of
+from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.round.decision import (
-    AuctionOutcome,
     ClosedBy,
     Decision,
     Ranked,

@@ -16,7 +16,7 @@ from bt_agents_core.stop_cause import StopCause, StoppedBy
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_lab.replay.market_rules import Rules, rules_of_market
 from bt_agents_lab.replay.texts import ParsedTexts, TextFiles
-from marketplace_node.effects import RunEventKind, RunOutcome
+from marketplace_node.outcomes import RunEventKind, RunOutcome
 
 _TYPES = "bt_agents_interfaces/msg/"
 
@@ -146,19 +146,27 @@ class RecordingIndex:
 
     Attributes:
         events: Rounds of all markets, and what has become of profiles, in order.
+        recordings: Latest ``RecordingStatus`` of each file, in order.
+        bookmarks: ``Bookmark`` messages, in order.
         counts: Topic → messages.
         lost: Topic → messages that the journal found no room for.
         first_ns: When the first message was sent [ns since 1970]; 0 for none.
+        files: Files that hold them.
+        is_counted: Whether these tell how many messages are lost.
         problems: Texts about what cannot be read.
         hints: Texts to show before them.
     """
 
     events: list[Round | RecordedFeedback | RecordedProfile] = field(default_factory=list)
     runs: dict[RunKey, RecordedRun] = field(default_factory=dict)
+    recordings: dict[str, Any] = field(default_factory=dict)
+    bookmarks: list[Any] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
     lost: Counter[str] = field(default_factory=Counter)
     first_ns: int = 0
     last_ns: int = 0
+    files: list[Path] = field(default_factory=list)
+    is_counted: bool = True
     problems: list[str] = field(default_factory=list)
     hints: list[str] = field(default_factory=list)
 
@@ -183,13 +191,17 @@ def index_entries(entries: Iterable[JournalEntry]) -> RecordingIndex:
     return _Indexer().index(entries)
 
 
-def read(paths: Sequence[Path]) -> RecordingIndex:
+def read(paths: Sequence[Path], namespace: str = "") -> RecordingIndex:
     """Return the contents of some files; messages of no use for a replay are only counted.
 
+    Args:
+        paths: As for :class:`JournalReader`.
+        namespace: The same.
+
     Raises:
-        BtAgentsError: A file cannot be opened.
+        BtAgentsError: A file cannot be opened, or holds several systems.
     """
-    reader = JournalReader(paths)
+    reader = JournalReader(paths, namespace)
     recording = index_entries(reader.entries(_HANDLERS.keys()))
     for topic, counted in reader.counted.items():
         recording.counts[topic] += counted.messages
@@ -197,7 +209,9 @@ def read(paths: Sequence[Path]) -> RecordingIndex:
             recording.lost[topic] += counted.lost
         recording.first_ns = min(recording.first_ns or counted.first_ns, counted.first_ns)
         recording.last_ns = max(recording.last_ns, counted.last_ns)
+    recording.files, recording.is_counted = reader.files, reader.is_counted
     recording.problems[:0] = reader.problems
+    recording.hints += reader.hints
     return recording
 
 
@@ -262,6 +276,12 @@ class _Indexer:
             if topic in self._last_runs:
                 self._last_runs[topic].torn = True
         self._last_runs[topic] = run
+
+    def _recording(self, message: Any) -> None:
+        self.recording.recordings[message.file] = message
+
+    def _bookmark(self, message: Any) -> None:
+        self.recording.bookmarks.append(message)
 
     def _files(self, message: Any) -> None:
         texts = TextFiles.of(message)
@@ -418,6 +438,8 @@ _OF_RUNS = (f"{_TYPES}RunRecord", f"{_TYPES}TreeStatus")
 
 _HANDLERS = {
     f"{_TYPES}AgentFiles": _Indexer._files,
+    f"{_TYPES}Bookmark": _Indexer._bookmark,
+    f"{_TYPES}RecordingStatus": _Indexer._recording,
     f"{_TYPES}HostCard": _Indexer._card,
     f"{_TYPES}Run": _Indexer._run,
     f"{_TYPES}MarketStatus": _Indexer._market,

@@ -42,7 +42,7 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
         # Journals of before have neither.
         visits=getattr(message, "visits", 0),
         remembered=facts(values_of(getattr(message, "remembered", ()))),
-        stamp=message.stamp.sec + message.stamp.nanosec * 1e-9,
+        stamp=message.header.stamp.sec + message.header.stamp.nanosec * 1e-9,
     )
 
 

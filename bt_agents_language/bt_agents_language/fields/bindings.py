@@ -14,17 +14,26 @@ from bt_agents_language.fields.interfaces import (
     read_ros_name,
     read_ros_type,
 )
-from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.scope import NameScope, run_names
 from bt_agents_language.fields.values import is_plain, plain, read_condition, read_map
-from bt_agents_language.model.specs import Binding, HeartbeatSpec, MapValue, Timeouts
+from bt_agents_language.model.specs import (
+    Binding,
+    ErrorCodeSpec,
+    HeartbeatSpec,
+    MapValue,
+    Timeouts,
+)
 from bt_agents_language.yaml.field_tables import (
     CONDITION,
     DURATION,
     FIELDS,
+    NUMBER,
     ROS_NAME,
     ROS_TYPE,
+    TEXT,
     FieldDecl,
     KeyTable,
+    Several,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
@@ -63,6 +72,18 @@ HEARTBEAT = KeyTable(
 def timeout_keys(kind: BindingKind) -> tuple[str, ...]:
     """Return the keys of ``timeouts``; a service answers at once, so it accepts nothing."""
     return tuple(one for one in TIMEOUTS.values if one != "accept" or kind is BindingKind.ACTION)
+
+
+ERROR_CODE = KeyTable(
+    what="'error_code'",
+    fields=(
+        FieldDecl("field", TEXT, "field of what comes back that holds the code", required=True),
+        FieldDecl(
+            "success", Several(NUMBER), "the code, or the codes, that mean success; 0 if left out"
+        ),
+        FieldDecl("message", TEXT, "field with the reason in words"),
+    ),
+)
 
 
 class Outputs:
@@ -131,6 +152,11 @@ def _interface(kind: BindingKind) -> KeyTable:
             HEARTBEAT,
             "What the server publishes while it is alive; its death is noticed by it.",
         ),
+        FieldDecl(
+            "error_code",
+            ERROR_CODE,
+            "Where what comes back says that it failed; then the node fails with code and reason.",
+        ),
     )
 
 
@@ -155,15 +181,16 @@ def read_binding(
 ) -> Binding | None:
     """Return a binding; None when it is wrong, which is then reported.
 
-    ``names`` are for the values that are sent, ``result_names`` for ``succeed_when``, besides
-    ``result.*``; without ``interfaces`` types are not checked.
+    ``names`` are for the values that are sent, besides ``run.*``, and ``result_names`` for
+    ``succeed_when``, besides ``result.*``; without ``interfaces`` types are not checked.
     """
     name = fields.read(name_key, partial(read_ros_name, reading))
     type_name = fields.read("type", lambda node, _: read_ros_type(reading, node, kind, interfaces))
     sent_node = fields.get(SENT[kind])
     sent = MapValue(items={})
     if sent_node is not None:
-        sent = read_map(reading, sent_node, names, f"'{SENT[kind]}'")
+        sent_names = names.and_names(run_names())
+        sent = read_map(reading, sent_node, sent_names, f"'{SENT[kind]}'")
         if interfaces is not None and type_name is not None:
             _check_sent(reading, sent_node, sent, kind, type_name, interfaces)
     succeed_node = fields.get("succeed_when")
@@ -173,6 +200,7 @@ def read_binding(
         succeed_when = read_condition(reading, succeed_node, names, "'succeed_when'")
     timeouts = _timeouts(reading, fields, kind)
     heartbeat = _heartbeat(reading, fields, interfaces)
+    error_code = _error_code(reading, fields, outputs.result_fields)
     if name is None or type_name is None:
         return None
     return Binding(
@@ -185,6 +213,7 @@ def read_binding(
         succeed_when=succeed_when,
         timeouts=timeouts,
         heartbeat=heartbeat,
+        error_code=error_code,
     )
 
 
@@ -290,6 +319,28 @@ def _heartbeat(
     if within_s is None:
         return HeartbeatSpec(topic=topic, type=type_name)
     return HeartbeatSpec(topic=topic, type=type_name, within_s=within_s)
+
+
+def _error_code(
+    reading: TypedReader, fields: MappingReader, result_fields: MessageFields
+) -> ErrorCodeSpec | None:
+    """Return where a result says that it failed; None for nowhere, or what is wrong."""
+    node = fields.get("error_code")
+    written = reading.keys(node, ERROR_CODE) if node is not None else None
+    if written is None:
+        return None
+
+    def path(node: Node, what: str) -> str | None:
+        return read_output(reading, node, what, result_fields)
+
+    code, message = written.read("field", path), written.read("message", path)
+    success = written.get("success")
+    codes = success.items if isinstance(success, Sequence) else (success,) if success else ()
+    read = [reading.number(one, "'success'") for one in codes]
+    if code is None or None in read:
+        return None
+    known = tuple(one for one in read if one is not None)
+    return ErrorCodeSpec(field=code, success=known or (0,), message=message or "")
 
 
 def _limit(reading: TypedReader, fields: MappingReader, key: str) -> float | None:

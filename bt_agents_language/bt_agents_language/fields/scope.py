@@ -123,6 +123,12 @@ class NameScope:
         names._messages = {**self._messages, name: fields}
         return names
 
+    def and_names(self, types: Mapping[str, FieldType]) -> NameScope:
+        """Return these names and more that always have a value; both remember together."""
+        names = copy(self)
+        names._types = {**self._types, **types}
+        return names
+
     def without_texts(self) -> NameScope:
         """Return these names without texts, as a text may name them; both remember together."""
         names = copy(self)
@@ -316,6 +322,28 @@ def scene_names(
 def clock_names() -> dict[str, FieldType]:
     """Return the names of the local time."""
     return {"clock.hour": FieldType.INTEGER, "clock.weekday": FieldType.TEXT}
+
+
+def run_names() -> dict[str, FieldType]:
+    """Return the names that tell a ROS interface who uses it: agent, host, person, urgency."""
+    return {
+        "run.agent": FieldType.TEXT,
+        "run.host": FieldType.TEXT,
+        "run.person": FieldType.TEXT,
+        "run.urgency": FieldType.INTEGER,
+    }
+
+
+def place_names() -> dict[str, FieldType]:
+    """Return the names of the place that an input of a skill names."""
+    return {
+        "place.frame": FieldType.TEXT,
+        "place.x": FieldType.LENGTH,
+        "place.y": FieldType.LENGTH,
+        "place.heading": FieldType.ANGLE,
+        "place.orientation_z": FieldType.NUMBER,
+        "place.orientation_w": FieldType.NUMBER,
+    }
 
 
 def cancel_names() -> dict[str, FieldType]:

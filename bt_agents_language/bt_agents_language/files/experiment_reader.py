@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_core.text import quote
 from bt_agents_language.fields.scene_values import read_values, read_vector
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors, PreparedFeedback
 from bt_agents_language.yaml.field_tables import (
@@ -22,11 +24,12 @@ from bt_agents_language.yaml.field_tables import (
     one_of,
 )
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import TypedReader
-from bt_agents_language.yaml.yaml_reader import Node
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.yaml_reader import Node, Sequence
 
 MAX_ROUNDS = 1_000_000
 
+_GIVEN = ("each", "sequences", "sequence")
 _OPINION = SceneValues(of_profiles=True, filled=True)
 _ERRORS = KeyTable(
     what="'errors'",
@@ -49,11 +52,18 @@ _FEEDBACK = KeyTable(
             Entries(_OPINION, "agents and their feedback"),
             "Agent → the feedback that it always gets.",
         ),
-        FieldDecl("sequence", Items(_OPINION), "Feedback by round."),
-        FieldDecl("repeat", BOOLEAN, "Whether the sequence starts again at its end."),
+        FieldDecl(
+            "sequences",
+            Entries(Items(_OPINION, filled=True), "agents and their lists of feedback"),
+            "Agent → its own feedback, run by run.",
+        ),
+        FieldDecl(
+            "sequence", Items(_OPINION), "Feedback by round, for agents without one of their own."
+        ),
+        FieldDecl("repeat", BOOLEAN, "Whether each sequence starts again at its end."),
         FieldDecl("errors", _ERRORS, "Which of the feedback is wrong."),
     ),
-    needs=one_of(("each", "sequence"), "write 'each' or 'sequence'"),
+    needs=one_of(_GIVEN, "write 'each', 'sequences' or 'sequence'"),
 )
 EXPERIMENT = FileKind(
     name="experiment",
@@ -107,11 +117,11 @@ def _feedback(
     fields = reading.keys(node, _FEEDBACK)
     if fields is None:
         return None
-    if fields.get("each") is None and fields.get("sequence") is None:
+    if not any(fields.get(key) is not None for key in _GIVEN):
         reading.error(
             "missing-key",
             node,
-            "'feedback' needs 'each' or 'sequence'",
+            "'feedback' needs 'each', 'sequences' or 'sequence'",
             "add 'each: {agent: {…}}'",
         )
     each: dict[str, Vector] = {}
@@ -120,14 +130,48 @@ def _feedback(
         vector = _opinion(reading, entry.value, space)
         if agent is not None and vector is not None:
             each[agent] = vector
-    sequence = [_opinion(reading, item, space) for item in fields.items("sequence")]
     errors_node = fields.get("errors")
     return PreparedFeedback(
         each=each,
-        sequence=tuple(vector for vector in sequence if vector is not None),
+        sequences=_sequences(reading, fields, space, each),
+        sequence=_opinions(reading, fields.items("sequence"), space),
         repeat=bool(fields.boolean("repeat")),
         errors=None if errors_node is None else _errors(reading, errors_node, space, seed),
     )
+
+
+def _sequences(
+    reading: TypedReader, fields: MappingReader, space: SceneSpace, each: Collection[str]
+) -> dict[str, tuple[Vector, ...]]:
+    sequences: dict[str, tuple[Vector, ...]] = {}
+    for entry in fields.entries("sequences"):
+        agent = reading.name(entry.key, "the name of an agent")
+        items = reading.items(entry.value, "the list of an agent")
+        if isinstance(entry.value, Sequence) and not items:
+            reading.error(
+                "missing-value",
+                entry.value,
+                "the list of an agent is empty",
+                "add one feedback, such as '- {age: 3}'",
+            )
+        if agent is not None and agent in each:
+            reading.error(
+                "misplaced-key",
+                entry.key,
+                f"{quote(agent)} stands under 'each', too",
+                "leave it there if it always gets the same feedback, else here",
+            )
+        opinions = _opinions(reading, items, space)
+        if agent is not None:
+            sequences[agent] = opinions
+    return sequences
+
+
+def _opinions(
+    reading: TypedReader, items: Iterable[Node], space: SceneSpace
+) -> tuple[Vector, ...]:
+    found = [_opinion(reading, item, space) for item in items]
+    return tuple(vector for vector in found if vector is not None)
 
 
 def _errors(

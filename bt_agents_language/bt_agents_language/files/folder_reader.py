@@ -47,7 +47,7 @@ class Trees:
         broken: The files of agents and libraries that could not.
         plugin_problems: Why some nodes of installed packages cannot be used, in words.
         problems: What is wrong with the folder as a whole, in words.
-        robot: Robot whose bindings of skills are preferred.
+        robot: Robots whose bindings of skills are preferred; see :func:`read_skills`.
         tags: Only agents with one of these are wanted; empty for all.
         files: The agent files, as they were read.
         holders: Name of an agent → the file that it belongs to, which may be broken since.
@@ -97,7 +97,7 @@ def read_trees(
         folder: Holds ``scene.yaml``, ``skills/*.yaml``, ``libraries/*.yaml``, ``texts/*.yaml`` and
             ``agents/*.yaml``.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
-        robot: Robot whose bindings of skills are preferred; empty takes the first that fits.
+        robot: Robots whose bindings of skills are preferred; see :func:`read_skills`.
         language: Language of the texts; empty takes that of ``scene.yaml``.
 
     Raises:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_core.feedback import LearningRule, Share, Update
 from bt_agents_core.profile_layers import PERSON, PLACE
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
 from bt_agents_language.fields.scene_values import read_parameter
@@ -83,7 +83,7 @@ LEARNING = KeyTable(
         FieldDecl(
             "weights",
             Entries(number(0, MAX_WEIGHT), "sources of feedback and numbers", keys=Key.ANY),
-            "How much sources of feedback count: button, mood rule, ….",
+            "How much sources of feedback count: button, mood rule, fleet, ….",
         ),
         FieldDecl(
             "layers", Items(WordChoice(LAYERS)), "What it learns apart for each person or place."
@@ -92,6 +92,12 @@ LEARNING = KeyTable(
             "general",
             SHARE,
             "How much of what it learns for a person or place counts for everybody.",
+        ),
+        FieldDecl(
+            "share",
+            WordChoice(tuple(one.value for one in Share)),
+            "What the robots of a fleet learn together: everything (of persons where scene.yaml "
+            "says so), place: only what is learned for places, or nothing.",
         ),
     ),
 )
@@ -153,6 +159,7 @@ def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> Lea
             "keep one of both",
         )
     word = fields.choice("update")
+    share = fields.choice("share")
     update = usual.update if word is None else Update(word)
     if word is not None or fields.get("update") is None:
         for key, only in (("window", Update.MEDIAN), ("width", Update.HUBER)):
@@ -184,6 +191,7 @@ def _rule(reading: TypedReader, fields: MappingReader, space: SceneSpace) -> Lea
         weights=_weights(reading, fields),
         layers=tuple(dict.fromkeys(layer for layer in layers if layer is not None)),
         general=usual.general if general is None else general,
+        share=usual.share if share is None else Share(share),
     )
 
 

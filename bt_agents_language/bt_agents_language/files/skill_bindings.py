@@ -3,18 +3,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.bindings import INTERFACES, RECEIVED, Outputs, read_binding
 from bt_agents_language.fields.interfaces import Interfaces, package_of
-from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.scope import NameScope, place_names
 from bt_agents_language.model.specs import Binding, SkillSpec
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
+
+_NAME_PLACE = "say which input names the place: 'place: destination' beside the interface"
+
+NOTHING = "nothing"
+"""In the place of a field: the robot has no value for this output, which stays without one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,11 +68,14 @@ def read_candidate(
     absent = interfaces is not None and package != "" and not interfaces.has_package(package)
     known = None if absent else interfaces
     outputs = _outputs(reading, fields, kind, type_name, skill, known, what, inline)
+    place = _place(reading, fields, skill, lenient=lenient)
+    inputs = {one.name: one.type for one in skill.inputs}
+    names = NameScope(inputs, hidden=dict.fromkeys(place_names(), _NAME_PLACE), lenient=lenient)
     binding = read_binding(
         reading,
         kind,
         bound,
-        NameScope({one.name: one.type for one in skill.inputs}, lenient=lenient),
+        names if fields.get("place") is None else names.and_names(place_names()),
         NameScope({}),
         known,
         outputs,
@@ -77,7 +85,18 @@ def read_candidate(
     if absent:
         problem = f"the ROS package '{package}' is not installed"
         return BindingCandidate(robot=robot, binding=None, problem=problem)
-    return BindingCandidate(robot=robot, binding=binding)
+    return BindingCandidate(robot=robot, binding=replace(binding, place=place))
+
+
+def _place(reading: TypedReader, fields: MappingReader, skill: SkillSpec, *, lenient: bool) -> str:
+    """Return the input that names a place; empty where none does, or where it is wrong."""
+    name = fields.text("place")
+    if not name or name in skill.input_names or lenient:
+        return name
+    message = f"skill '{skill.name}' has no input {quote(name)}"
+    hint = did_you_mean(name, skill.input_names) or "write the name of one of its inputs"
+    reading.error("unknown-name", fields.nodes["place"], message, hint)
+    return ""
 
 
 def _outputs(
@@ -119,6 +138,8 @@ def _read_bound(
     declared = [one.name for one in skill.outputs]
     for entry in fields.entries("outputs"):
         name = entry.key.text
+        if name in declared and isinstance(entry.value, Scalar) and entry.value.text == NOTHING:
+            continue
         if name in declared:
             outputs.read(reading, name, entry.value, f"output '{name}'")
             continue

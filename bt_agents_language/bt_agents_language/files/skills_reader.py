@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -15,14 +16,17 @@ from bt_agents_language.fields.bindings import INTERFACES
 from bt_agents_language.fields.inputs import INPUT, TYPES, read_inputs, read_new_name, read_type
 from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.skill_bindings import BindingCandidate, read_candidate
-from bt_agents_language.model.specs import FieldSpec, SkillSpec
+from bt_agents_language.model.specs import FieldSpec, Place, SkillSpec
 from bt_agents_language.nodes.catalogue import WORDS
 from bt_agents_language.yaml.field_tables import (
+    ANGLE,
+    LENGTH,
     TEXT,
     Either,
     Entries,
     FieldDecl,
     Form,
+    Key,
     KeyTable,
     Single,
     WordChoice,
@@ -30,6 +34,9 @@ from bt_agents_language.yaml.field_tables import (
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Scalar
+
+_TURN = 2.0 * math.pi
+"""Largest heading of a place; a number without a unit that is larger is meant in degrees [rad]."""
 
 _OUTPUT = KeyTable(
     fields=(
@@ -41,6 +48,9 @@ _OUTPUT = KeyTable(
 _INTERFACES = tuple(
     FieldDecl(kind.value, INTERFACES[kind], f"The ROS {kind.value} that does it.")
     for kind in BindingKind
+)
+_PLACE_OF = FieldDecl(
+    "place", TEXT, "The input that names a place; place.x and the like then tell where that is."
 )
 _SKILL = KeyTable(
     fields=(
@@ -54,6 +64,7 @@ _SKILL = KeyTable(
             ),
             "Names that later nodes may use.",
         ),
+        _PLACE_OF,
         *_INTERFACES,
     )
 )
@@ -62,9 +73,18 @@ _BINDING = KeyTable(
         FieldDecl(
             "outputs",
             Entries(TEXT, "outputs and fields"),
-            "Output → field of what comes back, feedback.x of feedback.",
+            "Output → field of what comes back, feedback.x of feedback; nothing for none.",
         ),
+        _PLACE_OF,
         *_INTERFACES,
+    )
+)
+_PLACE = KeyTable(
+    fields=(
+        FieldDecl("x", LENGTH, "Position along the first axis of the frame.", required=True),
+        FieldDecl("y", LENGTH, "Position along the second axis.", required=True),
+        FieldDecl("heading", ANGLE, "Where the robot looks there, from the first axis; 0 deg."),
+        FieldDecl("frame", TEXT, "The frame of the position.", default="map"),
     )
 )
 SKILLS = KeyTable(
@@ -82,6 +102,11 @@ SKILLS = KeyTable(
             Entries(_BINDING, "skills and their bindings"),
             "How the robot does skills that other files declare: skill → ROS interface.",
         ),
+        FieldDecl(
+            "places",
+            Entries(_PLACE, "names and places", keys=Key.ANY),
+            "Where the places are that skills name, for bindings with 'place'.",
+        ),
     ),
 )
 
@@ -91,8 +116,9 @@ def read_skills(
 ) -> Mapping[str, SkillSpec]:
     """Return the skills of all files by name, each bound to the robot that counts.
 
-    That is ``robot``, or else the first in the order of the files whose ROS types are installed;
-    without ``interfaces`` all are. A file may bind the skills of another one.
+    That is the first of the robots in ``robot``, between which commas stand, or else the first in
+    the order of the files; always of those whose ROS types are installed, without ``interfaces``
+    all. A file may bind the skills of another one.
 
     Raises:
         ReadError: There is a problem; it lists those of all files.
@@ -121,20 +147,23 @@ class SkillsReader:
 
     def __init__(self, interfaces: Interfaces | None, robot: str = "") -> None:
         self._interfaces = interfaces
-        self._robot = robot
+        self._preferred = [name.strip() for name in robot.split(",")]
         self._declared: dict[str, SkillSpec] = {}
         self._offers: dict[str, list[BindingCandidate]] = {}
+        self._places: dict[str, Place] = {}
 
     def declare(self, reading: TypedReader, fields: MappingReader) -> None:
-        """Read what stands under ``skills``."""
+        """Read what stands under ``skills`` and ``places``."""
         robot = _robot(reading, fields)
-        if fields.get("skills") is None and fields.get("bindings") is None:
+        if all(fields.get(key) is None for key in ("skills", "bindings", "places")):
             reading.error(
                 "missing-key",
                 fields.mapping.position,
-                "a skills file needs the key 'skills' or 'bindings'",
+                "a skills file needs the key 'skills', 'bindings' or 'places'",
                 "add 'skills: …'",
             )
+        for entry in fields.entries("places"):
+            self._read_place(reading, entry)
         for entry in fields.entries("skills"):
             name = read_new_name(reading, entry.key, "a skill")
             free = name is not None and self._is_free(reading, entry)
@@ -171,10 +200,17 @@ class SkillsReader:
     def _bound(self, skill: SkillSpec) -> SkillSpec:
         offers = self._offers[skill.name]
         installed = [offer for offer in offers if offer.binding is not None]
-        for offer in sorted(installed, key=lambda one: one.robot != self._robot):
-            return replace(skill, binding=offer.binding)
+        for offer in sorted(installed, key=self._rank):
+            assert offer.binding is not None
+            places = self._places if offer.binding.place else {}
+            return replace(skill, binding=replace(offer.binding, places=places))
         why = "; ".join(f"{one.robot}: {one.problem}" for one in offers)
         return replace(skill, unoffered=why or "no robot is bound to it")
+
+    def _rank(self, offer: BindingCandidate) -> int:
+        """Return the place of a robot among those that are preferred; others come last."""
+        known = offer.robot in self._preferred
+        return self._preferred.index(offer.robot) if known else len(self._preferred)
 
     def _is_free(self, reading: TypedReader, entry: MappingEntry) -> bool:
         name = entry.key.text
@@ -196,6 +232,28 @@ class SkillsReader:
             )
             return False
         return True
+
+    def _read_place(self, reading: TypedReader, entry: MappingEntry) -> None:
+        name = entry.key.text
+        fields = reading.keys(entry.value, _PLACE, f"place {quote(name)}")
+        if name in self._places:
+            reading.error(
+                "name-taken",
+                entry.key,
+                f"there is a place {quote(name)} already",
+                "rename or remove one of them",
+            )
+        if fields is None:
+            return
+        x, y = (_amount(reading, fields, key, FieldType.LENGTH) for key in ("x", "y"))
+        heading = _amount(reading, fields, "heading", FieldType.ANGLE)
+        if heading:
+            reading.in_range(
+                fields.nodes["heading"], "'heading'", heading, -_TURN, _TURN, FieldType.ANGLE
+            )
+        frame = fields.text("frame", "map")
+        if x is not None and y is not None:
+            self._places[name] = Place(frame=frame, x=x, y=y, heading=heading or 0.0)
 
     def _declaration(
         self, reading: TypedReader, entry: MappingEntry, name: str, robot: str
@@ -231,6 +289,12 @@ class SkillsReader:
                 lenient=lenient,
             )
         return skill, [offer] if offer is not None else []
+
+
+def _amount(
+    reading: TypedReader, fields: MappingReader, key: str, field_type: FieldType
+) -> float | None:
+    return fields.read(key, lambda node, what: reading.amount(node, what, field_type))
 
 
 def _robot(reading: TypedReader, fields: MappingReader) -> str:

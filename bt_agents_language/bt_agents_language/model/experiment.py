@@ -48,12 +48,14 @@ class PreparedFeedback:
 
     Attributes:
         each: Agent → the vector it is given after every one of its runs.
+        sequences: Agent → vectors used up in order by its own runs; it is given no others.
         sequence: Vectors used up in order, whichever other agent ran.
-        repeat: True starts the sequence again after its end.
+        repeat: True starts each sequence again after its end.
         errors: Which of all the feedback is wrong; None for none.
     """
 
     each: Mapping[str, Vector] = field(default_factory=dict)
+    sequences: Mapping[str, tuple[Vector, ...]] = field(default_factory=dict)
     sequence: tuple[Vector, ...] = ()
     repeat: bool = False
     errors: FeedbackErrors | None = None

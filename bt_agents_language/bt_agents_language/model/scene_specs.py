@@ -211,6 +211,7 @@ class SceneSpec:
             out.
         language: Language of the agents' texts where nothing else says one; may be empty.
         personal: Parameters whose given and told values belong to the person, not the interaction.
+        shares_persons: Whether layers of persons may leave the robot, and come from others.
         warnings: What its reader found legal, but rarely meant.
     """
 
@@ -222,6 +223,7 @@ class SceneSpec:
     missing: Mapping[str, MissingRule] = field(default_factory=dict)
     language: str = ""
     personal: frozenset[str] = frozenset()
+    shares_persons: bool = False
     warnings: tuple[Diagnostic, ...] = ()
 
     @cached_property

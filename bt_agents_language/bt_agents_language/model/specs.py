@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -130,6 +131,50 @@ class HeartbeatSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ErrorCodeSpec:
+    """Where a result says that the robot has failed, whatever ROS says of the goal.
+
+    Attributes:
+        field: Path of the code in the result or response.
+        success: The codes that mean success.
+        message: Path of the reason in words; empty where there is none.
+    """
+
+    field: str
+    success: tuple[Plain, ...] = (0,)
+    message: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """A named place, as a pose on the floor.
+
+    Attributes:
+        frame: Name of the frame that the pose is in.
+        x: Position along the first axis of the frame [m].
+        y: Position along the second axis [m].
+        heading: Direction of the robot there, counterclockwise from the first axis [rad].
+    """
+
+    frame: str = "map"
+    x: float
+    y: float
+    heading: float = 0.0
+
+    @cached_property
+    def values(self) -> Mapping[str, Plain]:
+        """What a binding may name of it: the fields, and the heading as a quaternion."""
+        return {
+            "frame": self.frame,
+            "x": self.x,
+            "y": self.y,
+            "heading": self.heading,
+            "orientation_z": math.sin(self.heading / 2.0),
+            "orientation_w": math.cos(self.heading / 2.0),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
 class Binding:
     """How a skill reaches the robot.
 
@@ -141,6 +186,9 @@ class Binding:
         feedback: Output name → field of the feedback, which gives it while the action goes on.
         succeed_when: Condition over ``result.*``; None succeeds whenever ROS says so.
         heartbeat: By which its death is noticed; None notices it by the graph and the timeouts.
+        error_code: Where the result says that it failed; None for nowhere.
+        place: Input that names a place, of which ``place.*`` tells; empty for none.
+        places: The places by name.
     """
 
     kind: BindingKind
@@ -152,6 +200,9 @@ class Binding:
     succeed_when: Expression | None = None
     timeouts: Timeouts = field(default_factory=Timeouts)
     heartbeat: HeartbeatSpec | None = None
+    error_code: ErrorCodeSpec | None = None
+    place: str = ""
+    places: Mapping[str, Place] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

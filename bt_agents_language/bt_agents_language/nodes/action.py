@@ -6,7 +6,13 @@ from __future__ import annotations
 from bt_agents_core.field_types import BindingKind
 from bt_agents_language.fields.bindings import timeout_keys
 from bt_agents_language.nodes.node_type import Content, MessageSource, NodeField, NodeType
-from bt_agents_language.nodes.ros_leaf import HEARTBEAT, ROS_TYPE, SUCCEED_WHEN, read_ros_leaf
+from bt_agents_language.nodes.ros_leaf import (
+    ERROR_CODE,
+    HEARTBEAT,
+    ROS_TYPE,
+    SUCCEED_WHEN,
+    read_ros_leaf,
+)
 
 ACTION = NodeType(
     key="action",
@@ -34,6 +40,7 @@ ACTION = NodeType(
             "result: from then on, without limit if left out",
         ),
         HEARTBEAT,
+        ERROR_CODE,
     ),
     description="Uses a ROS action.",
     interface=BindingKind.ACTION,

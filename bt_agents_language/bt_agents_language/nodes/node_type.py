@@ -46,6 +46,7 @@ class Content(Enum):
     OUTPUTS = "names and the fields whose values they get"
     TIMEOUTS = "how long the server may take"
     HEARTBEAT = "what the server publishes while it is alive"
+    ERROR_CODE = "where the result says that it failed"
     COUNT = "all, one, a number of children, or a list of their names"
     NODE = "a node"
 
@@ -308,6 +309,7 @@ class NodeType:
         handler: Of a decorator, whether a node is written behind it.
         example: Part of an agent file; empty makes one from the fields.
         plugin: Class of a node that a plug-in brings; None for nodes of the language itself.
+        gives: Keys of the blackboard from which a node of a plug-in gives names values.
         siblings: The sibling keys that may stand beside it.
         child_siblings: The sibling keys that may stand beside its children.
         child_keys: What must stand beside each of its children, each key with a hint for where it
@@ -355,6 +357,7 @@ class NodeType:
     description: str = ""
     example: str = ""
     plugin: type | None = None
+    gives: Mapping[str, NodeField] = field(default_factory=dict)
     siblings: tuple[str, ...] = ()
     child_siblings: tuple[str, ...] = ()
     child_keys: Mapping[str, str] = field(default_factory=dict)
@@ -391,7 +394,8 @@ class NodeType:
     @cached_property
     def writes(self) -> bool:
         """Whether a node of this type may give names values."""
-        return self.assigns or self.message is not None or "outputs" in self.siblings
+        written = self.assigns or self.message is not None or "outputs" in self.siblings
+        return written or bool(self.gives)
 
 
 def wrapped(

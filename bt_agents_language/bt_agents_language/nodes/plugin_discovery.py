@@ -71,8 +71,10 @@ def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
 
     A node is a ``py_trees.behaviour.Behaviour`` with a class attribute ``fields``, a tuple of
     :class:`NodeField`, and if a scalar may stand for one of them, ``main`` with its name. Each
-    start makes a new object, ``cls(name=…, **values)``. The first paragraph of the docstring
-    describes the node.
+    run makes one object, ``cls(name=…, **values)``. ``reads`` says which keys of the blackboard
+    have the value of a field, which is no argument then, and ``writes`` which keys give a name
+    its value: a :class:`NodeField` for each. The first paragraph of the docstring describes the
+    node.
     """
     kinds: dict[str, NodeType] = {}
     origins: dict[str, str] = {}
@@ -122,11 +124,13 @@ def _kind(point: EntryPoint, whose: str) -> NodeType:
         raise PluginProblem(f"{whose}: 'main' is {main!r}, expected one of {', '.join(names)}")
     if len(set(names)) < len(names):
         raise PluginProblem(f"{whose}: two fields have the same name")
+    reads, writes = _blackboard(behaviour, whose, names)
+    arguments = [name for name in names if name not in reads.values()]
     try:
-        inspect.signature(behaviour).bind(name="", **dict.fromkeys(names))
+        inspect.signature(behaviour).bind(name="", **dict.fromkeys(arguments))
     except TypeError as error:
         raise PluginProblem(
-            f"{whose} cannot be made with the arguments name, {', '.join(names)}: {error}"
+            f"{whose} cannot be made with the arguments name, {', '.join(arguments)}: {error}"
         ) from None
     summary = (inspect.getdoc(behaviour) or "").partition("\n\n")[0]
     return NodeType(
@@ -135,7 +139,30 @@ def _kind(point: EntryPoint, whose: str) -> NodeType:
         fields=fields,
         description=" ".join(summary.split()),
         plugin=behaviour,
+        gives=writes,
     )
+
+
+def _blackboard(
+    behaviour: type, whose: str, fields: list[str]
+) -> tuple[Mapping[str, str], Mapping[str, NodeField]]:
+    """Return the keys that a behaviour reads, each with its field, and those that it writes."""
+    reads, writes = getattr(behaviour, "reads", {}), getattr(behaviour, "writes", {})
+    if not isinstance(reads, Mapping) or not all(
+        isinstance(key, str) and name in fields for key, name in reads.items()
+    ):
+        raise PluginProblem(
+            f"{whose}: 'reads' must be a mapping from keys of the blackboard to its fields "
+            f"({', '.join(fields) or 'none'})"
+        )
+    if not isinstance(writes, Mapping) or not all(
+        isinstance(key, str) and _is_field(one) for key, one in writes.items()
+    ):
+        raise PluginProblem(
+            f"{whose}: 'writes' must be a mapping from keys of the blackboard to NodeField, whose "
+            "name gets the value"
+        )
+    return reads, writes
 
 
 def _is_behaviour(loaded: object) -> TypeGuard[type]:

@@ -31,6 +31,14 @@ HEARTBEAT = NodeField(
     "when it falls silent for so long, the node fails",
 )
 
+ERROR_CODE = NodeField(
+    name="error_code",
+    content=Content.ERROR_CODE,
+    required=False,
+    description="field, success, 0, and message: where what came back says that it failed, which "
+    "codes mean success, and where the reason stands",
+)
+
 
 def read_ros_leaf(
     reader: NodeReader, raw: RawNode, path: str, names: NameScope

@@ -6,7 +6,13 @@ from __future__ import annotations
 from bt_agents_core.field_types import BindingKind
 from bt_agents_language.fields.bindings import timeout_keys
 from bt_agents_language.nodes.node_type import Content, MessageSource, NodeField, NodeType
-from bt_agents_language.nodes.ros_leaf import HEARTBEAT, ROS_TYPE, SUCCEED_WHEN, read_ros_leaf
+from bt_agents_language.nodes.ros_leaf import (
+    ERROR_CODE,
+    HEARTBEAT,
+    ROS_TYPE,
+    SUCCEED_WHEN,
+    read_ros_leaf,
+)
 
 SERVICE = NodeType(
     key="service",
@@ -35,6 +41,7 @@ SERVICE = NodeType(
             description="server, 3 s: to be found; result, 10 s: to answer",
         ),
         HEARTBEAT,
+        ERROR_CODE,
     ),
     description="Calls a ROS service.",
     interface=BindingKind.SERVICE,

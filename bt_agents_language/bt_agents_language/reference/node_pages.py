@@ -96,6 +96,7 @@ _CONTENT_WORDS = {
     Content.OUTPUTS: "names and fields",
     Content.TIMEOUTS: "times",
     Content.HEARTBEAT: "topic, type and time",
+    Content.ERROR_CODE: "fields and codes",
     Content.NODE: "node",
 }
 

@@ -13,27 +13,14 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.testing.scenarios import SPOKEN
-from bt_agents_language.model.specs import (
-    AgentSpec,
-    Computed,
-    ListValue,
-    Literal,
-    MapValue,
-    NodeSpec,
-    Reference,
-    Text,
-    UnusedInput,
-    Value,
-    Variants,
-    iter_nodes,
-)
+from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, UnusedInput, iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import EITHER, Outcomes
 from bt_agents_language.nodes.node_type import FOREVER, Role, Waits
 from bt_agents_language.nodes.remember import REMEMBER
 from bt_agents_language.tools.cut_speech import cut_speech
+from bt_agents_language.tree.names_read import names_read, parts_of
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
@@ -290,7 +277,7 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
             return
         # The trees of a library see its own names only.
         if node.position.file == agent.file:
-            unread.difference_update(_names_read(node))
+            unread.difference_update(names_read(node))
     for tunable in agent.tunables:
         if tunable.name in unread:
             yield _warning(
@@ -310,7 +297,7 @@ def _nobody_known(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
     for node in nodes:
         if node.kind == REMEMBER.key:
             uses.append((node.position, node.kind))
-        uses += [(node.position, name) for name in _names_read(node) if name.startswith(_PERSON)]
+        uses += [(node.position, name) for name in names_read(node) if name.startswith(_PERSON)]
     if not uses:
         return
     position, first = uses[0]
@@ -335,44 +322,11 @@ _RULES: tuple[Callable[[_Tree], Found], ...] = (
 )
 
 
-def _names_read(spec: NodeSpec) -> Iterator[str]:
-    values: list[Value | Expression] = [*spec.fields.values()]
-    # The interface of a ROS leaf stands in the tree; that of a skill names the skill's inputs.
-    binding = spec.skill.binding if spec.skill is not None else None
-    if binding is not None and type_of(spec).interface is not None:
-        values.append(binding.fields)
-        if binding.succeed_when is not None:
-            values.append(binding.succeed_when)
-    for value in _parts(values):
-        match value:
-            case Expression(names=names) | Computed(expression=Expression(names=names)):
-                yield from names
-            case Reference(name=name):
-                yield name
-
-
 def _texts(spec: NodeSpec) -> Iterator[str]:
-    for value in _parts(spec.fields.values()):
+    for value in parts_of(spec.fields.values()):
         text = value.value if isinstance(value, Literal) else value
         if isinstance(text, str):
             yield text
-
-
-def _parts(values: Iterable[Value | Expression]) -> Iterator[Value | Expression | str]:
-    """Yield values and all that is in them; a plain piece of a text as it is."""
-    waiting: list[Value | Expression | str] = [*values]
-    while waiting:
-        value = waiting.pop()
-        yield value
-        match value:
-            case Text(parts=parts):
-                waiting += parts
-            case Variants(texts=texts):
-                waiting += texts
-            case ListValue(items=items):
-                waiting += items
-            case MapValue(items=entries):
-                waiting += entries.values()
 
 
 def _speaks(spec: NodeSpec) -> bool:

@@ -189,9 +189,14 @@ class AssignedNames:
             yield item.key.text, item.key, fields.type_of(path.removeprefix(f"{prefix}.")), None
 
     def _declared(self, node: RawNode) -> tuple[FieldSpec, ...] | None:
-        """Return the outputs of a skill or subtree; None for other nodes."""
+        """Return the outputs of a skill, subtree or plug-in; None for other nodes."""
         if node.skill is not None:
             return node.skill.outputs
+        if node.type is not None and node.type.gives:
+            return tuple(
+                FieldSpec(name=one.name, type=one.type, required=False)
+                for one in node.type.gives.values()
+            )
         if node.type is None or "outputs" not in node.type.siblings:
             return None
         if not isinstance(node.value, Scalar):

@@ -208,6 +208,8 @@ class TreeReader:
         outputs = NOTHING
         if node_type.message is not None:
             outputs = self._fields.outputs(nodes.get("outputs"), nodes)
+        elif node_type.gives:
+            outputs = {one.name: key for key, one in node_type.gives.items()}
         return NodeSpec(
             path=path,
             position=raw.key.position,

@@ -18,6 +18,7 @@ class Form(Enum):
 
     ANY = "any value"
     AMOUNT = "number, time, length or angle"
+    ANGLE = "angle"
     BOOLEAN = "true or false"
     CONDITION = "condition"
     DURATION = "time"
@@ -266,6 +267,7 @@ Value: TypeAlias = (
 
 ANY = Single(Form.ANY)
 AMOUNT = Single(Form.AMOUNT)
+ANGLE = Single(Form.ANGLE)
 BOOLEAN = Single(Form.BOOLEAN)
 CONDITION = Single(Form.CONDITION)
 DURATION = Single(Form.DURATION)

@@ -19,24 +19,43 @@ from functools import partial
 from threading import get_ident
 from typing import Any, TypeAlias
 
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.action import ActionServer
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException, await_or_execute
 from rclpy.guard_condition import GuardCondition
 from rclpy.logging import get_logger
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from bt_agents_core.errors import Refused
-from bt_agents_ros.size_check import OversizeLog, check_bytes, check_fields, check_request
+from bt_agents_ros.limits import MIB
+from bt_agents_ros.local_bus import LocalBus, LocalQueue
+from bt_agents_ros.size_check import RefusalLog, check_bytes, may_exceed
+from bt_agents_ros.workarounds.bounded_actions import SERVICES, take_bounded
+from bt_agents_ros.workarounds.bounded_types import bounded
 from bt_agents_ros.workarounds.cached_wait_set import CachedWaitSet
+from bt_agents_ros.workarounds.departed_clients import DepartedClients
+from bt_agents_ros.workarounds.local_endpoints import LocalClient, LocalService, action_data
 from bt_agents_ros.workarounds.sender_identity import IdentifiedRequest
+from bt_agents_ros.workarounds.sliced_conversion import Slices, is_sliced, slices
 
 _MESSAGES = 32
 """Messages of one subscription that are handled at most between two waits."""
 
 _QUEUES_S = 0.002
 """Time for handling queued messages between two waits [s]."""
+
+_BATCH_S = 0.05
+"""Time for callbacks between two waits after which due timers come before the rest of them [s]."""
+
+_LARGE_BYTES = 8 * MIB
+"""Bytes of a message that take tens of milliseconds to be taken."""
+
+_LOCAL_S = 0.01
+"""Time for what nodes of this process hand over to each other between two waits [s]."""
 
 _Call: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 
@@ -46,11 +65,22 @@ class CachedExecutor(Executor):
 
     What is called, when, and what becomes of an error is as with ``SingleThreadedExecutor``; the
     wait set is made anew only when a node, an entity or a callback group has changed. Messages and
-    requests beyond the limits come to no callback: they are logged, requests are answered.
+    requests beyond the limits come to no callback: they are logged, requests are answered. Timers
+    that become due while many callbacks are long do not wait for all of them, so that a node goes
+    on with its heartbeat. A large message is made in slices, between which it does other work; the
+    next message of the topic waits, and is taken after all else that is there. Messages for a
+    group that is polled (:class:`~bt_agents_ros.workarounds.cached_wait_set.PolledGroup`) wake it
+    not.
+
+    Args:
+        bus: What its nodes hand over to each other. It comes to callbacks as what the middleware
+            delivers does, in turn with it.
     """
 
-    def __init__(self, *, context: Any = None) -> None:
+    def __init__(self, *, context: Any = None, bus: LocalBus | None = None) -> None:
         super().__init__(context=context)
+        self._bus = bus
+        self._local_until = 0.0
         self._thread = get_ident()
         self._wait_set: CachedWaitSet | None = None
         self._changed = False
@@ -58,9 +88,14 @@ class CachedExecutor(Executor):
         self._new_tasks: deque[_Task] = deque()
         self._suspended: list[_Task] = []
         self._had_message: set[Any] = set()
+        self._has_large: set[Any] = set()
+        self._in_slices: set[Any] = set()
+        self._converted: dict[Any, _Call] = {}
         self._has_waited = False
         self._task_ended = False
-        self._oversize = OversizeLog(time.monotonic)
+        self._look_at_timers = 0.0
+        self._refusals = RefusalLog(time.monotonic)
+        self._departed = DepartedClients(time.monotonic)
         self._takes: dict[str, Callable[[Any], _Call | None]] = {
             "waitable": self._take_waitable,
             "timer": self._take_due_timer,
@@ -97,6 +132,9 @@ class CachedExecutor(Executor):
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         self._batch.clear()
+        self._converted.clear()
+        if self._bus is not None:
+            self._bus.write_out()
         self._release_wait_set()
         return bool(super().shutdown(timeout_sec))
 
@@ -108,6 +146,8 @@ class CachedExecutor(Executor):
             Exception: What a callback raises.
         """
         self._thread = get_ident()
+        if self._bus is not None and not self._batch and not self._is_shutdown:
+            self._collect_local(self._bus)
         if not self._batch and not self._is_shutdown:
             # Tasks alternate with waits, so that neither starves the other.
             if self._has_waited and (self._new_tasks or self._suspended):
@@ -118,14 +158,39 @@ class CachedExecutor(Executor):
                 self._wait(timeout_sec)
         if self._batch:
             self._batch.popleft()()
+            if self._batch and time.monotonic() >= self._look_at_timers:
+                self._put_timers_first()
         if self._changed:
             self._release_wait_set()
 
     def _release_wait_set(self) -> None:
         self._changed = False
+        self._has_large.clear()
         if self._wait_set is not None:
             self._wait_set.release()
             self._wait_set = None
+
+    def _put_timers_first(self) -> None:
+        self._look_at_timers = time.monotonic() + _BATCH_S
+        if self._wait_set is not None:
+            for timer in self._wait_set.timers:
+                # Whether it is due is seen when it is taken.
+                self._batch.appendleft(partial(self._run_callback, self._take_due_timer, timer))
+
+    def _collect_local(self, bus: LocalBus) -> None:
+        """Put what nodes have handed over into the batch, or else what they send to others."""
+        if time.monotonic() < self._local_until:
+            ready = [task for task in self._suspended if task.is_ready]
+            if ready:
+                self._suspended = [task for task in self._suspended if not task.is_ready]
+            for task in (*self._new_tasks, *ready):
+                self._batch.append(partial(self._resume, task))
+            self._new_tasks.clear()
+            for queue in _ready(bus):
+                take = partial(self._take_local, bus, queue)
+                self._batch.append(partial(self._run_callback, take, queue.entity))
+        if not self._batch:
+            self._batch.extend([bus.write_next] * len(bus.outgoing))
 
     def _collect_tasks(self) -> None:
         waiting, self._suspended = self._suspended, []
@@ -140,17 +205,27 @@ class CachedExecutor(Executor):
             self._wait_set = CachedWaitSet(
                 self.get_nodes(), (self._guard.handle, self._sigint_gc.handle), self._context
             )
-        if self._new_tasks or (self._task_ended and self._suspended):
+        converted = [one for one in self._converted if one.callback_group.can_execute(one)]
+        ended = self._task_ended and self._suspended
+        local = self._bus is not None and _ready(self._bus)
+        if self._new_tasks or converted or ended or local:
             # With this it returns at once; with a timeout of zero it takes a tenth of a ms.
             self._guard.trigger()
         ready = self._wait_set.wait(timeout_s)
         if not self._context.ok():
             raise ExternalShutdownException()
+        if self._has_large:
+            ready.sort(key=lambda one: one[1] in self._has_large)
         had_message = self._had_message
         self._had_message = {entity for kind, entity in ready if kind == "subscription"}
-        until = time.monotonic() + _QUEUES_S
+        now = time.monotonic()
+        until = now + _QUEUES_S
+        self._local_until = now + _LOCAL_S
+        self._look_at_timers = until + _BATCH_S
+        for subscription in converted:
+            self._batch.append(partial(self._run_callback, self._take_converted, subscription))
         for kind, entity in ready:
-            if entity in had_message:
+            if kind == "polled" or entity in had_message:
                 self._batch.append(partial(self._drain, entity, _MESSAGES, until))
             else:
                 self._batch.append(partial(self._run_callback, self._takes[kind], entity))
@@ -216,69 +291,153 @@ class CachedExecutor(Executor):
         rclpy sets the executor of every future of a waitable each time; an action server has one
         for each goal of the last minutes, which is why finished ones are skipped here.
         """
-        data = waitable.take_data()
+        data, refused = take_bounded(waitable, self._departed)
+        for reason in refused:
+            self._log_refusal(waitable, waitable._node.get_logger().name, "an action", reason)
+        return self._execution_of(waitable, data)
 
+    def _execution_of(self, waitable: Any, data: Any) -> _Call:
         async def execute() -> None:
             for future in waitable._futures:
                 if not future.done():
                     future._set_executor(self)
+            began = self._departed.clock()
             await waitable.execute(data)
+            if isinstance(waitable, ActionServer):
+                for part in SERVICES.keys() & data.keys():
+                    header, _ = data[part]
+                    self._departed.on_answered(
+                        lambda: waitable._node, SERVICES[part], header, began
+                    )
 
         return execute
+
+    def _take_local(self, bus: LocalBus, queue: LocalQueue, entity: Any) -> _Call:
+        """Return the callback of an entity with the oldest item in one of its queues."""
+        item = queue.take()
+        if item is None:
+            return _nothing
+        if isinstance(entity, (LocalService, LocalClient)):
+            return entity.call_of(item, self)
+        if queue.part:
+            return self._execution_of(entity, action_data(queue, item))
+        message = serialize_message(item.message) if entity.raw else item.message
+        info = {
+            "source_timestamp": item.stamp_ns,
+            "received_timestamp": time.time_ns(),
+            "publication_sequence_number": None,
+            "reception_sequence_number": None,
+            "sender": bus.sender,
+        }
+        return _callback_of(entity, message, info)
 
     def _take_subscription(self, subscription: Any) -> _Call | None:
         """Return the callback of a subscription with its next message; None without one.
 
         The message is taken as bytes, so that a large one is refused before it is made an object.
         """
+        if subscription in self._in_slices:
+            return None
         with subscription.handle:
             taken = subscription.handle.take_message(subscription.msg_type, True)
         if taken is None:
             return None
         message, info = taken
-        size = len(message)
+        kind, raw = subscription.msg_type, subscription.raw
+        if len(message) >= _LARGE_BYTES:
+            self._has_large.add(subscription)
+        elif self._has_large:
+            self._has_large.discard(subscription)
         try:
-            check_bytes(subscription.msg_type, size)
-            if not subscription.raw:
-                message = deserialize_message(message, subscription.msg_type)
-                check_fields(message, size)
+            check_bytes(kind, len(message))
+            if not raw and is_sliced(kind, len(message)):
+                made = slices(kind, message, time.monotonic)
+                self._convert_slice(subscription, made, info)
+                return _nothing
+            if not raw:
+                message = _deserialized(kind, message)
         except Refused as refused:
-            self._log_refusal(subscription, subscription.topic_name, refused)
+            self._log_refused_message(subscription, refused)
             return _nothing
-        has_info = subscription._callback_type is not Subscription.CallbackType.MessageOnly
-        arguments = (message, info) if has_info else (message,)
+        return _callback_of(subscription, message, info)
 
-        async def execute() -> None:
-            await await_or_execute(subscription.callback, *arguments)
+    def _convert_slice(self, subscription: Any, made: Slices, info: Any) -> None:
+        """Make a part of a message; its callback is called, or the next part made, in a turn."""
+        self._in_slices.discard(subscription)
+        try:
+            next(made)
+        except StopIteration as end:
+            self._converted[subscription] = _callback_of(subscription, end.value, info)
+        except Refused as refused:
+            self._log_refused_message(subscription, refused)
+            return
+        else:
+            self.create_task(self._convert_slice, subscription, made, info)
+        self._in_slices.add(subscription)
 
-        return execute
+    def _take_converted(self, subscription: Any) -> _Call:
+        """Return the callback of a subscription with a message that was made in slices."""
+        self._in_slices.discard(subscription)
+        call = self._converted.pop(subscription)
+        with subscription.handle:
+            return call
+
+    def _log_refused_message(self, subscription: Any, refused: Refused) -> None:
+        self._log_refusal(subscription, subscription.logger_name, subscription.topic_name, refused)
 
     def _take_service(self, service: Any) -> _Call:
         """Return the callback of a service with its next request, or what answers a large one."""
         with service.handle:
-            request, header = service.handle.service_take_request(service.srv_type.Request)
+            request, header = service.handle.service_take_request(
+                bounded(service.srv_type.Request)
+            )
         if header is None:
             return _nothing
+        asked = request.request if isinstance(request, IdentifiedRequest) else request
 
         async def execute() -> None:
             response = service.srv_type.Response()
-            try:
-                check_request(
-                    request.request if isinstance(request, IdentifiedRequest) else request
-                )
-            except Refused as refused:
-                self._log_refusal(service, service.service_name, refused)
-                _answer_refused(response, refused)
+            if isinstance(asked, Refused):
+                self._log_refusal(service, service.logger_name, service.service_name, asked)
+                _answer_refused(response, asked)
             else:
                 response = await await_or_execute(service.callback, request, response)
-            service.send_response(response, header)
+            self._departed.answer(
+                lambda: next(iter(self.get_nodes()), None),
+                service.service_name,
+                header,
+                partial(service.send_response, response, header),
+            )
 
         return execute
 
-    def _log_refusal(self, entity: Any, name: str, refused: Refused) -> None:
-        line = self._oversize.line(entity, name, refused)
+    def _take_client(self, client: Any) -> _Call:
+        """Return what hands the next answer to its future, or why it is refused."""
+        with client.handle:
+            header, response = client.handle.take_response(bounded(client.srv_type.Response))
+        if header is None:
+            return _nothing
+        sequence_number = header.request_id.sequence_number
+
+        async def execute() -> None:
+            if isinstance(response, Refused):
+                self._log_refusal(client, client.logger_name, client.service_name, response)
+            try:
+                future = client.get_pending_request(sequence_number)
+            except KeyError:
+                return  # nobody waits for it any more
+            future._set_executor(self)
+            if isinstance(response, Refused):
+                future.set_exception(response)
+            else:
+                future.set_result(response)
+
+        return execute
+
+    def _log_refusal(self, entity: Any, logger: str, name: str, refused: Refused) -> None:
+        line = self._refusals.line(entity, name, refused)
         if line is not None:
-            get_logger(entity.logger_name).warning(line)
+            get_logger(logger).warning(line)
 
     def _take_due_timer(self, timer: Any) -> _Call | None:
         """Return the callback of a timer, unless a callback before has stopped the timer."""
@@ -290,17 +449,56 @@ class CachedExecutor(Executor):
         return self._take_timer(timer) if is_due else _nothing
 
 
+def _deserialized(kind: Any, message: bytes) -> Any:
+    """Return a message from its bytes.
+
+    Raises:
+        Refused: ``TOO_LARGE``, or ``MALFORMED`` where the bytes are none of its type.
+    """
+    # Few are large enough, and the stand-in takes 4 µs.
+    taken = bounded(kind) if may_exceed(kind, len(message)) else kind
+    try:
+        made = deserialize_message(message, taken)
+    except Exception as error:
+        # rclpy has no common root for what it makes of bad bytes.
+        raise Refused(
+            "MALFORMED", f"{len(message)} bytes are no {kind.__name__}: {error}"
+        ) from None
+    if isinstance(made, Refused):
+        raise made
+    return made
+
+
+def _callback_of(subscription: Any, message: Any, info: Any) -> _Call:
+    has_info = subscription._callback_type is not Subscription.CallbackType.MessageOnly
+    arguments = (message, info) if has_info else (message,)
+
+    async def execute() -> None:
+        await await_or_execute(subscription.callback, *arguments)
+
+    return execute
+
+
+def _ready(bus: LocalBus) -> list[LocalQueue]:
+    """Return the queues with something that a callback may take now."""
+    return [one for one in bus.pending if one.entity.callback_group.can_execute(one.entity)]
+
+
 async def _nothing() -> None:
     """Callback of a timer that has been stopped, or of a message that was refused or is gone."""
 
 
 def _answer_refused(response: Any, refused: Refused) -> None:
-    """Set the fields by which responses of ``bt_agents_interfaces`` say that they refuse."""
+    """Set the fields by which our responses, and those about parameters, say that they refuse."""
     if hasattr(response, "code"):
         response.code = refused.code
         response.message = refused.reason
-    else:
+    elif hasattr(response, "message"):
         response.message = str(refused)
+    elif isinstance(response, SetParameters.Response):
+        response.results = [SetParametersResult(reason=str(refused))]
+    elif isinstance(response, SetParametersAtomically.Response):
+        response.result = SetParametersResult(reason=str(refused))
 
 
 class _Task(Future):
@@ -325,6 +523,11 @@ class _Task(Future):
         """True when it has ended or was cancelled."""
         return bool(self.done() or self.cancelled())
 
+    @property
+    def is_ready(self) -> bool:
+        """True unless it awaits a future that is not done."""
+        return self.awaited is None or bool(self.awaited.done() or self.awaited.cancelled())
+
     def cancel(self) -> None:
         """Close the coroutine; it is resumed no more."""
         if not self.is_over and self._coroutine is not None:
@@ -337,9 +540,7 @@ class _Task(Future):
         Raises:
             BaseException: Whatever it raises, which is also stored as its exception.
         """
-        if self.is_over:
-            return
-        if self.awaited is not None and not (self.awaited.done() or self.awaited.cancelled()):
+        if self.is_over or not self.is_ready:
             return
         try:
             if self._coroutine is None:

@@ -14,15 +14,22 @@ from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from typing import Any
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.event_handler import EventHandler
 from rclpy.exceptions import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.waitable import NumberOfEntities
 
-_EVENTS_S = 0.5
+_EVENTS_S = 2.0
 """Period for polling events of the middleware, such as QoS mismatches [s].
 
 There are two for each publisher and subscription, and they are rare.
+"""
+
+_POLLS_S = (0.1, 0.3)
+"""Shortest and longest time between two polls of polled subscriptions [s].
+
+A node with a heartbeat of its own polls them when it wakes for that.
 """
 
 
@@ -36,20 +43,36 @@ _ENTITIES = {
 """Kind of entity, as a wait set calls it → where a node lists its own."""
 
 
+class PolledGroup(MutuallyExclusiveCallbackGroup):
+    """Callback group of subscriptions whose messages wake nobody and may come 0.3 s late.
+
+    To wake for each heartbeat is most of what an idle node does. A heartbeat that also says what
+    goes on is none for it: it would be handled after what has happened since.
+    """
+
+
 class CachedWaitSet:
     """Wait set over the entities of some nodes, whose handles it holds until :meth:`release`.
 
     Entities of a busy callback group are left out; ``wakers`` are guard conditions that end a
-    wait.
+    wait. Subscriptions of a :class:`PolledGroup` are ready whenever a wait ends, but not more
+    often than they are to be polled.
     """
 
     def __init__(self, nodes: list[Any], wakers: tuple[Any, ...], context: Any) -> None:
         self._events_due = 0.0
+        self._polled_at = 0.0
         with ExitStack() as held:
             self._tables = {
                 kind: _hold(held, (entity for node in nodes for entity in getattr(node, listed)))
                 for kind, listed in _ENTITIES.items()
             }
+            listened = self._tables["subscription"]
+            self._polled = [
+                listened.pop(pointer)
+                for pointer, one in list(listened.items())
+                if isinstance(one.callback_group, PolledGroup)
+            ]
             waitables = _hold_waitables(
                 held, (waitable for node in nodes for waitable in node.waitables)
             )
@@ -89,6 +112,11 @@ class CachedWaitSet:
             context.handle,
         )
 
+    @property
+    def timers(self) -> list[Any]:
+        """The timers among the entities."""
+        return list(self._tables["timer"].values())
+
     def wait(self, timeout_s: float | None) -> list[tuple[str, Any]]:
         """Wait for entities; return those that are ready with their kinds, or early with none."""
         now = time.monotonic()
@@ -105,8 +133,12 @@ class CachedWaitSet:
         for waitable in self._waitables:
             waitable.add_to_wait_set(wait_set)
         left_s = self._events_due - now
+        if self._polled:
+            left_s = max(0.0, min(left_s, self._polled_at + _POLLS_S[1] - now))
         wait_set.wait(int(1e9 * (left_s if timeout_s is None else min(timeout_s, left_s))))
-        ready = [("waitable", one) for one in self._waitables if one.is_ready(wait_set)]
+        # First, as a timer looks whether whoever is heard so has been silent for too long.
+        ready = [("polled", one) for one in self._take_polled()]
+        ready += [("waitable", one) for one in self._waitables if one.is_ready(wait_set)]
         for kind, table in self._tables.items():
             if table:
                 pointers = wait_set.get_ready_entities(kind)
@@ -114,6 +146,14 @@ class CachedWaitSet:
         if polls_events:
             ready += [("waitable", one) for one in self._handlers if one.is_ready(wait_set)]
         return ready
+
+    def _take_polled(self) -> list[Any]:
+        """Return the polled subscriptions, if it is time again."""
+        now = time.monotonic()
+        if not self._polled or now < self._polled_at + _POLLS_S[0]:
+            return []
+        self._polled_at = now
+        return self._polled
 
     def release(self) -> None:
         """Release the handles, so that entities that were destroyed really go."""

@@ -13,18 +13,24 @@ from typing import Any
 import numpy as np
 from rclpy.action import ActionServer
 
+from bt_agents_core.errors import Refused
+
 
 class QuietActionServer(ActionServer):
     """Action server of rclpy in which the id of a goal is an array that is formatted at once."""
 
     def take_data(self) -> dict[str, Any]:
         data: dict[str, Any] = super().take_data()
-        for kind in ("goal", "result"):
-            if kind in data:
-                _make_quick(data[kind][1].goal_id)
-        if "cancel" in data:
-            _make_quick(data["cancel"][1].goal_info.goal_id)
+        self.quicken(data)
         return data
+
+    def quicken(self, data: dict[str, Any]) -> None:
+        """Replace the ids of goals in what was taken."""
+        for kind in ("goal", "cancel", "result"):
+            if kind not in data or isinstance(data[kind][1], Refused):
+                continue
+            request = data[kind][1]
+            _make_quick(request.goal_info.goal_id if kind == "cancel" else request.goal_id)
 
 
 class _GoalId(np.ndarray):

@@ -9,19 +9,23 @@ header that rclpy takes. This module can go when rclpy passes GIDs to callbacks.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any, NamedTuple
 
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy import node as node_module
+from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.service import Service
 from rclpy.subscription import Subscription
-from rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from rclpy.utilities import get_rmw_implementation_identifier
+
+from bt_agents_ros.workarounds.local_endpoints import ImplementationWith
 
 UNKNOWN = ""
 """Sender where the middleware does not say who it is: any but Fast DDS."""
@@ -29,7 +33,12 @@ UNKNOWN = ""
 PREFIX = 12
 """Leading bytes of a GUID that all endpoints of a participant share."""
 
+HEARTBEATS_PER_S = 100.0
+"""Heartbeats of a sender that are made objects, which is ten times as many as it sends [1/s]."""
+
 _GID = 16
+_MOST_SENDERS = 1_000
+_DROPPING_S = 0.01
 _NOTHING_TAKEN = 401  # RCL_RET_SUBSCRIPTION_TAKE_FAILED
 
 
@@ -64,36 +73,76 @@ class _MessageInfo(ctypes.Structure):
     ]
 
 
+class _RequestId(ctypes.Structure):
+    _fields_ = [("client", ctypes.c_uint8 * _GID), ("sequence_number", ctypes.c_int64)]
+
+
 class _ServiceInfo(ctypes.Structure):
     _fields_ = [
         ("source_timestamp", ctypes.c_int64),
         ("received_timestamp", ctypes.c_int64),
-        ("client", ctypes.c_uint8 * _GID),
-        ("sequence_number", ctypes.c_int64),
+        ("request_id", _RequestId),
     ]
 
 
 class _IdentifyingSubscription(rclpy_implementation.Subscription):
     """Handle whose messages come with their sender, for any executor that takes from handles."""
 
+    accepts: Callable[[str], bool] | None = None
+
     def take_message(self, kind: Any, raw: bool) -> tuple[Any, dict[str, Any]] | None:
         rcl, rcutils = _libraries()
         taken = _SerializedMessage(allocator=rcutils.rcutils_get_default_allocator())
         info = _MessageInfo()
+        end = 0.0
         try:
-            code = rcl.rcl_take_serialized_message(
-                self.pointer, ctypes.byref(taken), ctypes.byref(info), None
-            )
-            if code == _NOTHING_TAKEN:
-                return None
-            if code:
-                rcutils.rcutils_reset_error()
-                raise RuntimeError(f"rcl_take_serialized_message has returned {code}")
+            while True:
+                code = rcl.rcl_take_serialized_message(
+                    self.pointer, ctypes.byref(taken), ctypes.byref(info), None
+                )
+                if code == _NOTHING_TAKEN:
+                    return None
+                if code:
+                    rcutils.rcutils_reset_error()
+                    raise RuntimeError(f"rcl_take_serialized_message has returned {code}")
+                sender = _participant(info.publisher.data)
+                if self.accepts is None or self.accepts(sender):
+                    break
+                end = end or time.monotonic() + _DROPPING_S
+                if time.monotonic() >= end:
+                    return None
             message = ctypes.string_at(taken.buffer, taken.length)
         finally:
             rcutils.rcutils_uint8_array_fini(ctypes.byref(taken))
-        sender = _participant(info.publisher.data)
         return (message if raw else deserialize_message(message, kind)), {"sender": sender}
+
+
+class SenderRates:
+    """Acceptance of so many messages a second of each sender, and of no more of it.
+
+    So the heartbeats of one process are heard beside a flood of another on their topic.
+
+    Args:
+        per_s: Messages of a sender [1/s].
+        clock: Returns the time [s].
+    """
+
+    def __init__(
+        self, per_s: float = HEARTBEATS_PER_S, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._period_s = 1.0 / per_s
+        self._clock = clock
+        self._next_s: dict[str, float] = {}
+
+    def __call__(self, sender: str) -> bool:
+        """Return whether a message of a sender is accepted."""
+        now = self._clock()
+        if now < self._next_s.get(sender, now):
+            return False
+        if len(self._next_s) >= _MOST_SENDERS:
+            self._next_s.clear()
+        self._next_s[sender] = now + self._period_s
+        return True
 
 
 class IdentifiedRequest(NamedTuple):
@@ -110,7 +159,7 @@ class _IdentifyingService(rclpy_implementation.Service):
         request, header = super().service_take_request(kind)
         if header is None:
             return request, header
-        return IdentifiedRequest(request, _client_of(header)), header
+        return IdentifiedRequest(request, client_guid(header)[:PREFIX].hex()), header
 
 
 def create_identified_subscription(
@@ -121,29 +170,33 @@ def create_identified_subscription(
     qos_profile: QoSProfile,
     *,
     raw: bool = False,
+    callback_group: CallbackGroup | None = None,
+    accepts: Callable[[str], bool] | None = None,
 ) -> Subscription[Any]:
-    """Return a subscription whose callback takes a message and the participant it is from."""
-    check_is_valid_msg_type(kind)
-    with node.handle:
-        handle = _IdentifyingSubscription(
-            node.handle, kind, topic, qos_profile.get_c_qos_profile()
+    """Return a subscription whose callback takes a message and the participant it is from.
+
+    Args:
+        node: The node that listens.
+        kind: Type of the messages.
+        topic: Name of the topic.
+        callback: Takes each message and its sender.
+        qos_profile: As of any subscription.
+        raw: Whether the callback takes bytes.
+        callback_group: The node's own one without any.
+        accepts: Returns whether messages of a sender are wanted; the others are dropped at once,
+            several thousand in the time that one takes to be handled, so that a flood of them
+            keeps those of the right sender from nobody. Without it all are.
+    """
+    with _made_with(Subscription=_IdentifyingSubscription):
+        subscription = node.create_subscription(
+            kind,
+            topic,
+            lambda message, info: callback(message, info["sender"]),
+            qos_profile,
+            callback_group=callback_group,
+            raw=raw,
         )
-    group = node.default_callback_group
-    subscription = Subscription(
-        handle,
-        kind,
-        topic,
-        lambda message, info: callback(message, info["sender"]),
-        group,
-        qos_profile,
-        raw,
-        event_callbacks=SubscriptionEventCallbacks(),
-    )
-    group.add_entity(subscription)
-    node._subscriptions.append(subscription)
-    node._wake_executor()
-    for handler in subscription.event_handlers:
-        node.add_waitable(handler)
+    subscription.handle.accepts = accepts
     return subscription
 
 
@@ -155,37 +208,59 @@ def create_identified_service(
     qos_profile: QoSProfile,
 ) -> Service:
     """Return a service whose callback takes request, response and the client's participant."""
-    check_is_valid_srv_type(kind)
-    with node.handle:
-        handle = _IdentifyingService(node.handle, kind, name, qos_profile.get_c_qos_profile())
-    group = node.default_callback_group
-    service = Service(
-        handle,
-        kind,
-        name,
-        lambda asked, response: callback(asked.request, response, asked.sender),
-        group,
-        qos_profile,
-    )
-    group.add_entity(service)
-    node._services.append(service)
-    node._wake_executor()
+    with _made_with(Service=_IdentifyingService):
+        service = node.create_service(
+            kind,
+            name,
+            lambda asked, response: callback(asked.request, response, asked.sender),
+            qos_profile=qos_profile,
+        )
+    service.is_identified = True
     return service
 
 
-def _client_of(header: Any) -> str:
-    """Return the participant of a client, from the C structure that a request's header wraps."""
+@contextmanager
+def _made_with(**handles: Any) -> Iterator[None]:
+    """Have the nodes make entities with these handles within this block."""
+    before = node_module._rclpy
+    node_module._rclpy = ImplementationWith(**handles)
+    try:
+        yield
+    finally:
+        node_module._rclpy = before
+
+
+def client_guid(header: Any) -> bytes:
+    """Return the GUID with which a client reads its answers, from the header of a request.
+
+    Args:
+        header: What rclpy takes with a request of a service or of an action; both wrap a structure
+            of C.
+
+    Returns:
+        16 bytes; none where the middleware does not say it, or for a request of this process.
+    """
+    is_of_service = isinstance(header, rclpy_implementation.rmw_service_info_t)
+    is_of_action = isinstance(header, rclpy_implementation.rmw_request_id_t)
+    if not (is_of_service or is_of_action) or not _has_guids():
+        return b""
     # Of a pybind11 object, the pointer to what it wraps follows the head of the Python object.
     wrapped = ctypes.c_void_p.from_address(id(header) + object.__basicsize__).value
     if not wrapped:
-        return UNKNOWN
-    info = _ServiceInfo.from_address(wrapped)
-    agrees = (
-        info.source_timestamp == header.source_timestamp
-        and info.received_timestamp == header.received_timestamp
-        and info.sequence_number == header.request_id.sequence_number
-    )
-    return _participant(info.client) if agrees else UNKNOWN
+        return b""
+    if is_of_service:
+        info = _ServiceInfo.from_address(wrapped)
+        taken, request_id = info.request_id, header.request_id
+        agrees = (
+            info.source_timestamp == header.source_timestamp
+            and info.received_timestamp == header.received_timestamp
+        )
+    else:
+        taken, request_id = _RequestId.from_address(wrapped), header
+        agrees = True
+    if not agrees or taken.sequence_number != request_id.sequence_number:
+        return b""
+    return bytes(taken.client)
 
 
 def _participant(guid: Any) -> str:

@@ -5,15 +5,17 @@ import { StrictMode, useEffect, useState } from "react";
 import { createRoot } from "react-dom/client";
 import { connect, follow, logIn, seek, useConnection } from "./connection";
 import { formatTime } from "./formatting";
+import { Bookmarks, Marks } from "./recording";
 import { Live } from "./live";
 import { Market } from "./market";
+import { Person } from "./person";
 import { PanelBoundary } from "./panel_boundary";
 import { System } from "./system";
 import { texts } from "./texts";
 import { Tune } from "./tune";
 import { World } from "./world";
 
-const PAGES = { live: Live, market: Market, tune: Tune, world: World, system: System };
+const PAGES = { live: Live, market: Market, tune: Tune, world: World, system: System, person: Person };
 type Page = keyof typeof PAGES;
 
 const isPage = (name: string): name is Page => name in PAGES;
@@ -25,37 +27,42 @@ function pageOf(path: string): Page {
 
 function App() {
   const [page, setPage] = useState(pageOf(location.pathname));
-  const { phase } = useConnection();
+  const { phase, hello } = useConnection();
+  const isPerson = hello?.role === "person";
   useEffect(() => {
     const changed = (): void => setPage(pageOf(location.pathname));
     window.addEventListener("popstate", changed);
     return () => window.removeEventListener("popstate", changed);
   }, []);
-  const Shown = PAGES[page];
+  const Shown = PAGES[isPerson ? "person" : page];
   return (
     <>
       <header>
         <h1>bt-agents</h1>
-        <nav>
-          {Object.keys(PAGES).filter(isPage).map((name) => (
-            <a
-              key={name}
-              href={`/${name}`}
-              {...(name === page ? { "aria-current": "page" as const } : {})}
-              onClick={(event) => {
-                if (event.metaKey || event.ctrlKey) return;
-                event.preventDefault();
-                history.pushState(null, "", `/${name}`);
-                setPage(name);
-              }}
-            >
-              {texts.pages[name]}
-            </a>
-          ))}
-        </nav>
-        <PanelBoundary label={texts.time.bar}>
-          <TimeBar />
-        </PanelBoundary>
+        {!isPerson && (
+          <>
+            <nav>
+              {Object.keys(PAGES).filter(isPage).map((name) => (
+                <a
+                  key={name}
+                  href={`/${name}`}
+                  {...(name === page ? { "aria-current": "page" as const } : {})}
+                  onClick={(event) => {
+                    if (event.metaKey || event.ctrlKey) return;
+                    event.preventDefault();
+                    history.pushState(null, "", `/${name}`);
+                    setPage(name);
+                  }}
+                >
+                  {texts.pages[name]}
+                </a>
+              ))}
+            </nav>
+            <PanelBoundary label={texts.time.bar}>
+              <TimeBar />
+            </PanelBoundary>
+          </>
+        )}
         <p className={`phase ${phase}`} role="status">
           {texts.connection[phase]}
         </p>
@@ -66,7 +73,7 @@ function App() {
         )}
       </header>
       <main>
-        <PanelBoundary key={page} label={texts.pages[page]}>
+        <PanelBoundary key={page} label={texts.pages[isPerson ? "person" : page]}>
           <Shown />
         </PanelBoundary>
       </main>
@@ -86,17 +93,21 @@ function TimeBar() {
   const shown = Math.min(atS ?? last, last);
   return (
     <div className="time">
-      <input
-        type="range"
-        aria-label={texts.time.bar}
-        aria-valuetext={formatTime(shown)}
-        min={first}
-        max={last}
-        step={0.1}
-        value={shown}
-        disabled={first >= last}
-        onChange={(event) => seek(source, Number(event.target.value))}
-      />
+      <span className="track">
+        <input
+          type="range"
+          aria-label={texts.time.bar}
+          aria-valuetext={formatTime(shown)}
+          min={first}
+          max={last}
+          step={0.1}
+          value={shown}
+          disabled={first >= last}
+          onChange={(event) => seek(source, Number(event.target.value))}
+        />
+        <Marks firstS={first} lastS={last} />
+      </span>
+      <Bookmarks firstS={first} lastS={last} />
       <time>{formatTime(shown)}</time>
       {atS === null ? (
         <span>{texts.time.now}</span>

@@ -2,7 +2,7 @@
 // Connection of the page to its studio: it comes back by itself, and goes on where it was.
 
 import { useSyncExternalStore } from "react";
-import { VERSION, type ClientMessage, type Hello, type Operations, type ServerMessage } from "./protocol";
+import { VERSION, type BookmarkRecord, type ClientMessage, type Hello, type Operations, type ServerMessage } from "./protocol";
 import { apply, replaceAll } from "./store";
 
 export interface ConnectionState {
@@ -16,9 +16,12 @@ export interface ConnectionState {
   source: string;
   firstS: number | null;
   lastS: number | null;
+  /** Marked moments of the recording that is shown. */
+  bookmarks: BookmarkRecord[];
   failure: string;
 }
 
+const LIMIT_MS = 35_000;
 const RETRIES_MS = [250, 500, 1000, 2000];
 
 let state: ConnectionState = {
@@ -29,6 +32,7 @@ let state: ConnectionState = {
   source: "",
   firstS: null,
   lastS: null,
+  bookmarks: [],
   failure: "",
 };
 const listeners = new Set<() => void>();
@@ -74,7 +78,7 @@ function handle(message: ServerMessage): void {
       if (message.at_s === null) sequence = message.sequence;
       if (message.at_s === null && state.atS !== null) return;
       replaceAll(message);
-      update({ firstS: message.first_s, lastS: message.last_s, failure: "" });
+      update({ firstS: message.first_s, lastS: message.last_s, bookmarks: message.bookmarks, failure: "" });
       return;
     case "delta":
       sequence = message.sequence;
@@ -137,14 +141,17 @@ export interface Answer {
   accepted: boolean;
   code: string;
   message: string;
+  /** What an operation of the studio itself has found. */
+  record?: unknown;
 }
 
-async function post(path: string, body: unknown): Promise<Answer> {
+async function post(path: string, body: unknown, limitMs = LIMIT_MS): Promise<Answer> {
   try {
     const answer = await fetch(path, {
       method: "POST",
       headers: { "Content-Type": "application/json" },
       body: JSON.stringify(body),
+      signal: AbortSignal.timeout(limitMs),
     });
     const found = (await answer.json()) as Partial<Answer>;
     return { accepted: false, code: "", message: "", ...found };
@@ -154,6 +161,10 @@ async function post(path: string, body: unknown): Promise<Answer> {
 }
 
 /** Change something; the answer is that of the service, refusals included. */
-export function operate<N extends keyof Operations>(name: N, fields: Operations[N]): Promise<Answer> {
-  return post(`/api/do/${name}`, fields);
+export function operate<N extends keyof Operations>(
+  name: N,
+  fields: Operations[N],
+  limitMs?: number,
+): Promise<Answer> {
+  return post(`/api/do/${name}`, fields, limitMs);
 }

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Page "Live": the running tree, and what it is about.
 
-import { useEffect, useMemo, useRef, useState } from "react";
+import { memo, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { operate, useConnection } from "./connection";
+import { Controls, NodeValues, PauseBanner, toggleBreakpoint, useBreakpoints } from "./control";
 import { formatNumber, formatSeconds, formatTime } from "./formatting";
 import { PanelBoundary } from "./panel_boundary";
-import type { SceneRecord } from "./protocol";
+import type { LogRecord, SceneRecord } from "./protocol";
 import { lineOf, Tree } from "./tree";
 import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
@@ -27,6 +28,14 @@ export function Live() {
   const trees = useCollection("trees");
   const [chosen, setChosen] = useState("");
   const [answer, setAnswer] = useState("");
+  const host = tree?.host ?? "";
+  const stops = useBreakpoints(host, agent);
+  const toggleStop = useCallback(
+    (path: string): void => {
+      if (atS === null) void toggleBreakpoint(host, agent, path).then(setAnswer);
+    },
+    [atS, host, agent],
+  );
   const isRunning = run !== undefined && run.ended_s === null && market?.state !== "IDLE";
   const stop = async (): Promise<void> => {
     const done = await operate("cancel", { reason: texts.live.stopped, by: "OPERATOR" });
@@ -52,15 +61,26 @@ export function Live() {
               {run.message && ` · ${run.message}`}
             </span>
           )}
+          <Controls host={host} agent={agent} say={setAnswer} />
           <button type="button" className="stop" disabled={!isRunning || atS !== null} onClick={() => void stop()}>
             {texts.live.stop}
           </button>
           <output>{answer}</output>
         </div>
         {tree ? (
-          <PanelBoundary label={texts.live.tree}>
-            <Tree record={tree} tip={run?.ended_s === null ? run.tip : ""} chosen={chosen} choose={setChosen} />
-          </PanelBoundary>
+          <>
+            <PauseBanner host={host} tree={tree} tip={run?.tip ?? ""} />
+            <PanelBoundary label={texts.live.tree}>
+              <Tree
+                record={tree}
+                tip={run?.ended_s === null ? run.tip : ""}
+                chosen={chosen}
+                choose={setChosen}
+                stops={stops}
+                toggleStop={toggleStop}
+              />
+            </PanelBoundary>
+          </>
         ) : (
           <p className="empty">{agent ? texts.live.noTree : texts.live.nobody}</p>
         )}
@@ -124,6 +144,7 @@ function NodeDetails({ agent, path }: { agent: string; path: string }) {
               <dd>{formatSeconds(record.busy_s)}</dd>
             </dl>
           )}
+          <NodeValues agent={agent} path={path} />
           <p className="place">
             {node.file}:{node.line} · {node.path}
           </p>
@@ -251,24 +272,41 @@ function Questions() {
   );
 }
 
+const LOG_MS = 250;
+const LOG_LINES = 100;
+const FIRST_LOG_LINES = 30;
+
+/**
+ * Log of the run, the newest line first in the document and last on the screen, where the style keeps it in view.
+ *
+ * Earlier lines are drawn for who scrolls back. A new line takes the element of the one that it replaces, as hundreds
+ * may come in a second.
+ */
 function Log() {
-  const lines = useCollection("log");
-  const box = useRef<HTMLOListElement>(null);
-  const shown = lines.slice(-200);
-  useEffect(() => {
-    const list = box.current;
-    if (list && list.scrollHeight - list.scrollTop - list.clientHeight < 160) list.scrollTop = list.scrollHeight;
-  }, [lines]);
+  const lines = useCollection("log", LOG_MS);
+  const [most, setMost] = useState(FIRST_LOG_LINES);
   return (
     <section className="panel log" aria-label={texts.live.log}>
       <h2>{texts.live.log}</h2>
-      <ol ref={box} tabIndex={0}>
-        {shown.map(([key, line]) => (
-          <li key={key} className={line.kind}>
-            <time>{formatTime(line.at_s)}</time> <b>{line.kind}</b> {line.agent && <i>{line.agent}</i>} {line.text}
-          </li>
-        ))}
+      <ol
+        tabIndex={0}
+        onScroll={(event) => setMost(event.currentTarget.scrollTop < 0 ? LOG_LINES : FIRST_LOG_LINES)}
+      >
+        {lines
+          .slice(-most)
+          .reverse()
+          .map(([key, line]) => (
+            <LogLine key={Number(key) % most} line={line} />
+          ))}
       </ol>
     </section>
   );
 }
+
+const LogLine = memo(function LogLine({ line }: { line: LogRecord }) {
+  return (
+    <li className={line.kind}>
+      <time>{formatTime(line.at_s)}</time> <b>{line.kind}</b> {line.agent && <i>{line.agent}</i>} {line.text}
+    </li>
+  );
+});

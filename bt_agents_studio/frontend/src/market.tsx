@@ -3,6 +3,8 @@
 
 import { useState } from "react";
 import { operate, useConnection } from "./connection";
+import { causeOf, Legend, ProfileCourse, Shares, total } from "./course";
+import { DryRun } from "./dry_run";
 import { formatNumber, formatTime } from "./formatting";
 import { PanelBoundary } from "./panel_boundary";
 import type { RoundRecord } from "./protocol";
@@ -27,6 +29,12 @@ export function Market() {
             <Round round={round} />
           </PanelBoundary>
         )}
+        <PanelBoundary label={words.dryRun}>
+          <DryRun />
+        </PanelBoundary>
+        <PanelBoundary label={words.shares}>
+          <Shares />
+        </PanelBoundary>
       </div>
       <div className="side">
         <PanelBoundary label={words.profiles}>
@@ -64,7 +72,7 @@ function Rounds({ shown, show }: { shown: string; show: (key: string) => void })
 
 function Round({ round }: { round: RoundRecord }) {
   const names = round.scene.values.map((one) => one.name);
-  const longest = Math.max(...round.ranking.map((one) => sum(one.contributions)), 1e-9);
+  const longest = Math.max(...round.ranking.map((one) => total(one.contributions)), 1e-9);
   const change = Object.entries(round.change);
   return (
     <section className="panel" aria-label={words.bids}>
@@ -75,13 +83,12 @@ function Round({ round }: { round: RoundRecord }) {
           {round.margin !== null && ` · ${words.margin} ${formatNumber(round.margin)}`}
         </span>
       </h2>
-      <ul className="legend">
-        {names.map((name, index) => (
-          <li key={name} className={`series-${index % 6}`}>
-            {name}
-          </li>
-        ))}
-      </ul>
+      {round.intervention && (
+        <p>
+          <b>{words.intervention}:</b> {round.intervention}
+        </p>
+      )}
+      <Legend names={names} />
       <table className="bids">
         <tbody>
           {round.ranking.map((bid) => (
@@ -94,7 +101,7 @@ function Round({ round }: { round: RoundRecord }) {
                     <rect
                       key={names[index]}
                       className={`series-${index % 6}`}
-                      x={(sum(bid.contributions.slice(0, index)) / longest) * 100}
+                      x={(total(bid.contributions.slice(0, index)) / longest) * 100}
                       width={(value / longest) * 100}
                       height={6}
                     />
@@ -132,8 +139,6 @@ function Round({ round }: { round: RoundRecord }) {
     </section>
   );
 }
-
-const sum = (values: readonly number[]): number => values.reduce((total, value) => total + value, 0);
 
 function Agents() {
   const agents = useCollection("agents");
@@ -195,6 +200,9 @@ function FeedbackList() {
   const undo = async (agent: string, layer: string): Promise<void> => {
     setAnswer((await operate("profiles", { action: "UNDO", agent, layer, author: texts.tune.author })).message);
   };
+  const [asked, setAsked] = useState("");
+  const profiles = [...new Set(feedback.map(([, one]) => `${one.agent}|${one.layer}`))].sort();
+  const [agent = "", layer = ""] = asked.split("|");
   const newest = new Map(feedback.map(([, one]) => [`${one.agent}|${one.layer}`, one.revision]));
   return (
     <section className="panel" aria-label={words.feedback}>
@@ -208,8 +216,20 @@ function FeedbackList() {
         </button>
       </div>
       <output>{answer}</output>
+      <label className="bar">
+        {words.course}{" "}
+        <select value={asked} onChange={(event) => setAsked(event.target.value)}>
+          <option value="">{words.allAgents}</option>
+          {profiles.map((one) => (
+            <option key={one} value={one}>
+              {one.split("|")[0]} {one.split("|")[1] || words.everybody}
+            </option>
+          ))}
+        </select>
+      </label>
+      {asked && <ProfileCourse agent={agent} layer={layer} />}
       <ol className="feedback">
-        {[...feedback].reverse().map(([key, one]) => (
+        {[...feedback].reverse().filter(([, one]) => asked === "" || `${one.agent}|${one.layer}` === asked).map(([key, one]) => (
           <li key={key}>
             <time>{formatTime(one.at_s)}</time> <b>{one.agent}</b> {one.layer} {one.kind.toLowerCase()} · {one.source}
             {one.reason && `: ${one.reason}`}
@@ -220,6 +240,7 @@ function FeedbackList() {
                 </span>
               ))}
             </div>
+            <small>{causeOf(one)}</small>{" "}
             {newest.get(`${one.agent}|${one.layer}`) === one.revision && (
               <button type="button" disabled={atS !== null} onClick={() => void undo(one.agent, one.layer)}>
                 {words.undo}

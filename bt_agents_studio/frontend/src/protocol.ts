@@ -101,6 +101,37 @@ export interface NodeRecord {
   reason: string;
 }
 
+export interface CountdownRecord {
+  at_s: number;
+  kind: string;
+  remaining_s: number | null;
+  remaining: number | null;
+}
+
+export interface NodeValueRecord {
+  at_s: number;
+  tick: number;
+  name: string;
+  value: string;
+  written: boolean;
+}
+
+export interface NodeValuesRecord {
+  values: NodeValueRecord[];
+}
+
+export interface ControlRecord {
+  host: string;
+  epoch: string;
+  round: number;
+  agent: string;
+  paused: boolean;
+  paused_at: string;
+  author: string;
+  since_s: number;
+  breakpoints: Record<string, string[]>;
+}
+
 export interface RunRecord {
   agent: string;
   host: string;
@@ -237,6 +268,13 @@ export interface HostRecord {
   problems: ProblemRecord[];
 }
 
+export interface HealthRecord {
+  level: string;
+  message: string;
+  values: Record<string, string>;
+  since_s: number;
+}
+
 export interface TunableRecord {
   name: string;
   host: string;
@@ -287,6 +325,25 @@ export interface QuestionsRecord {
   questions: QuestionRecord[];
 }
 
+export interface RobotActRecord {
+  at_s: number;
+  number: number;
+  kind: string;
+  text: string;
+  clip: string;
+  choices: string[];
+  rate: number;
+  waiting: boolean;
+}
+
+export interface RobotRecord {
+  acts: RobotActRecord[];
+  light: string;
+  light_blinks: boolean;
+  sound: string;
+  sounds: number;
+}
+
 export interface MoodRecord {
   at_s: number;
   mood: number;
@@ -299,6 +356,57 @@ export interface FileRecord {
 export interface PartRecord {
   alive: boolean;
   seen_s: number;
+}
+
+export interface RecordingRecord {
+  since_s: number;
+  recording: boolean;
+  folder: string;
+  file: string;
+  label: string;
+  notes: string;
+  author: string;
+  bookmarks: number;
+}
+
+export interface BookmarkRecord {
+  at_s: number;
+  label: string;
+  notes: string;
+  author: string;
+}
+
+export interface ListeningRecord {
+  type: string;
+  fields: Record<string, string>;
+}
+
+export interface JournalRecord {
+  name: string;
+  bytes: number;
+  label: string;
+}
+
+export interface SceneMapRecord {
+  across: string;
+  up: string;
+  xs: number[];
+  ys: number[];
+  agents: string[];
+  winners: number[];
+  is_asked: boolean;
+}
+
+export interface DryRunRecord {
+  round: RoundRecord;
+  map: SceneMapRecord;
+}
+
+export interface KeepRecord {
+  diff: string;
+  tests: string[];
+  breaks: boolean;
+  digest: string;
 }
 
 export interface Hello {
@@ -318,6 +426,7 @@ export interface Snapshot {
   source: string;
   first_s: number | null;
   last_s: number | null;
+  bookmarks: BookmarkRecord[];
   entries: Record<string, Record<string, unknown>>;
 }
 
@@ -352,9 +461,14 @@ export interface Follow {
 
 export interface Collections {
   agents: AgentRecord;
+  controls: ControlRecord;
+  countdowns: CountdownRecord;
+  bookmarks: BookmarkRecord;
   feedback: ProfileStepRecord;
   files: FileRecord;
+  health: HealthRecord;
   hosts: HostRecord;
+  listening: ListeningRecord;
   live: SceneRecord;
   log: LogRecord;
   market: MarketRecord;
@@ -363,12 +477,15 @@ export interface Collections {
   parts: PartRecord;
   profiles: ProfileRecord;
   questions: QuestionsRecord;
+  robot: RobotRecord;
+  recording: RecordingRecord;
   rounds: RoundRecord;
   runs: RunRecord;
   scene: SceneRecord;
   trees: TreeRecord;
   tunables: TunableRecord;
   tunings: TuningsRecord;
+  values: NodeValuesRecord;
 }
 
 export type ServerMessage = Hello | Snapshot | Delta | Failure;
@@ -377,9 +494,15 @@ export type ClientMessage = Resume | Seek | Follow;
 
 export interface Operations {
   cancel: { reason?: string; round?: number; by?: "OPERATOR" };
+  control: { host: string; action?: "PAUSE" | "RESUME" | "STEP" | "BREAKPOINTS"; author?: string; epoch?: string; round?: number; agent?: string; paths?: string[] };
   feedback: { feedback_id?: string; agent?: string; kind?: "DIRECT" | "POSITIVE" | "NEGATIVE" | "SET"; values?: (number | null)[]; source?: string; reason?: string };
   operate: { action?: "PIN" | "UNPIN" | "VETO" | "ALLOW" | "AWARD"; agent?: string; author?: string; reason?: string };
+  record: { action?: "START" | "STOP" | "BOOKMARK"; author?: string; label?: string; notes?: string };
   profiles: { action?: "UNDO" | "RESET"; agent?: string; layer?: string; author?: string; reason?: string };
   scene: { label?: string; names?: string[]; values?: (number | null)[]; person?: "AS_MEASURED" | "PRESENT" | "ABSENT"; urgent?: boolean; announce?: boolean };
-  tune: { host: string; action?: "SET" | "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET"; author?: string; reason?: string; names?: string[]; values?: string[]; preset?: string; agents?: string[] };
+  tune: { host: string; action?: "SET" | "UNDO" | "REDO" | "APPLY" | "SAVE" | "FORGET"; author?: string; reason?: string; names?: string[]; values?: string[]; compare?: boolean; seen?: number; preset?: string; agents?: string[] };
+  answer: { text?: string };
+  dry_run: { names?: string[]; values?: (number | null)[]; across?: string; up?: string };
+  keep: { profile?: boolean; digest?: string };
+  publish: { topic?: string; values?: string[] };
 }

@@ -5,7 +5,8 @@ import { useEffect, useState } from "react";
 import { seek } from "./connection";
 import { formatTime } from "./formatting";
 import { PanelBoundary } from "./panel_boundary";
-import { useCollection } from "./store";
+import type { JournalRecord } from "./protocol";
+import { useCollection, useEntry } from "./store";
 import { texts } from "./texts";
 
 const words = texts.system;
@@ -14,6 +15,9 @@ export function System() {
   return (
     <div className="columns">
       <div className="main">
+        <PanelBoundary label={words.health}>
+          <HealthList />
+        </PanelBoundary>
         <PanelBoundary label={words.hosts}>
           <Hosts />
         </PanelBoundary>
@@ -93,24 +97,72 @@ function Parts() {
   );
 }
 
+const SEVERITY = ["ERROR", "STALE", "WARN", "OK"];
+
+/** What the nodes say of their parts, the worst first. */
+function HealthList() {
+  const found = useCollection("health");
+  const sorted = [...found].sort(
+    ([a, one], [b, other]) => SEVERITY.indexOf(one.level) - SEVERITY.indexOf(other.level) || a.localeCompare(b),
+  );
+  return (
+    <section className="panel" aria-label={words.health}>
+      <h2>{words.health}</h2>
+      {found.length === 0 && <p className="empty">{words.noHealth}</p>}
+      <ul className="health">
+        {sorted.map(([name, one]) => (
+          <li key={name} className={one.level.toLowerCase()}>
+            <details>
+              <summary>
+                <b>{name}</b>{" "}
+                <span className="level">
+                  {words.levels[one.level] ?? one.level} {words.since} {formatTime(one.since_s)}
+                </span>{" "}
+                {one.message}
+              </summary>
+              <dl>
+                {Object.entries(one.values).map(([key, value]) => (
+                  <div key={key}>
+                    <dt>{key}</dt>
+                    <dd>{value}</dd>
+                  </div>
+                ))}
+              </dl>
+            </details>
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+}
+
 function Journals() {
-  const [found, setFound] = useState<{ name: string; bytes: number }[]>([]);
+  const [found, setFound] = useState<JournalRecord[]>([]);
+  const recording = useEntry("recording");
   useEffect(() => {
     void fetch("/api/journals")
       .then((answer) => (answer.ok ? answer.json() : []))
       .then(setFound, () => setFound([]));
-  }, []);
+  }, [recording?.file, recording?.recording]);
   return (
     <section className="panel" aria-label={words.journals}>
       <h2>{words.journals}</h2>
+      {recording === undefined && <p className="empty">{texts.world.noJournal}</p>}
       {found.length === 0 && <p className="empty">{words.noJournals}</p>}
-      <ul>
+      <ul className="journals">
         {found.map((one) => (
           <li key={one.name}>
+            {one.label && <b>{one.label} </b>}
             {one.name} <small>{(one.bytes / 1e6).toFixed(1)} MB</small>{" "}
             <button type="button" onClick={() => seek(one.name, 2 ** 40)}>
               {words.look}
-            </button>
+            </button>{" "}
+            {/* A bag is a folder of files. */}
+            {one.name.endsWith(".mcap") && (
+              <a href={`/api/journals/${encodeURIComponent(one.name)}`} download={one.name}>
+                {words.download}
+              </a>
+            )}
           </li>
         ))}
       </ul>

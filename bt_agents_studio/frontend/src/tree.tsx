@@ -1,81 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Behaviour tree as SVG: one subscription a node; what is far outside of the view is not drawn.
 
-import { hierarchy, tree as tidyTree } from "d3-hierarchy";
-import { memo, useEffect, useLayoutEffect, useMemo, useRef, useState } from "react";
+import { memo, useEffect, useMemo, useRef, useState } from "react";
+import { Left } from "./control";
 import type { NodeRecord, TreeNodeRecord, TreeRecord } from "./protocol";
 import { readEntry, useEntry } from "./store";
 import { texts } from "./texts";
-
-const COLUMN = 210;
-const ROW = 46;
-const WIDTH = 176;
-const HEIGHT = 36;
-const CELL = 500;
-const MARGIN = 24;
-
-interface Shown {
-  node: TreeNodeRecord;
-  /** Modifiers around the node, outermost first. */
-  modifiers: TreeNodeRecord[];
-  children: Shown[];
-  depth: number;
-}
-
-interface Placed {
-  shown: Shown;
-  x: number;
-  y: number;
-  parent: Placed | null;
-}
-
-const isModifier = (node: TreeNodeRecord): boolean =>
-  (node.path.split("/").at(-1) ?? "").includes("@");
-
-/** Nodes with their modifiers as badges, instead of as nodes of their own. */
-export function nest(record: TreeRecord): Shown[] {
-  const made = new Map<number, Shown>();
-  const roots: Shown[] = [];
-  const pending = new Map<number, TreeNodeRecord[]>();
-  record.nodes.forEach((node, index) => {
-    if (isModifier(node)) {
-      pending.set(index, [...(pending.get(node.parent) ?? []), node]);
-      return;
-    }
-    const modifiers = pending.get(node.parent) ?? [];
-    const outermost = modifiers[0] ?? node;
-    const parent = made.get(outermost.parent);
-    const shown: Shown = { node, modifiers, children: [], depth: parent ? parent.depth + 1 : 0 };
-    made.set(index, shown);
-    if (parent) parent.children.push(shown);
-    else roots.push(shown);
-  });
-  return roots;
-}
-
-function place(roots: Shown[], folded: ReadonlySet<string>): Placed[] {
-  const virtual: Shown = { node: roots[0]!.node, modifiers: [], children: roots, depth: -1 };
-  const root = hierarchy(virtual, (one) => (folded.has(one.node.path) && one !== virtual ? [] : one.children));
-  tidyTree<Shown>().nodeSize([ROW, COLUMN])(root);
-  const placed = new Map<unknown, Placed>();
-  let top = Infinity;
-  root.each((one) => {
-    top = Math.min(top, one.x ?? 0);
-  });
-  const all: Placed[] = [];
-  root.eachBefore((one) => {
-    if (one.data === virtual) return;
-    const item: Placed = {
-      shown: one.data,
-      x: (one.y ?? 0) - COLUMN + MARGIN,
-      y: (one.x ?? 0) - top + MARGIN,
-      parent: placed.get(one.parent) ?? null,
-    };
-    placed.set(one, item);
-    all.push(item);
-  });
-  return all;
-}
+import { find, HEIGHT, isBelow, layOut, nest, WIDTH, withoutModifier, type Placed } from "./tree_layout";
+import { TreeMap } from "./tree_map";
+import { READABLE, STEP, useViewport } from "./tree_view";
 
 const status = (record: NodeRecord | undefined): string => (record?.status ?? "INVALID").toLowerCase();
 const shorten = (text: string, most: number): string =>
@@ -99,17 +32,24 @@ interface CellProps {
   isChosen: boolean;
   isFound: boolean;
   isFolded: boolean;
+  isReadable: boolean;
+  isStop: boolean;
+  host: string;
   choose: (path: string) => void;
   fold: (path: string) => void;
+  toggleStop: (path: string) => void;
 }
 
-const Cell = memo(function Cell({ agent, item, isTip, isChosen, isFound, isFolded, choose, fold }: CellProps) {
+const Cell = memo(function Cell(props: CellProps) {
+  const { agent, item, isTip, isChosen, isFound, isFolded, isReadable, isStop, host, choose, fold, toggleStop } = props;
   const { node, modifiers, children, depth } = item.shown;
   const record = useEntry("nodes", `${agent}|${node.path}`);
   const state = status(record);
   const reason = state === "failure" ? (record?.message ?? "") : "";
   const classes = ["node", state, isTip && "tip", isChosen && "chosen", isFound && "found"].filter(Boolean).join(" ");
-  const label = `${node.kind} ${node.name}, ${state}${reason ? `: ${reason}` : ""}`;
+  const stop = isStop ? `, ${texts.control.breakpoint}` : "";
+  const label = `${node.kind} ${node.name}, ${state}${reason ? `: ${reason}` : ""}${stop}`;
+  const paths = useMemo(() => [node.path, ...modifiers.map((one) => one.path)], [node, modifiers]);
   return (
     <g
       className={classes}
@@ -125,15 +65,33 @@ const Cell = memo(function Cell({ agent, item, isTip, isChosen, isFound, isFolde
       onDoubleClick={() => children.length > 0 && fold(node.path)}
     >
       <rect width={WIDTH} height={HEIGHT} rx={7} />
-      <text className="kind" x={10} y={14}>
-        {shorten(node.kind, 26)}
-      </text>
-      <text className="name" x={10} y={28}>
-        {shorten(reason || node.name, 24)}
-      </text>
-      {modifiers.map((one, index) => (
-        <Badge key={one.path} agent={agent} node={one} x={WIDTH - 8 - index * 16} />
-      ))}
+      {isReadable && (
+        <>
+          <text className="kind" x={10} y={14}>
+            {shorten(node.kind, 26)}
+          </text>
+          <text className="name" x={10} y={28}>
+            {shorten(reason || node.name, 24)}
+          </text>
+          {modifiers.map((one, index) => (
+            <Badge key={one.path} agent={agent} node={one} x={WIDTH - 8 - index * 16} />
+          ))}
+          <Left agent={agent} host={host} paths={paths} x={10} y={HEIGHT + 11} />
+        </>
+      )}
+      <g
+        className={isStop ? "breakpoint set" : "breakpoint"}
+        transform={`translate(-9,${HEIGHT / 2})`}
+        onClick={(event) => {
+          event.stopPropagation();
+          toggleStop(node.path);
+        }}
+        onDoubleClick={(event) => event.stopPropagation()}
+      >
+        <rect x={-12} y={-HEIGHT / 2} width={20} height={HEIGHT} />
+        <circle r={5} />
+        <title>{texts.control.hint}</title>
+      </g>
       {isFolded && (
         <text className="folded" x={WIDTH + 6} y={HEIGHT / 2 + 4}>
           +{children.length}
@@ -162,72 +120,69 @@ interface TreeProps {
   tip: string;
   chosen: string;
   choose: (path: string) => void;
+  /** Paths of the nodes with a breakpoint. */
+  stops: readonly string[];
+  toggleStop: (path: string) => void;
 }
 
-export function Tree({ record, tip, chosen, choose }: TreeProps) {
-  const frame = useRef<HTMLDivElement>(null);
-  const [folded, setFolded] = useState<ReadonlySet<string>>(new Set());
+const NOTHING: ReadonlySet<string> = new Set();
+
+export const Tree = memo(function Tree({ record, tip, chosen, choose, stops, toggleStop }: TreeProps) {
+  const [folded, setFolded] = useState(NOTHING);
   const [search, setSearch] = useState("");
-  const [zoom, setZoom] = useState(1);
-  const [cells, setCells] = useState("0,0,3,3");
+  const [goal, setGoal] = useState({ path: "" });
+  const searching = useRef<HTMLInputElement>(null);
   const roots = useMemo(() => nest(record), [record]);
-  const placed = useMemo(() => (roots.length > 0 ? place(roots, folded) : []), [roots, folded]);
-  const width = Math.max(...placed.map((one) => one.x + WIDTH), 0) + MARGIN * 2;
-  const height = Math.max(...placed.map((one) => one.y + HEIGHT), 0) + MARGIN;
-  const tipNode = useMemo(() => withoutModifier(record, tip), [record, tip]);
+  const layout = useMemo(() => layOut(roots, folded), [roots, folded]);
+  const view = useViewport(layout);
+  const { frame, zoom, show } = view;
+  const { placed } = layout;
+  const tipNode = withoutModifier(tip);
+  const results = useMemo(() => find(record, search), [record, search]);
+  const found = useMemo(() => new Set(results), [results]);
 
-  useEffect(() => setFolded(new Set()), [record.agent]);
+  // The chosen node is drawn even far away, as it may have the keyboard.
+  const drawn = useMemo(() => {
+    const item = layout.at.get(chosen);
+    return item === undefined || view.near.includes(item) ? view.near : [...view.near, item];
+  }, [layout, view.near, chosen]);
 
-  const measure = (): void => {
-    const box = frame.current;
-    if (box === null) return;
-    const scale = zoom * CELL;
-    const first = (value: number): number => Math.floor(value / scale) - 1;
-    const last = (value: number): number => Math.floor(value / scale) + 1;
-    setCells(
-      [
-        first(box.scrollLeft),
-        first(box.scrollTop),
-        last(box.scrollLeft + box.clientWidth),
-        last(box.scrollTop + box.clientHeight),
-      ].join(","),
-    );
-  };
-  useLayoutEffect(measure, [zoom, placed]);
+  useEffect(() => {
+    setFolded(NOTHING);
+    setGoal({ path: tipNode || (roots[0]?.node.path ?? "") });
+  }, [record.agent]);
 
-  const visible = useMemo(() => {
-    const [left = 0, top = 0, right = 0, bottom = 0] = cells.split(",").map(Number);
-    const within = (one: Placed): boolean => {
-      const column = Math.floor(one.x / CELL);
-      const row = Math.floor(one.y / CELL);
-      return column >= left && column <= right && row >= top && row <= bottom;
-    };
-    return placed.filter((one) => within(one) || (one.parent !== null && within(one.parent)));
-  }, [placed, cells]);
-
-  const show = (path: string): void => {
-    const item = placed.find((one) => one.shown.node.path === path);
-    const box = frame.current;
-    if (item === undefined || box === null) return;
-    box.scrollTo({
-      left: item.x * zoom - box.clientWidth / 2 + (WIDTH * zoom) / 2,
-      top: item.y * zoom - box.clientHeight / 2,
-    });
-  };
-  const fold = (path: string): void =>
+  /** Bring a node into view, unfolded if need be. */
+  const goTo = (path: string): void => {
     setFolded((before) => {
-      const after = new Set(before);
-      if (!after.delete(path)) after.add(path);
-      return after;
+      const kept = [...before].filter((one) => !isBelow(path, one));
+      return kept.length < before.size ? new Set(kept) : before;
     });
-  const found = useMemo(() => {
-    const wanted = search.trim().toLowerCase();
-    if (wanted === "") return new Set<string>();
-    const fits = (one: TreeNodeRecord): boolean =>
-      `${one.kind} ${one.name} ${one.path}`.toLowerCase().includes(wanted);
-    return new Set(record.nodes.filter(fits).map((one) => one.path));
-  }, [record, search]);
+    setGoal({ path });
+  };
+  // The node has its place only after what hid it is unfolded.
+  useEffect(() => show(goal.path), [goal]);
+
+  const fold = useMemo(
+    () =>
+      (path: string): void =>
+        setFolded((before) => {
+          const after = new Set(before);
+          if (!after.delete(path)) after.add(path);
+          return after;
+        }),
+    [],
+  );
+  const goToResult = (step: number): void => {
+    const index = results.indexOf(chosen);
+    const from = index < 0 && step < 0 ? 0 : index;
+    const next = results[(from + step + results.length) % results.length];
+    if (next === undefined) return;
+    choose(next);
+    goTo(next);
+  };
   const onKeyDown = (event: React.KeyboardEvent): void => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const index = placed.findIndex((one) => one.shown.node.path === chosen);
     const current = placed[index];
     const next = {
@@ -238,10 +193,19 @@ export function Tree({ record, tip, chosen, choose }: TreeProps) {
       Home: placed[0],
       End: placed.at(-1),
     }[event.key];
-    if (event.key === "Enter" && current && current.shown.children.length > 0) fold(chosen);
+    const act = {
+      "+": () => view.zoomBy(STEP),
+      "-": () => view.zoomBy(1 / STEP),
+      "0": () => view.fit(),
+      t: () => tipNode !== "" && goTo(tipNode),
+      "/": () => searching.current?.focus(),
+    }[event.key];
+    if (event.key === "b" && current) toggleStop(chosen);
+    else if (event.key === "Enter" && current && current.shown.children.length > 0) fold(chosen);
+    else if (act) act();
     else if (next) {
       choose(next.shown.node.path);
-      show(next.shown.node.path);
+      goTo(next.shown.node.path);
     } else return;
     event.preventDefault();
   };
@@ -255,72 +219,76 @@ export function Tree({ record, tip, chosen, choose }: TreeProps) {
     <section className="panel tree-panel" aria-label={texts.live.tree}>
       <div className="bar">
         <input
+          ref={searching}
           type="search"
           aria-label={texts.live.search}
           placeholder={texts.live.search}
           value={search}
           onChange={(event) => setSearch(event.target.value)}
           onKeyDown={(event) => {
-            const first = placed.find((one) => found.has(one.shown.node.path));
-            if (event.key === "Enter" && first) {
-              choose(first.shown.node.path);
-              show(first.shown.node.path);
-            }
+            if (event.key === "Enter") goToResult(event.shiftKey ? -1 : 1);
           }}
         />
-        <button type="button" disabled={tipNode === ""} onClick={() => show(tipNode)}>
+        {search.trim() !== "" && (
+          <output>
+            {found.has(chosen) ? `${results.indexOf(chosen) + 1} ${texts.live.of} ` : ""}
+            {results.length} {texts.live.found}
+          </output>
+        )}
+        <button type="button" disabled={tipNode === ""} onClick={() => goTo(tipNode)}>
           {texts.live.tip}
         </button>
-        <button type="button" aria-label="smaller" onClick={() => setZoom((before) => Math.max(0.25, before / 1.25))}>
+        <button type="button" aria-label={texts.live.smaller} onClick={() => view.zoomBy(1 / STEP)}>
           −
         </button>
-        <button type="button" aria-label="larger" onClick={() => setZoom((before) => Math.min(2, before * 1.25))}>
+        <button type="button" aria-label={texts.live.larger} onClick={() => view.zoomBy(STEP)}>
           +
         </button>
+        <button type="button" onClick={view.fit}>
+          {texts.live.fit}
+        </button>
       </div>
-      <div className="tree" ref={frame} onScroll={measure}>
-        <svg
-          width={width * zoom}
-          height={height * zoom}
-          viewBox={`0 0 ${width} ${height}`}
-          role="tree"
-          aria-label={record.agent}
-          tabIndex={0}
-          onKeyDown={onKeyDown}
-        >
-          <g role="presentation">
-            {visible.map((one) => (
-              <Edge key={one.shown.node.path} agent={record.agent} item={one} />
+      <div className="tree-frame">
+        <div className="tree" ref={frame} onScroll={view.onScroll} onPointerDown={view.onPointerDown}>
+          <svg
+            width={layout.width * zoom}
+            height={layout.height * zoom}
+            viewBox={`0 0 ${layout.width} ${layout.height}`}
+            role="tree"
+            aria-label={record.agent}
+            tabIndex={0}
+            data-zoom={zoom.toFixed(2)}
+            onKeyDown={onKeyDown}
+          >
+            <g role="presentation">
+              {drawn.map((one) => (
+                <Edge key={one.shown.node.path} agent={record.agent} item={one} />
+              ))}
+            </g>
+            {drawn.map((one) => (
+              <Cell
+                key={one.shown.node.path}
+                agent={record.agent}
+                item={one}
+                isTip={one.shown.node.path === tipNode}
+                isChosen={one.shown.node.path === chosen}
+                isFound={found.has(one.shown.node.path)}
+                isFolded={folded.has(one.shown.node.path)}
+                isReadable={zoom >= READABLE}
+                isStop={stops.includes(one.shown.node.path)}
+                host={record.host}
+                choose={choose}
+                fold={fold}
+                toggleStop={toggleStop}
+              />
             ))}
-          </g>
-          {visible.map((one) => (
-            <Cell
-              key={one.shown.node.path}
-              agent={record.agent}
-              item={one}
-              isTip={one.shown.node.path === tipNode}
-              isChosen={one.shown.node.path === chosen}
-              isFound={found.has(one.shown.node.path)}
-              isFolded={folded.has(one.shown.node.path)}
-              choose={choose}
-              fold={fold}
-            />
-          ))}
-        </svg>
+          </svg>
+        </div>
+        {view.isPart && <TreeMap agent={record.agent} layout={layout} part={view.part} watch={view.watch} centre={view.centre} />}
       </div>
     </section>
   );
-}
-
-/** Path of the node that a tip which is a modifier belongs to. */
-function withoutModifier(record: TreeRecord, tip: string): string {
-  let index = record.nodes.findIndex((one) => one.path === tip);
-  while (index >= 0 && isModifier(record.nodes[index]!)) {
-    const parent: number = index;
-    index = record.nodes.findIndex((one) => one.parent === parent);
-  }
-  return index >= 0 ? record.nodes[index]!.path : "";
-}
+});
 
 export function lineOf(agent: string, path: string): TreeNodeRecord | undefined {
   return readEntry("trees", agent)?.nodes.find((one) => one.path === path);

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line `bt-agents`."""
 
-from bt_agents_ros.signals import end_silently
+import gc
+
+from bt_agents_ros.signals import end_silently, loading
 
 
 def main() -> None:
     """Run the command line, whose modules take a while to load."""
     end_silently()
-    from bt_agents_tools.cli.main import main as run
-
-    run()
+    with loading():
+        from bt_agents_tools.cli.main import main as run
+    try:
+        run()
+    finally:
+        # Otherwise everything would be looked through at the end for what can be freed.
+        gc.freeze()

@@ -13,7 +13,7 @@ from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.trees_choice import say_trees_of_system
 from bt_agents_tools.launcher.domain_lock import holder, turn_to_join
-from bt_agents_tools.launcher.supervisor import set_local_discovery
+from bt_agents_tools.launcher.supervisor import set_discovery
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -25,7 +25,7 @@ BUSY_LIMIT_S = 10.0
 """Longest time for discovery of something that must be there, or is being restarted [s]."""
 
 
-_CARDS_LIMIT_S = 0.5
+_CARDS_LIMIT_S = 2.0
 """Longest time for the cards, which come with the status of the market, to arrive [s]."""
 
 
@@ -40,7 +40,7 @@ def connect() -> Iterator[Observer]:
     Raises:
         NoSystemError: There is none on this ROS domain, or it does not answer.
     """
-    set_local_discovery(os.environ)
+    set_discovery(os.environ)
     domain = int(os.environ.get("ROS_DOMAIN_ID") or "0")
     with ExitStack() as connected:
         with turn_to_join(domain):
@@ -85,11 +85,13 @@ def _not_connected(domain: int, observer: Observer, sign: str) -> str:
     if sign:
         return (
             f"{sign} is on ROS domain {domain}, but its marketplace has not been heard for "
-            f"{BUSY_LIMIT_S:g} s: it is being started, or the machine is very busy; try again"
+            f"{BUSY_LIMIT_S:g} s: it is being started, was told to leave, or the machine is very "
+            "busy; try again"
         )
     return (
         f"no running system on ROS domain {domain}; start one with 'bt-agents up', or set "
-        "ROS_DOMAIN_ID to its domain"
+        "ROS_DOMAIN_ID to its domain; for one on other machines set "
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
     )
 
 

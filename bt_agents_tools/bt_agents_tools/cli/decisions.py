@@ -14,8 +14,7 @@ from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
 from bt_agents_tools.cli.formatting import SceneLabels, code_text, fitted_console, print_line
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table
-from marketplace_node.effects import RunEventKind, RunOutcome
-from marketplace_node.round.decision import AuctionOutcome
+from marketplace_node.outcomes import AuctionOutcome, RunEventKind, RunOutcome
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -30,7 +29,7 @@ _MAX_SHOWN = 30
 
 def last_decisions(observer: Observer) -> list[Any]:
     """Return the last decisions of a running market."""
-    auctions = observer.received("auctions")
+    auctions = observer.received("bt_agents/auctions")
     observer.spin_until(
         lambda: (auctions[-1].round if auctions else 0) >= observer.market.round, FIND_LIMIT_S
     )

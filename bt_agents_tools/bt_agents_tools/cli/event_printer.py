@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
+from bt_agents_core.node_name import filled_name
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
 from bt_agents_core.text import format_known, join_first
@@ -21,14 +21,13 @@ from bt_agents_tools.cli.formatting import (
     SceneLabels,
     code_text,
     constant_text,
+    counted,
     print_line,
 )
 
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
 _STATUSES = ("RUNNING", "SUCCESS", "FAILURE")
 _MOOD_STEP = 0.25
-_REFERENCE = re.compile(r'wait \$\{.*|\S+ (?P<text>".*\$\{.*")', re.DOTALL)
-"""Name of a node that is named by a reference: ``wait ${patience}``, ``say "${words}"``."""
 _SHOWN_BY_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 
@@ -197,11 +196,9 @@ class EventPrinter:
         """
         if change.status != change.RUNNING:
             return self._filled_names.pop(change.path, change.name), change.message
-        reference = _REFERENCE.fullmatch(change.name)
-        if reference is None or not change.message:
+        filled = filled_name(change.name, change.message)
+        if filled == change.name:
             return change.name, change.message
-        quotes = '"' if reference["text"] else ""
-        filled = f"{change.name.partition(' ')[0]} {quotes}{change.message}{quotes}"
         self._filled_names[change.path] = filled
         return filled, ""
 
@@ -259,9 +256,14 @@ class EventPrinter:
             moved = _vector(before) + ("" if before == after else f" → {_vector(after)}")
             self._row(agent, outcomes, ", ".join(given) or "–", moved)
         self._console.print(
-            f"{self.rounds} rounds, {len(self.runs)} runs, {self.takeovers} taken over by another "
-            f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid"
-            + (f", {self.preemptions} runs stopped for another scene" if self.preemptions else ""),
+            f"{counted(self.rounds, 'round')}, {counted(len(self.runs), 'run')}, {self.takeovers} "
+            f"taken over by another agent, {len(self.feedbacks)} times feedback, "
+            f"{counted(self.unanswered, 'scene')} without a bid"
+            + (
+                f", {counted(self.preemptions, 'run')} stopped for another scene"
+                if self.preemptions
+                else ""
+            ),
             soft_wrap=True,
         )
 

@@ -3,16 +3,19 @@
 
 from __future__ import annotations
 
+import ast
 import difflib
 import signal
 import sys
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 
 import click
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.optional_packages import how_to_install
 from bt_agents_core.text import printable_lines
 from bt_agents_ros.signals import end_silently, loading
 from bt_agents_tools.cli.terminal import OutputLost, os_error_text, prepare_streams
@@ -23,6 +26,8 @@ _LEFT = 128 + signal.SIGPIPE
 COMMANDS: Mapping[str, str] = {
     "demo": "demo",
     "up": "up",
+    "host": "host",
+    "robot": "robot",
     "trigger": "trigger",
     "sense": "trigger",
     "answer": "answer",
@@ -30,6 +35,10 @@ COMMANDS: Mapping[str, str] = {
     "publish": "publish",
     "visit": "visit",
     "cancel": "operate",
+    "pause": "control",
+    "resume": "control",
+    "step": "control",
+    "breakpoint": "control",
     "scene": "scene",
     "status": "status",
     "why": "why",
@@ -55,6 +64,7 @@ COMMANDS: Mapping[str, str] = {
     "tune": "tune",
     "preset": "preset",
     "keep": "keep",
+    "record": "record",
     "reload": "reload",
     "versions": "reload",
     "roll-back": "reload",
@@ -77,6 +87,8 @@ _MEANT: Mapping[str, str] = {
     "list": "'status' for the agents, 'tune' for what can be tuned",
     "log": "'why' for decisions, 'tune --history' and 'profile history AGENT' for changes",
     "lint": "'check'",
+    "continue": "'resume' for a paused run",
+    "break": "'breakpoint' for a node, 'pause' for the run under way",
     "format": "'fmt'",
     "say": "'answer' plays the person; what an agent says stands in its file",
 }
@@ -113,6 +125,23 @@ class LazyGroup(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        names = self.list_commands(ctx)
+        limit = formatter.width - 6 - max(map(len, names))
+        listed = {name: click.Command(name, help=self._help(ctx, name)) for name in names}
+        rows = [(name, one.get_short_help_str(limit)) for name, one in listed.items()]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+    def _help(self, ctx: click.Context, name: str) -> str:
+        """Return the help of a command from its source, as loading all of them takes long."""
+        entry = all_commands()[name]
+        for node in ast.parse(_source(entry.module)).body:
+            if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
+                return ast.get_docstring(node) or ""
+        command = self.get_command(ctx, name)
+        return (command and command.help) or ""
+
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
@@ -124,16 +153,38 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
+def _source(module: str) -> str:
+    """Return the source of a module that need not be loaded for that; empty without one."""
+    try:
+        spec = find_spec(module)
+    except ModuleNotFoundError:
+        return ""
+    get_source = getattr(spec and spec.loader, "get_source", None)
+    return (get_source and get_source(module)) or ""
+
+
 def _load(entry: EntryPoint) -> object:
     try:
         return entry.load()
     except ModuleNotFoundError as error:
         if entry.name in COMMANDS:
             raise
-        raise BtAgentsError(
-            f"this command needs the package {error.name}; install it with "
-            "pip install 'bt-agents[lab]'"
-        ) from None
+        return _unavailable(entry.name, (error.name or "").partition(".")[0])
+
+
+def _unavailable(name: str, package: str) -> click.Command:
+    """Return what stands for a command whose packages are not all installed."""
+
+    def refuse(rest: tuple[str, ...]) -> None:
+        raise BtAgentsError(f"this command needs the package {package}; {how_to_install(package)}")
+
+    return click.Command(
+        name,
+        callback=refuse,
+        params=[click.Argument(["rest"], nargs=-1, type=click.UNPROCESSED)],
+        context_settings={"ignore_unknown_options": True},
+        help=f"It needs the package {package}; {how_to_install(package)}.",
+    )
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

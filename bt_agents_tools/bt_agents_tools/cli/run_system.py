@@ -3,39 +3,51 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
-from collections.abc import Iterable, Sequence
+import webbrowser
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from socket import socket
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
-from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.state_folder import StateFolder
+from bt_agents_core.listening import STUDIO_PORTS, listen
+from bt_agents_core.optional_packages import journal_needs
+from bt_agents_core.state_folder import STUDIO_ADDRESSES, StateFolder
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.event_printer import EventPrinter
+from bt_agents_tools.cli.fleet_plan import FleetPlan
 from bt_agents_tools.cli.formatting import print_line
+from bt_agents_tools.cli.run_parts import hold_parts
+from bt_agents_tools.cli.supervision import (
+    INDENT,
+    POLL_S,
+    print_supervised,
+    wait_until_ready,
+    watch,
+)
 from bt_agents_tools.launcher import components
-from bt_agents_tools.launcher.domain_lock import hold_domain
+from bt_agents_tools.launcher.fork_server import ForkServer
 from bt_agents_tools.launcher.log_files import new_log_folder
 from bt_agents_tools.launcher.supervisor import (
     Component,
     Supervisor,
     discovery_text,
-    set_local_discovery,
+    set_discovery,
 )
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
-_READY_LIMIT_S = 20.0
-_POLL_S = 0.2
-_INDENT = 4
 
 journal_option = click.option(
     "--journal",
@@ -55,10 +67,62 @@ def journal_components(folder: str | None, state: StateFolder) -> list[Component
     if folder is None:
         return []
     if find_spec("mcap") is None:
-        raise BtAgentsError(
-            "a journal needs the package mcap; install it with pip install 'bt-agents[lab]'"
-        )
+        raise BtAgentsError(journal_needs("mcap"))
     return [components.journal(Path(folder).resolve() if folder else state.journal)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudioPlan:
+    """Studio that is started when the system is ready.
+
+    Attributes:
+        component: Its process.
+        addresses: File in which the process tells the addresses of its roles.
+        listening: Socket that it serves, which outlives it.
+        asks_person: Whether the address for the person is printed, too.
+        opens: Whether it is opened in a browser.
+    """
+
+    component: Component
+    addresses: Path
+    listening: socket
+    asks_person: bool = False
+    opens: bool = False
+
+
+def studio_plan(
+    trees: Path, state: Path, journal: Path, *, browser_robot: bool, opens: bool = False
+) -> StudioPlan | None:
+    """Return the studio of a system; None, after a line that says why, when it cannot run here.
+
+    Args:
+        trees: The trees folder.
+        state: Folder in which it keeps its sessions and tells its addresses.
+        journal: Folder of the recordings.
+        browser_robot: The robot is met in the browser, so the studio has to be there.
+        opens: See :class:`StudioPlan`.
+
+    Raises:
+        BtAgentsError: It has to be there, and cannot run.
+    """
+    try:
+        if find_spec("aiohttp") is None:
+            raise BtAgentsError("it needs the package aiohttp; pip install aiohttp gets it")
+        listening = listen("127.0.0.1", STUDIO_PORTS)
+    except BtAgentsError as error:
+        if browser_robot:
+            raise
+        click.echo(f"no studio: {error}", err=True)
+        return None
+    addresses = state / STUDIO_ADDRESSES
+    addresses.unlink(missing_ok=True)
+    return StudioPlan(
+        component=components.studio(trees, state, journal, listening.fileno()),
+        addresses=addresses,
+        listening=listening,
+        asks_person=browser_robot,
+        opens=opens,
+    )
 
 
 def run_system(
@@ -69,55 +133,67 @@ def run_system(
     interrupt: Interrupt,
     visitors: Component | None = None,
     logs: Path | None = None,
+    studio: StudioPlan | None = None,
+    fleet: FleetPlan | None = None,
 ) -> None:
     """Run a system of processes until Ctrl-C, or until its visitors are done.
 
-    Visitors are started when all is ready. Without ``logs`` these go to a new folder.
+    Visitors, the studio and the fleet are started when all is ready. Without ``logs`` these go to
+    a new folder.
     """
     start = time.monotonic()
-    set_local_discovery(os.environ)
+    set_discovery(os.environ)
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    hold_domain(int(domain), f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})")
-    with loading():
-        from bt_agents_ros.installed import InstalledInterfaces
-        from bt_agents_tools.client.observer import Observer, profiles_by_agent
+    who = f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})"
+    hold_parts(int(domain), [name for one in processes for name in one.parts or (one.name,)], who)
+    # It loads what the nodes need, while this process does.
+    with closing(
+        ForkServer(one for component in processes for one in component.modules)
+    ) as fork_server:
+        with loading():
+            from bt_agents_ros.installed import InstalledInterfaces
+            from bt_agents_tools.client.observer import Observer, profiles_by_agent
 
-    console = Console()
-    folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
-    for broken in folder.broken:
-        console.print("[yellow]left out, the other agents run:[/]")
-        console.print(broken.error.report, markup=False, highlight=False, soft_wrap=True)
-    if not folder.agents:
-        raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
-    supervisor = Supervisor(logs or new_log_folder())
-    printer = EventPrinter(console, folder.scene.space)
-    observer = Observer(printer)
-    observer.watch_heartbeats(supervisor.on_heartbeat)
-    try:
-        observer.spin_until(lambda: bool(interrupt) or observer.market is not None, 0.5)
-        if observer.market is not None:
-            raise BtAgentsError(
-                f"a system already runs on ROS domain {domain}; end it, or set ROS_DOMAIN_ID to "
-                "another number"
-            )
+        console = Console()
+        folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
+        for broken in folder.broken:
+            console.print("[yellow]left out, the other agents run:[/]")
+            console.print(broken.error.report, markup=False, highlight=False, soft_wrap=True)
+        if not folder.agents:
+            raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
+        supervisor = Supervisor(logs or new_log_folder(), fork_server=fork_server)
+        printer = EventPrinter(console, folder.scene.space)
+        observer = Observer(printer)
+        watch(observer, supervisor, processes)
         try:
-            if not interrupt:
-                supervisor.start(*processes)
-            recorded = any(component.name == "journal" for component in processes)
-            agents = len(folder.agents)
-            _wait_until_ready(console, observer, supervisor, agents, interrupt, recorded)
-            if not interrupt:
-                printer.profiles(profiles_by_agent(observer.profiles))
-                _print_ready(console, observer.cards.values(), time.monotonic() - start)
-                _print_kept_orders(console, observer.market)
-                _print_events(console, observer, supervisor, interrupt, visitors)
-            if visitors is not None and not interrupt:
-                printer.summary()
-                console.print(f"done in {time.monotonic() - start:.0f} s")
+            observer.spin_until(lambda: bool(interrupt) or observer.market is not None, 0.5)
+            if observer.market is not None:
+                raise BtAgentsError(
+                    f"a system already runs on ROS domain {domain}; end it, or set ROS_DOMAIN_ID "
+                    "to another number"
+                )
+            try:
+                if not interrupt:
+                    supervisor.start(*processes)
+                recorded = any(component.name == "journal" for component in processes)
+                agents = len(folder.agents)
+                _wait_until_ready(console, observer, supervisor, agents, interrupt, recorded)
+                if not interrupt:
+                    printer.profiles(profiles_by_agent(observer.profiles))
+                    _print_ready(console, observer.cards.values(), time.monotonic() - start)
+                    _print_kept_orders(console, observer.market)
+                    _print_events(
+                        console, observer, supervisor, interrupt, visitors, studio, fleet
+                    )
+                if visitors is not None and not interrupt:
+                    printer.summary()
+                    console.print(f"done in {time.monotonic() - start:.0f} s")
+            finally:
+                killed = supervisor.stop()
+                if studio is not None:
+                    studio.listening.close()
         finally:
-            killed = supervisor.stop()
-    finally:
-        observer.close()
+            observer.close()
     if interrupt:
         console.print("\nstopped")
     if killed:
@@ -138,13 +214,7 @@ def _wait_until_ready(
         ready = observer.ready(agents) and observer.services_ready()
         return ready and (observer.is_recorded() or not recorded)
 
-    end = time.monotonic() + _READY_LIMIT_S
-    while not (interrupt or ready()) and time.monotonic() < end:
-        _poll_supervisor(console, supervisor)
-        observer.spin_until(lambda: bool(interrupt) or ready(), _POLL_S)
-    if not interrupt and not ready():
-        logs = supervisor.log("agents").parent
-        raise BtAgentsError(f"not ready after {_READY_LIMIT_S:g} s; the logs are in {logs}")
+    wait_until_ready(console, observer, supervisor, interrupt, ready)
 
 
 def _print_events(
@@ -153,8 +223,17 @@ def _print_events(
     supervisor: Supervisor,
     interrupt: Interrupt,
     visitors: Component | None,
+    studio: StudioPlan | None,
+    fleet: FleetPlan | None,
 ) -> None:
-    """Print events until the visitors are done, however long that takes, or the user ends it."""
+    """Print events until its visitors are done, however long that takes, or the user ends it.
+
+    Those that somebody else has started end nothing.
+    """
+
+    def over() -> bool:
+        return bool(interrupt) or (visitors is not None and observer.visits_done)
+
     if visitors is not None:
         supervisor.start(visitors)
     else:
@@ -162,26 +241,47 @@ def _print_events(
             "in another terminal: [bold]bt-agents trigger age=4.5 mood=2[/]   (Ctrl-C ends this)",
             highlight=False,
         )
-    while not (interrupt or observer.visits_done):
-        _poll_supervisor(console, supervisor)
-        observer.spin_until(lambda: bool(interrupt) or observer.visits_done, _POLL_S)
+    if studio is not None:
+        supervisor.start(studio.component)
+    if fleet is not None:
+        supervisor.start(fleet.component)
+    while not over():
+        print_supervised(console, supervisor)
+        if fleet is not None:
+            fleet.print_lines(console)
+        if studio is not None and supervisor.has_been_up(studio.component.name):
+            _tell_addresses(console, studio)
+            studio = None
+        observer.spin_until(over, POLL_S)
 
 
-def _poll_supervisor(console: Console, supervisor: Supervisor) -> None:
-    for line in supervisor.poll():
-        style = "dim" if line.startswith(" ") else "yellow"
-        indent = len(line) - len(line.lstrip())
-        print_line(console, "", Text(line, style=style), indent + _INDENT)
+def _tell_addresses(console: Console, studio: StudioPlan) -> None:
+    try:
+        found = json.loads(studio.addresses.read_text(encoding="utf-8"))
+        told: Mapping[str, str] = {role: str(found[role]) for role in ("author", "person")}
+    except (KeyError, OSError, TypeError, ValueError) as error:
+        console.print(f"the addresses of the studio cannot be read: {error}", markup=False)
+        return
+    lines = [("studio", told["author"])]
+    if studio.asks_person:
+        lines.append(("to be the person", told["person"]))
+    for name, address in lines:
+        console.print(f"[bold]{name}:[/] {address}", highlight=False, soft_wrap=True)
+    if studio.opens:
+        # Both pages have one role, as a browser has one session at a time.
+        page, _, token = told["author"].partition("#")
+        for name in ("market", "person"):
+            webbrowser.open(f"{page}{name}#{token}")
 
 
 def _print_kept_orders(console: Console, market: Any) -> None:
     """Print the pins and vetoes of an earlier start, which still hold."""
     if market.pinned:
         text = f"only {market.pinned} may bid, until 'bt-agents unpin'"
-        print_line(console, "[yellow]still pinned[/] ", text, _INDENT)
+        print_line(console, "[yellow]still pinned[/] ", text, INDENT)
     for agent in market.vetoed:
         text = f"{agent} may not bid, until 'bt-agents allow {agent}'"
-        print_line(console, "[yellow]still vetoed[/] ", text, _INDENT)
+        print_line(console, "[yellow]still vetoed[/] ", text, INDENT)
 
 
 def _print_ready(console: Console, cards: Iterable[Any], seconds: float) -> None:
@@ -191,4 +291,4 @@ def _print_ready(console: Console, cards: Iterable[Any], seconds: float) -> None
         f"({', '.join(names)}), ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, "
         f"{discovery_text(os.environ)}"
     )
-    print_line(console, "[green]ready[/] ", text, _INDENT)
+    print_line(console, "[green]ready[/] ", text, INDENT)

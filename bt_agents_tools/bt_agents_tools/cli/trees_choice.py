@@ -20,6 +20,12 @@ state_option = click.option(
     help="What was learned, tuned and ordered; without it each trees folder has its own.",
 )
 
+params_option = click.option(
+    "--params",
+    type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),
+    help="ROS parameter file for all nodes; what the command sets by itself wins.",
+)
+
 
 def take_trees(named: str = "", may_be_shipped: bool = True) -> Path:
     """Return the trees folder that a command works on; one that nobody named is said.

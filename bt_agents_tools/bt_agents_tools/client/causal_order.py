@@ -73,6 +73,11 @@ class CausalOrder:
         self._count = 0
         self._known: OrderedDict[Fact, None] = OrderedDict()
 
+    @property
+    def is_empty(self) -> bool:
+        """True when no event waits."""
+        return not self._waiting
+
     def put(self, event: CausalEvent, now: float) -> None:
         """Store an event that has come now [s]."""
         self._count += 1
@@ -170,7 +175,7 @@ def happened_s(message: Any, sent_s: float) -> float:
     """
     if not isinstance(message, Auction | TreeStatus):
         return sent_s
-    stamp_s = seconds(message.stamp)
+    stamp_s = seconds(message.header.stamp)
     return stamp_s if 0.0 <= sent_s - stamp_s <= _LONGEST_DELAY_S else sent_s
 
 

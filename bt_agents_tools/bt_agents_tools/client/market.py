@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from bt_agents_interfaces.msg import Scene, SceneValue
+from bt_agents_ros.messages import header_at
 from bt_agents_tools.client.observer import Observer
 
 
@@ -55,7 +56,7 @@ def scene_of(
     """
     known = {value.name: value for value in last.values} if last is not None else {}
     scene = Scene(
-        stamp=observer.node.get_clock().now().to_msg(),
+        header=header_at(observer.node.get_clock().now().to_msg()),
         scene_id=scene_id,
         label=label,
         person=person if person is not None else (last is None or bool(last.person)),

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, Protocol
 
 import rclpy
+from lifecycle_msgs.msg import State, TransitionEvent
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
@@ -25,26 +26,23 @@ from bt_agents_interfaces.msg import (
     HostCard,
     MarketHeartbeat,
     MarketStatus,
-    MoodTrace,
-    OpenQuestions,
-    Persons,
     Profiles,
     Run,
     Scene,
     SceneEnd,
-    Trees,
     TreeStatus,
-    Tunables,
     Tunings,
 )
 from bt_agents_interfaces.srv import (
     Analyze,
     CancelRun,
+    ControlRun,
     GiveFeedback,
     ListVersions,
     ManageProfiles,
     OperateMarket,
     PreviewAuction,
+    Record,
     ReloadAgents,
     RollBack,
     Tune,
@@ -52,7 +50,10 @@ from bt_agents_interfaces.srv import (
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.spinner import Spinner
+from bt_agents_ros.system_topics import topic_called
 from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.types import load_type
+from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 from bt_agents_tools.client.causal_order import (
     SETTLE_S,
     CausalEvent,
@@ -113,12 +114,14 @@ class Listener(Protocol):
 _SERVICES = {
     "analyze": Analyze,
     "cancel": CancelRun,
+    "control": ControlRun,
     "describe_parameters": DescribeParameters,
     "get_parameters": GetParameters,
     "give": GiveFeedback,
     "manage": ManageProfiles,
     "operate": OperateMarket,
     "preview": PreviewAuction,
+    "record": Record,
     "reload": ReloadAgents,
     "roll_back": RollBack,
     "set_parameters_atomically": SetParametersAtomically,
@@ -127,30 +130,22 @@ _SERVICES = {
 }
 """Last part of the name of a service → its type."""
 
+_LEAVING = (
+    State.TRANSITION_STATE_DEACTIVATING,
+    State.TRANSITION_STATE_SHUTTINGDOWN,
+    State.TRANSITION_STATE_ERRORPROCESSING,
+)
+
+_NAMESPACE_UNKNOWN = "_NODE_NAMESPACE_UNKNOWN_"
+"""What ROS calls the namespace of a process whose nodes it has not discovered yet."""
+
 _LIMIT_S = 5.0
+_LAST_POLL_S = 0.5
 _LIMITS_S = {
     "manage": 30.0,  # erasing a person rewrites the whole ledger
     "preview": 70.0,  # more than the longest deadline of a round, with a program outside
 }
 """Longest times for an answer, where it is not :data:`_LIMIT_S` [s]."""
-
-_TOPICS = {
-    "auctions": (Auction, qos.FACTS),
-    "current": (String, qos.FACTS),
-    "done": (Bool, qos.FACT),
-    "feedback": (Feedback, qos.FACTS),
-    "heartbeat": (Heartbeat, qos.SENSOR),
-    "mood_traces": (MoodTrace, qos.FACTS),
-    "open_questions": (OpenQuestions, qos.FACT),
-    "persons": (Persons, qos.FACT),
-    "runs": (Run, qos.HISTORY),
-    "scene": (Scene, qos.FACT),
-    "scene_ends": (SceneEnd, qos.FACTS),
-    "trees": (Trees, qos.FACT),
-    "tunables": (Tunables, qos.FACT),
-    "tunings": (Tunings, qos.FACT),
-}
-"""Last part of the name of a topic → its type, and what late joiners get."""
 
 
 class _EventBuffer:
@@ -158,7 +153,7 @@ class _EventBuffer:
 
     def __init__(self, node: Any) -> None:
         self._order = CausalOrder()
-        steady_timer(node, SETTLE_S / 2, lambda: self._order.deliver_due(time.monotonic()))
+        self._timer = steady_timer(node, SETTLE_S / 2, self._deliver_due, running=False)
 
     def callback_for(
         self, deliver: Callable[[Any], None], links: Callable[[Any], Links]
@@ -172,8 +167,15 @@ class _EventBuffer:
                 sent_s=sent_s, deliver=lambda: deliver(message), links=links(message)
             )
             self._order.put(event, time.monotonic())
+            if self._timer.is_canceled():
+                self._timer.reset()
 
         return callback
+
+    def _deliver_due(self) -> None:
+        self._order.deliver_due(time.monotonic())
+        if self._order.is_empty:
+            self._timer.cancel()
 
 
 class _CardListener:
@@ -231,7 +233,7 @@ class Observer:
     def __init__(self, listener: Listener | None = None) -> None:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node(
-            "bt_agents_observer",
+            "_bt_agents_observer",  # hidden, so that 'ros2 param list' does not wait for it
             namespace=os.environ.get("ROS_NAMESPACE", ""),
             start_parameter_services=False,
         )
@@ -241,11 +243,12 @@ class Observer:
         self.profiles: Any = None
         self.visits_done = False
         self._spinner = Spinner(self.node)
+        self._calls = Calls(self.node)
         self._card_listener: _CardListener | None = None
         for kind, topic, handle, profile in (
-            (MarketStatus, "market", self._on_market, qos.FACT),
-            (HostCard, "cards", self._on_card, qos.FACTS),
-            (Profiles, "profiles", self._on_profiles, qos.FACT),
+            (MarketStatus, "bt_agents/market", self._on_market, qos.FACT),
+            (HostCard, "bt_agents/cards", self._on_card, qos.FACTS),
+            (Profiles, "bt_agents/profiles", self._on_profiles, qos.FACT),
         ):
             self._subscribe(kind, topic, handle, profile)
         self._services: list[Any] = []
@@ -258,16 +261,16 @@ class Observer:
         for kind, topic, deliver, links, profile in (
             (String, "visitors/current", lambda m: listener.visitor(m.data), no_links, qos.FACT),
             (Bool, "visitors/done", self._on_visits_done, no_links, qos.FACT),
-            (Scene, "scene", listener.scene, scene_links, qos.EVENTS),
-            (MarketStatus, "market", listener.market, no_links, qos.FACT),
-            (Scene, "scene/live", listener.live, no_links, qos.SENSOR),
+            (Scene, "bt_agents/scene", listener.scene, scene_links, qos.EVENTS),
+            (MarketStatus, "bt_agents/market", listener.market, no_links, qos.FACT),
+            (Scene, "bt_agents/scene/live", listener.live, no_links, qos.SENSOR),
             # A restarted market may publish these before it is discovered.
-            (Auction, "auctions", listener.auction, auction_links, qos.FACTS),
-            (Run, "runs", listener.run, run_links, qos.FACTS),
-            (SceneEnd, "scene_ends", listener.end, scene_end_links, qos.FACTS),
+            (Auction, "bt_agents/auctions", listener.auction, auction_links, qos.FACTS),
+            (Run, "bt_agents/runs", listener.run, run_links, qos.FACTS),
+            (SceneEnd, "bt_agents/scene_ends", listener.end, scene_end_links, qos.FACTS),
             (TreeStatus, "agents/status", listener.tree, tree_links, qos.EVENTS),
             (String, "robot/transcript", lambda m: listener.act(m.data), no_links, qos.EVENTS),
-            (Feedback, "feedback", listener.feedback, feedback_links, qos.EVENTS),
+            (Feedback, "bt_agents/feedback", listener.feedback, feedback_links, qos.EVENTS),
             (Tunings, "agents/tunings", listener.tunings, no_links, qos.FACT),
         ):
             callback = buffer.callback_for(deliver, links)
@@ -281,13 +284,20 @@ class Observer:
 
         self.node.create_subscription(kind, topic, receive, profile)
 
-    def watch_heartbeats(self, on_heartbeat: Callable[[str], None]) -> None:
-        """Call back with the component's name for each heartbeat of one."""
-        for kind, name in (
-            (MarketHeartbeat, "marketplace"),
-            (Heartbeat, "agents"),
-            (Empty, "robot"),
-        ):
+    def watch_heartbeats(
+        self, on_heartbeat: Callable[[str], None], names: Collection[str]
+    ) -> None:
+        """Call back with the component's name for each heartbeat of one.
+
+        Args:
+            on_heartbeat: Takes the name.
+            names: Those to listen to; others may run elsewhere. A name of no other node is that
+                of a host.
+        """
+        group = PolledGroup()
+        kinds = {"marketplace": MarketHeartbeat, "robot": Empty}
+        for name in names:
+            kind = kinds.get(name, Heartbeat)
             # The content does not matter here, so it is not decoded.
             self.node.create_subscription(
                 kind,
@@ -295,7 +305,24 @@ class Observer:
                 lambda _message, name=name: on_heartbeat(name),
                 qos.SENSOR,
                 raw=True,
+                callback_group=group,
             )
+
+    def watch_states(self, on_state: Callable[[str, str], None], names: Collection[str]) -> None:
+        """Call back when a managed node has become active, or was told to leave.
+
+        Args:
+            on_state: Takes its name, and the label of its state.
+            names: Of the nodes.
+        """
+        for name in names:
+
+            def receive(event: TransitionEvent, name: str = name) -> None:
+                is_left = event.start_state.id in _LEAVING
+                if is_left or event.goal_state.id == State.PRIMARY_STATE_ACTIVE:
+                    on_state(name, event.goal_state.label)
+
+            self._subscribe(TransitionEvent, f"{name}/transition_event", receive, qos.EVENTS)
 
     def _on_market(self, message: Any) -> None:
         self.market = message
@@ -328,7 +355,13 @@ class Observer:
         kind = "bt_agents_interfaces/msg/MarketStatus"
         topics = [name for name, kinds in self.node.get_topic_names_and_types() if kind in kinds]
         ends = (end for topic in topics for end in self.node.get_publishers_info_by_topic(topic))
-        return sorted({printable(end.node_namespace) for end in ends})
+        found = {printable(end.node_namespace) for end in ends}
+        return sorted(found - {_NAMESPACE_UNKNOWN})
+
+    def nodes_there(self) -> set[str]:
+        """Return the names of the nodes in this namespace that are discovered so far."""
+        found = self.node.get_node_names_and_namespaces()
+        return {printable(name) for name, namespace in found if namespace == self.namespace}
 
     def services_ready(self) -> bool:
         """Return True when the services of scene layer and feedback node are discovered.
@@ -372,19 +405,23 @@ class Observer:
         client = self.node.create_client(kind, service, qos_profile=qos.SERVICE)
         if not self.spin_until(client.service_is_ready, find_s):
             return None
-        future = client.call_async(kind.Request(**fields))
-        self.spin_until(future.done, limit_s or _LIMITS_S.get(name, _LIMIT_S))
-        answer = future.result() if future.done() else None
-        return None if answer is None else make_printable(answer)
+        answers: list[Any] = []
+        deadline_s = limit_s or _LIMITS_S.get(name, _LIMIT_S)
+        self._calls.call(
+            client,
+            kind.Request(**fields),
+            deadline_s=deadline_s,
+            on_answer=answers.append,
+            on_failure=lambda _reason: answers.append(None),
+        )
+        self.spin_until(lambda: bool(answers), deadline_s + _LAST_POLL_S)
+        return make_printable(answers[0]) if answers and answers[0] is not None else None
 
     def received(self, topic: str) -> list[Any]:
-        """Return a list that fills with the messages of a topic, the latched ones first.
-
-        The name of the topic ends with a key of ``_TOPICS``.
-        """
+        """Return a list that fills with the messages of a topic, the latched ones first."""
         messages: list[Any] = []
-        kind, profile = _TOPICS[topic.rpartition("/")[2]]
-        self._subscribe(kind, topic, messages.append, profile)
+        known = topic_called(topic)
+        self._subscribe(load_type(known.type), topic, messages.append, qos.listening(known))
         return messages
 
     def close(self) -> None:

@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rclpy.duration import Duration
+from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros import qos
 from bt_agents_ros.types import fill, load_type, read_field
 from bt_agents_tools.client.observer import Observer
@@ -21,20 +24,22 @@ _SETTLE_S = 0.5
 """Time before and after a message for listeners that confirm nothing: until they know the
 publisher, and until they have taken the message, which is gone with its publisher [s]."""
 
+_AT_ONCE = Duration(nanoseconds=1)
+
 _OWN_PACKAGES = ("action_msgs", "bt_agents_interfaces", "rcl_interfaces", "rosgraph_msgs")
 
 
-def heard_topics(observer: Observer, nodes: Iterable[str]) -> dict[str, str]:
+def heard_topics(graph: Node, nodes: Iterable[str]) -> dict[str, str]:
     """Return the topics that some nodes subscribe to now, with their types.
 
-    Names are relative to the namespace of the system. Its own messages are left out.
+    Names are relative to the namespace of ``graph``, the node that looks. Messages of the system
+    are left out.
     """
-    graph = observer.node
     known = {
         f"{namespace.rstrip('/')}/{name}": (name, namespace)
         for name, namespace in graph.get_node_names_and_namespaces()
     }
-    prefix = observer.namespace.rstrip("/") + "/"
+    prefix = graph.get_namespace().rstrip("/") + "/"
     return {
         topic.removeprefix(prefix): types[0]
         for node in nodes
@@ -42,6 +47,23 @@ def heard_topics(observer: Observer, nodes: Iterable[str]) -> dict[str, str]:
         for topic, types in graph.get_subscriber_names_and_types_by_node(*known[node])
         if types[0].partition("/")[0] not in _OWN_PACKAGES and "/_" not in topic
     }
+
+
+def heard_message(heard: Mapping[str, str], topic: str, texts: Sequence[str]) -> Any:
+    """Return the message of a topic that is listened to; see :func:`typed_message`.
+
+    Raises:
+        Refused: ``NOBODY_LISTENS``, or as :func:`typed_message`.
+    """
+    if topic not in heard:
+        hint = did_you_mean(topic, sorted(heard)) or "a tree listens while its wait_for runs"
+        raise Refused("NOBODY_LISTENS", f"nobody listens to '{topic}' now; {hint}")
+    return typed_message(heard[topic], texts)
+
+
+def not_taken(topic: str) -> Refused:
+    """Return the refusal of a message that has reached nobody."""
+    return Refused("NOT_TAKEN", f"nobody has taken the message on {topic}; the tree has gone on")
 
 
 def typed_message(type_name: str, texts: Sequence[str]) -> Any:
@@ -77,25 +99,84 @@ def _plain(text: str, example: object) -> Any:
         return text
 
 
+class PendingPublication:
+    """Message that is published once all who listen are connected.
+
+    Trees listen by best effort, so that every publisher reaches them: they cannot say what they
+    got. The publisher is there for this message only, as it keeps it for late listeners: otherwise
+    not every kind of subscription would match.
+
+    Args:
+        node: Publishes it.
+        topic: Where.
+        message: What.
+        now_s: The steady clock [s].
+    """
+
+    def __init__(self, node: Node, topic: str, message: Any, now_s: float) -> None:
+        self._node = node
+        self._topic = topic
+        self._message = message
+        self._publisher = node.create_publisher(type(message), topic, qos.FACT)
+        self._limit_s = now_s + _LIMIT_S
+        self._settle_s = 0.0
+        self._due_s: float | None = None
+        self._sent = False
+
+    def poll(self, now_s: float) -> bool | None:
+        """Go on; return whether the message has reached all, None as long as that is open."""
+        if self._due_s is None:
+            listening = self._node.count_subscribers(self._topic)
+            if not 0 < listening <= self._publisher.get_subscription_count():
+                return False if now_s > self._limit_s else None
+            listeners = self._node.get_subscriptions_info_by_topic(self._topic)
+            if any(
+                one.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT for one in listeners
+            ):
+                self._settle_s = _SETTLE_S
+            self._due_s = now_s + self._settle_s
+        if now_s < self._due_s:
+            return None
+        if not self._sent:
+            self._sent = True
+            self._publisher.publish(self._message)
+            self._due_s = now_s + self._settle_s
+            self._limit_s = self._due_s + _LIMIT_S
+            return None
+        if self._publisher.wait_for_all_acked(_AT_ONCE):
+            return True
+        return False if now_s > self._limit_s else None
+
+    def is_settled(self, now_s: float) -> bool:
+        """Return whether it is sent, and only what reliable listeners confirm is open."""
+        return self._sent and self._due_s is not None and now_s >= self._due_s
+
+    def confirmed(self) -> bool:
+        """Wait until reliable listeners have confirmed; return whether they have, in time."""
+        return bool(self._publisher.wait_for_all_acked(Duration(seconds=_LIMIT_S)))
+
+    def close(self) -> None:
+        """Take the publisher away."""
+        self._node.destroy_publisher(self._publisher)
+
+
 def publish(observer: Observer, topic: str, message: Any) -> bool:
     """Publish a message once all who listen are connected; return whether it has reached them.
 
-    Trees listen by best effort, so that every publisher reaches them: they cannot say what they
-    got.
+    What reliable listeners do about it is received only after that.
     """
-    # Latched, so that every kind of subscription matches.
-    publisher = observer.node.create_publisher(type(message), topic, qos.FACT)
+    pending = PendingPublication(observer.node, topic, message, time.monotonic())
+    reached: bool | None = None
 
-    def connected() -> bool:
-        listening = observer.node.count_subscribers(topic)
-        return bool(0 < listening <= publisher.get_subscription_count())
+    def ended() -> bool:
+        nonlocal reached
+        reached = pending.poll(time.monotonic())
+        return reached is not None or pending.is_settled(time.monotonic())
 
-    if not observer.spin_until(connected, _LIMIT_S):
-        return False
-    listeners = observer.node.get_subscriptions_info_by_topic(topic)
-    lossy = any(one.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT for one in listeners)
-    settle_s = _SETTLE_S if lossy else 0.0
-    observer.spin_until(lambda: False, settle_s)
-    publisher.publish(message)
-    observer.spin_until(lambda: False, settle_s)
-    return bool(publisher.wait_for_all_acked(Duration(seconds=_LIMIT_S)))
+    try:
+        observer.spin_until(ended, 3.0 * _LIMIT_S)
+        if reached is None and pending.is_settled(time.monotonic()):
+            reached = pending.confirmed()
+    finally:
+        pending.close()
+    return bool(reached)

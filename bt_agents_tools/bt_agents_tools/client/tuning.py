@@ -18,11 +18,9 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import TUNING, FeedbackKind
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_ros.limits import MOST_PARAMETERS
 from bt_agents_tools.client.observer import Observer
 from bt_agents_tools.client.write_back import ParameterState
-
-_MAX_NAMES = 500
-"""Most parameters of one request."""
 
 _LATCHED_LIMIT_S = 3.0
 """Longest time for a latched message [s]."""
@@ -48,9 +46,8 @@ def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> lis
     message = _latched(observer, f"{host}/tunables")
     described = [info_from_msg(o) for o in message.tunables if not agents or o.agent in agents]
     described.sort(key=lambda parameter: parameter.name)
-    chunks = (
-        described[start : start + _MAX_NAMES] for start in range(0, len(described), _MAX_NAMES)
-    )
+    starts = range(0, len(described), MOST_PARAMETERS)
+    chunks = (described[start : start + MOST_PARAMETERS] for start in starts)
     states = [state for some in chunks for state in _with_values(observer, host, some)]
     return [*states, *_profiles(observer.cards.get(host), agents)]
 

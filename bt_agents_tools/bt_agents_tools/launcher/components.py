@@ -3,9 +3,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from bt_agents_core.liveness import SLOW_NETWORK
 from bt_agents_tools.launcher.supervisor import Component
+
+HOST = "agents"
+"""Name of the host of a system on one machine."""
+
+ONE_PROCESS = "system"
+"""Name of the process of all nodes where they share one."""
+
+BEATING = ("marketplace_node.node", "bt_agents.host.node", "bt_agents_robot.robot")
+"""Modules of the nodes with heartbeats, which wait for each other with leases."""
+
+MANAGED = (
+    "marketplace_node.node",
+    "bt_agents.host.node",
+    "scene_layer.node",
+    "feedback_node.node",
+)
+"""Modules of the nodes that can be told to leave the system, and to come back."""
+
+
+def nodes_of(processes: Iterable[Component], modules: Collection[str]) -> list[str]:
+    """Return the names of those nodes of some processes that are of one of some modules."""
+    return [
+        name
+        for process in processes
+        for name, module in (process.parts or {process.name: process.module}).items()
+        if module in modules
+    ]
 
 
 def market(
@@ -61,10 +91,12 @@ def host(
     tunings: str = "",
     language: str = "",
     open_goals: str = "",
+    name: str = HOST,
 ) -> Component:
     """Return the host of all agents of a folder; it stops first, while the robot still runs."""
     return Component(
-        name="agents",
+        name=name,
+        node=name if name != HOST else "",
         module="bt_agents.host.node",
         parameters={
             "trees": str(trees),
@@ -107,4 +139,59 @@ def visitors(trees: Path, script: Path, pace: float) -> Component:
         restarts=False,
         module="bt_agents_robot.visitors",
         parameters={"trees": str(trees), "script": str(script), "pace": pace},
+    )
+
+
+def studio(trees: Path, state: Path, journal: Path, listening: int) -> Component:
+    """Return the studio, which shows the system in a browser; without it the others go on.
+
+    It serves the socket of the descriptor ``listening``.
+    """
+    return Component(
+        name="studio",
+        module="bt_agents_studio.process",
+        arguments=(str(trees), str(state), str(journal), str(listening)),
+        descriptors=(listening,),
+        needed=False,
+    )
+
+
+def fleet(trees: Path, state: Path, ledger: str, pipe: int) -> Component:
+    """Return the process that learns together with other robots; the others do without it.
+
+    It writes a line on the descriptor ``pipe`` whenever something has changed about it.
+    """
+    return Component(
+        name="fleet",
+        module="bt_agents_fleet.process",
+        arguments=(str(trees), str(state), ledger, str(pipe)),
+        descriptors=(pipe,),
+        needed=False,
+    )
+
+
+def on_slow_network(part: Component, factor: float) -> Component:
+    """Return a component with the patience that a slow network needs, if it waits for others."""
+    if part.module not in BEATING:
+        return part
+    return replace(part, parameters={**part.parameters, SLOW_NETWORK: factor})
+
+
+def one_process(parts: Sequence[Component]) -> Component:
+    """Return the process that runs the nodes of components together.
+
+    They are stopped in their order, but those that stop first come before the others.
+    """
+    ordered = sorted(parts, key=lambda part: not part.stops_first)
+    return Component(
+        name=ONE_PROCESS,
+        module="bt_agents_ros.one_process",
+        arguments=tuple(part.module for part in ordered),
+        parts={part.name: part.module for part in ordered},
+        parameters={
+            f"{part.name}:{name}": value
+            for part in ordered
+            for name, value in part.parameters.items()
+        },
+        stops_first=True,
     )

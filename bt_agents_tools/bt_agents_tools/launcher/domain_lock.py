@@ -91,15 +91,16 @@ def reserve_domain() -> int:
     )
 
 
-def hold_domain(domain: int, who: str) -> None:
+def hold_domain(domain: int, who: str, part: str = "") -> None:
     """Make this process the only one that runs a system on a domain, however it ends.
 
-    The message to another that wants the domain, too, says ``who`` has it.
+    With the name of a ``part``, that one may run beside other parts. The message to another that
+    wants the same, too, says ``who`` has it.
 
     Raises:
         BtAgentsError: Another process of this user holds it, or the lock file cannot be used.
     """
-    path = _lock_file(domain)
+    path = _lock_file(domain, part)
     try:
         lock = open_private(path, os.O_RDWR | os.O_NOFOLLOW)
     except OSError as error:
@@ -110,8 +111,8 @@ def hold_domain(domain: int, who: str) -> None:
         other = _name_in(lock)
         os.close(lock)
         raise BtAgentsError(
-            f"a system already runs on ROS domain {domain}: {other}; end it, or set ROS_DOMAIN_ID "
-            "to another number"
+            f"{f'the part {part}' if part else 'a system'} already runs on ROS domain {domain}: "
+            f"{other}; end it, or set ROS_DOMAIN_ID to another number"
         )
     os.ftruncate(lock, 0)
     os.pwrite(lock, f"{who}\n".encode()[:_LONGEST_NAME], 0)
@@ -170,8 +171,9 @@ def turn_to_join(domain: int, limit_s: float = JOIN_LIMIT_S) -> Iterator[None]:
             os.close(lock)
 
 
-def _lock_file(domain: int) -> Path:
-    return runtime_folder() / f"bt-agents-system-{domain}.lock"
+def _lock_file(domain: int, part: str = "") -> Path:
+    what = f"part-{part}" if part else "system"
+    return runtime_folder() / f"bt-agents-{what}-{domain}.lock"
 
 
 def _is_private(folder: Path) -> bool:

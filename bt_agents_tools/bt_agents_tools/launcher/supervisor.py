@@ -11,17 +11,21 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_ros.signals import block_sigint
+from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile, make_log_folder
 
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
+LAN_PROFILE = Path(__file__).with_name("lan.xml")
 
-_PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
 RANGES = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
@@ -53,27 +57,43 @@ class Component:
 
     Attributes:
         name: For people, and of its log file.
+        node: Name of its node; empty for the one that the node gives itself.
         module: Python module that runs the node.
         parameters: ROS parameters by name; they override those of the file.
         stops_first: True when it is stopped before the others, which it needs for a clean end.
         restarts: True when it is started again if it ends after it was up.
+        needed: False when the system goes on without it, even if it was never up.
+        arguments: Of the module, before those of ROS.
+        descriptors: Open files of this process that it inherits, by the same numbers.
         environment: Variables that no other process of the system gets, such as a key.
+        parts: Nodes that share the process, with their modules; empty for one node of its name.
     """
 
     name: str
     module: str
+    node: str = ""
     parameters: Mapping[str, str | float | bool | int] = field(default_factory=dict)
     file: Path | None = None
     stops_first: bool = False
     restarts: bool = True
+    needed: bool = True
+    arguments: tuple[str, ...] = ()
+    descriptors: tuple[int, ...] = ()
     environment: Mapping[str, str] = field(default_factory=dict, repr=False)
+    parts: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """All that the process loads."""
+        return (self.module, *self.parts.values())
 
     def command(self) -> list[str]:
         """Return the command line of the process."""
         command = [sys.executable, "-m", "bt_agents_ros.node_main", self.module]
-        command += ["--ros-args", "--disable-external-lib-logs"]
+        command += [*self.arguments, "--ros-args", "--disable-external-lib-logs"]
         namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
         command += ["-r", f"__ns:=/{namespace}"] if namespace else []
+        command += ["-r", f"__node:={self.node}"] if self.node else []
         command += ["--params-file", str(self.file)] if self.file else []
         for name, value in self.parameters.items():
             # JSON is YAML, too.
@@ -81,11 +101,12 @@ class Component:
         return command
 
 
-def set_local_discovery(environment: MutableMapping[str, str]) -> None:
+def set_discovery(environment: MutableMapping[str, str]) -> None:
     """Restrict discovery and traffic to this machine, unless the user has set it otherwise.
 
     With Fast DDS that is a whitelist of loopback addresses. Its range is then ``SUBNET``: with
-    ``LOCALHOST`` ROS adds shared memory, which a process that dies can leave locked for others.
+    ``LOCALHOST`` ROS adds shared memory, which a process that dies can leave locked for others. A
+    user who sets ``SUBNET`` gets a profile for several machines.
 
     Raises:
         BtAgentsError: The user has set a value that ROS does not accept.
@@ -101,27 +122,29 @@ def set_local_discovery(environment: MutableMapping[str, str]) -> None:
             f"ROS_NAMESPACE is '{namespace}', expected words of letters, digits and '_' with '/' "
             "between, as in /robot1"
         )
-    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", RANGES[0])
+    reach = environment.get(DISCOVERY_RANGE, RANGES[0])
     if reach == "OFF":
         raise BtAgentsError(
-            "ROS_AUTOMATIC_DISCOVERY_RANGE is 'OFF': then no process of the system finds another; "
+            f"{DISCOVERY_RANGE} is 'OFF': then no process of the system finds another; "
             "unset it, or set it to LOCALHOST, for this machine only"
         )
     if reach not in RANGES:
-        raise BtAgentsError(
-            f"ROS_AUTOMATIC_DISCOVERY_RANGE is '{reach}', expected one of {', '.join(RANGES)}"
-        )
+        raise BtAgentsError(f"{DISCOVERY_RANGE} is '{reach}', expected one of {', '.join(RANGES)}")
     if reach == "LOCALHOST" and environment.get("RMW_IMPLEMENTATION", "") in _FAST_DDS:
-        profile = environment.setdefault(_PROFILE, str(LOOPBACK_PROFILE))
+        profile = environment.setdefault(PROFILE, str(LOOPBACK_PROFILE))
         reach = "SUBNET" if profile == str(LOOPBACK_PROFILE) else reach
-    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = reach
+    elif reach == "SUBNET" and environment.get("RMW_IMPLEMENTATION", "") in _FAST_DDS:
+        environment.setdefault(PROFILE, str(LAN_PROFILE))
+    environment[DISCOVERY_RANGE] = reach
 
 
 def discovery_text(environment: Mapping[str, str]) -> str:
-    """Return the discovery range for people, after :func:`set_local_discovery`."""
-    reach = environment["ROS_AUTOMATIC_DISCOVERY_RANGE"]
-    local = reach == "LOCALHOST" or environment.get(_PROFILE) == str(LOOPBACK_PROFILE)
-    return "this machine only" if local else f"discovery range {reach}"
+    """Return the discovery range for people, after :func:`set_discovery`."""
+    reach = environment[DISCOVERY_RANGE]
+    local = reach == "LOCALHOST" or environment.get(PROFILE) == str(LOOPBACK_PROFILE)
+    if local:
+        return "this machine only"
+    return "open to everybody on this network" if reach == "SUBNET" else f"discovery range {reach}"
 
 
 class Backoff:
@@ -151,19 +174,21 @@ class _Supervised:
         up_at: Time at which the last start was up; None while it is not.
         been_up: True once any start of it was up.
         last_heartbeat: Time of the last heartbeat of this start; None before the first.
+        inactive: Its nodes that were told to leave the system for now.
         ended_at: Time at which its end was noticed; None while it runs.
         restart_at: Time of the next start; None when none is planned.
     """
 
     component: Component
     log: LogFile
-    process: subprocess.Popen[bytes]
+    process: subprocess.Popen[bytes] | ForkedProcess
     ready: int
     up_at: float | None = None
     backoff: Backoff = field(default_factory=Backoff)
     starts: int = 1
     been_up: bool = False
     last_heartbeat: float | None = None
+    inactive: set[str] = field(default_factory=set)
     ended_at: float | None = None
     restart_at: float | None = None
 
@@ -188,12 +213,26 @@ class _Supervised:
 
 
 class Supervisor:
-    """Parent of all components, each with its own log file in a folder that it makes."""
+    """Parent of all components, each with its own log file in a folder that it makes.
 
-    def __init__(self, logs: Path, clock: Callable[[], float] = time.monotonic) -> None:
+    Args:
+        logs: The folder.
+        clock: Steady time [s].
+        fork_server: Forks the processes, and is closed by its owner; without one each process
+            loads its modules itself.
+    """
+
+    def __init__(
+        self,
+        logs: Path,
+        clock: Callable[[], float] = time.monotonic,
+        fork_server: ForkServer | None = None,
+    ) -> None:
         self._logs = logs
         self._clock = clock
+        self._fork_server = fork_server
         self._components: dict[str, _Supervised] = {}
+        self._events: list[str] = []
         self._last_poll = clock()
 
     def start(self, *components: Component) -> None:
@@ -207,13 +246,18 @@ class Supervisor:
             ) from None
         for component in components:
             log = LogFile(self.log(component.name))
-            process, ready = spawn(component, log, 1)
+            process, ready = spawn(component, log, 1, self._fork_server)
             started = _Supervised(component, log, process, ready)
             self._components[component.name] = started
 
     def log(self, name: str) -> Path:
         """Return the path of a component's log file."""
         return self._logs / f"{name}.log"
+
+    def has_been_up(self, name: str) -> bool:
+        """Return whether a component was up at least once."""
+        one = self._components.get(name)
+        return one is not None and one.been_up
 
     def failure(self) -> str:
         """Return which component ended by itself, with the end of its log; empty for none."""
@@ -224,14 +268,37 @@ class Supervisor:
         return ""
 
     def on_heartbeat(self, name: str) -> None:
-        """Handle a heartbeat of a component; from then on its silence counts as a hang."""
-        one = self._components.get(name)
-        # A late one of an earlier start may come while the next start is being loaded.
-        if one is None or one.restart_at is not None or one.ended_at is not None:
+        """Handle a heartbeat of a node; from then on silence of its process counts as a hang."""
+        one = self._with(name)
+        if one is None or name in one.inactive:
             return
         one.poll_ready(self._clock())
         if one.been_up:
             one.last_heartbeat = self._clock()
+
+    def on_state(self, name: str, state: str) -> None:
+        """Handle that a managed node was told to be in a state; inactive it has no heartbeat."""
+        one = self._with(name)
+        if one is None:
+            return
+        if state == "active":
+            if name in one.inactive:
+                self._events.append(f"{name} is active again")
+            one.inactive.discard(name)
+        else:
+            self._events.append(f"{name} was told to leave: it is {state}")
+            one.inactive.add(name)
+            one.last_heartbeat = None
+
+    def _with(self, node: str) -> _Supervised | None:
+        """Return the component with a node, unless what it sends is of an earlier start."""
+        one = self._components.get(node)
+        if one is None:
+            every = self._components.values()
+            one = next((each for each in every if node in each.component.parts), None)
+        if one is None or one.restart_at is not None or one.ended_at is not None:
+            return None
+        return one
 
     def poll(self) -> list[str]:
         """Kill what hangs and restart what has ended when its time has come; never blocks.
@@ -242,9 +309,10 @@ class Supervisor:
             Events since the last call, in lines for a terminal.
 
         Raises:
-            BtAgentsError: A component has ended that was never up, or that does not restart.
+            BtAgentsError: A component has ended that is needed and was never up, or that does not
+            restart.
         """
-        events: list[str] = []
+        events, self._events = self._events, []
         now = self._clock()
         stalled = now - self._last_poll > _STALL_S
         self._last_poll = now
@@ -277,10 +345,11 @@ class Supervisor:
         return events
 
     def _schedule_restart(self, one: _Supervised, code: int, now: float) -> list[str]:
-        if not (one.been_up and one.component.restarts):
+        if not one.component.restarts or (one.component.needed and not one.been_up):
             raise BtAgentsError(_failure_text(one, code))
         one.close()
         one.last_heartbeat = None
+        one.inactive.clear()
         one.ended_at = one.ended_at if one.ended_at is not None else now
         wait_s = one.backoff.next_wait(0.0 if one.up_at is None else now - one.up_at)
         one.restart_at = now + wait_s
@@ -292,7 +361,7 @@ class Supervisor:
         one.starts += 1
         one.up_at = None
         try:
-            one.process, one.ready = spawn(one.component, one.log, one.starts)
+            one.process, one.ready = spawn(one.component, one.log, one.starts, self._fork_server)
         except OSError as error:
             wait_s = one.backoff.next_wait(0.0)
             one.restart_at = now + wait_s
@@ -329,7 +398,9 @@ class Supervisor:
         return [one for one in components if one.process.poll() is None]
 
 
-def spawn(component: Component, log: LogFile, start: int) -> tuple[subprocess.Popen[bytes], int]:
+def spawn(
+    component: Component, log: LogFile, start: int, fork_server: ForkServer | None = None
+) -> tuple[subprocess.Popen[bytes] | ForkedProcess, int]:
     """Start a process; return it with the pipe on which it reports that it is up."""
     ready, write_end = os.pipe()
     os.set_blocking(ready, False)
@@ -341,25 +412,55 @@ def spawn(component: Component, log: LogFile, start: int) -> tuple[subprocess.Po
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
     }
-    signal_mask = block_sigint()
     try:
         with log.open(start) as file:
-            process = subprocess.Popen(
+            process = launch(
                 component.command(),
-                stdin=subprocess.DEVNULL,
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                env=environment,
-                start_new_session=True,
-                pass_fds=(write_end,),
+                environment,
+                file.fileno(),
+                (write_end, *component.descriptors),
+                fork_server,
             )
     except OSError:
         os.close(ready)
         raise
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
         os.close(write_end)
     return process, ready
+
+
+def launch(
+    command: Sequence[str],
+    environment: Mapping[str, str],
+    output: int,
+    descriptors: Sequence[int],
+    fork_server: ForkServer | None,
+) -> subprocess.Popen[bytes] | ForkedProcess:
+    """Start a process in a session of its own: forked, or by itself without a server that works.
+
+    Args:
+        command: See :meth:`ForkServer.start`, as for the others.
+        environment: Its environment.
+        output: Descriptor of its standard output and error.
+        descriptors: Others that it gets.
+        fork_server: Has loaded its modules.
+    """
+    if fork_server is not None:
+        with suppress(OSError):
+            return fork_server.start(command, environment, output, descriptors)
+    signal_mask = block_sigint()
+    try:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            start_new_session=True,
+            pass_fds=descriptors,
+        )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
 
 
 def _failure_text(one: _Supervised, code: int) -> str:

@@ -81,4 +81,5 @@ def _bound(skill: SkillSpec) -> SkillSpec:
         )
     inputs = {one.name: Reference(name=one.name, type=one.type) for one in skill.inputs}
     fields = MapValue(items=inputs) if inputs else binding.fields
-    return replace(skill, binding=replace(binding, fields=fields, succeed_when=None))
+    open_binding = replace(binding, fields=fields, succeed_when=None, error_code=None, place="")
+    return replace(skill, binding=open_binding)

@@ -10,9 +10,7 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
-
-HOST = "{host}"
-"""Stands for the name of each host in the names of the table."""
+from bt_agents_ros.system_topics import HOST, heard_by, published_by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,91 +36,72 @@ _PARAMETERS = Access(
     name="",
     serves=(
         "~/describe_parameters",
+        "~/get_logger_levels",
         "~/get_parameter_types",
         "~/get_parameters",
         "~/list_parameters",
+        "~/set_logger_levels",
         "~/set_parameters",
         "~/set_parameters_atomically",
     ),
 )
 
+_MANAGED = Access(
+    name="",
+    serves=(
+        *("~/change_state", "~/get_available_states", "~/get_available_transitions"),
+        *("~/get_state", "~/get_transition_graph"),
+    ),
+)
+"""What the services of a life cycle need."""
+
+_TREE_STREAMS = Access(
+    name="",
+    publishes=("~/blackboard_streams/*", "~/snapshot_streams/*", "~/snapshots"),
+    serves=(
+        *("~/blackboard_streams/close", "~/blackboard_streams/get_variables"),
+        *("~/blackboard_streams/open", "~/snapshot_streams/close"),
+        *("~/snapshot_streams/open", "~/snapshot_streams/reconfigure"),
+    ),
+)
+"""What a host has besides where the tools of py_trees_ros are installed."""
+
 _NODES = (
     Access(
         name="marketplace",
-        publishes=("auctions", "calls", "market", "~/heartbeat", "runs", "scene_ends"),
-        subscribes=("bids", "marketplace/heartbeat", "open_goals", "scene", "{host}/heartbeat"),
         serves=("~/cancel", "~/operate", "~/preview", "~/register"),
-        calls=("feedback/collect", "select"),
+        calls=("bt_agents/select", "feedback/collect"),
         sends_goals=("{host}/run",),
     ),
-    Access(
-        name="scene_layer",
-        publishes=("scene", "scene/live", "scene/persons"),
-        subscribes=("market", "marketplace/heartbeat", "runs", "scene_ends", "~/trigger"),
-        serves=("~/analyze", "~/manage", "~/remember"),
-    ),
+    Access(name="scene_layer", serves=("~/analyze", "~/manage", "~/remember")),
     Access(
         name="feedback",
-        publishes=("feedback", "mood_traces", "profiles"),
-        subscribes=("cards", "runs", "scene/live", "{host}/status"),
         serves=("~/collect", "~/give", "~/manage"),
         calls=("marketplace/cancel", "{host}/set_profile"),
     ),
     Access(
         name=HOST,
-        publishes=(
-            *("bids", "cards", "~/files", "~/heartbeat", "open_goals", "~/records", "~/status"),
-            *("~/trees", "~/tunables", "~/tunings"),
+        serves=(
+            *("~/control", "~/reload", "~/roll_back", "~/set_profile", "~/tune", "~/versions"),
         ),
-        subscribes=("calls", "market", "marketplace/heartbeat", "runs", "scene/live"),
-        serves=("~/reload", "~/roll_back", "~/set_profile", "~/tune", "~/versions"),
         calls=("feedback/give", "marketplace/register", "scene_layer/remember"),
         executes=("~/run",),
     ),
-    Access(
-        name="robot",
-        publishes=(
-            *("robot/heartbeat", "robot/open_questions", "robot/questions", "robot/transcript"),
-        ),
-        subscribes=("answers", "open_goals", "sound", "{host}/heartbeat"),
-        serves=("set_light",),
-        executes=("ask", "drive", "say", "show"),
-    ),
-    Access(name="selector", subscribes=("cards",), serves=("select",)),
-    Access(
-        name="journal",
-        subscribes=(
-            *("auctions", "bids", "calls", "cards", "feedback", "market", "mood_traces"),
-            *("profiles", "runs", "scene", "scene/live", "scene/persons", "scene_ends"),
-            *("{host}/files", "{host}/records", "{host}/status", "{host}/trees"),
-            *("{host}/tunables", "{host}/tunings"),
-        ),
-    ),
+    Access(name="robot", serves=("set_light",), executes=("ask", "drive", "say", "show")),
+    Access(name="selector", serves=("bt_agents/select",)),
+    Access(name="journal", serves=("~/record",)),
     Access(
         name="studio",
-        subscribes=(
-            *("auctions", "cards", "feedback", "market", "marketplace/heartbeat", "profiles"),
-            *("robot/heartbeat", "robot/open_questions", "robot/transcript", "runs", "scene"),
-            *("scene/live", "scene_ends", "{host}/files", "{host}/heartbeat", "{host}/status"),
-            *("{host}/trees", "{host}/tunables", "{host}/tunings"),
-        ),
         calls=(
-            *("feedback/give", "feedback/manage", "marketplace/cancel", "marketplace/operate"),
-            *("scene_layer/analyze", "{host}/get_parameters", "{host}/tune"),
+            *("feedback/give", "feedback/manage", "journal/record", "marketplace/cancel"),
+            *("marketplace/operate", "marketplace/preview", "scene_layer/analyze"),
+            *("{host}/control", "{host}/get_parameters", "{host}/tune"),
         ),
     ),
 )
 
 _WATCH = Access(
     name="watch",
-    subscribes=(
-        *("auctions", "cards", "feedback", "market", "marketplace/heartbeat", "mood_traces"),
-        *("profiles", "robot/heartbeat", "robot/open_questions", "robot/transcript", "runs"),
-        *("scene", "scene/live", "scene/persons", "scene_ends"),
-        *("visitors/current", "visitors/done"),
-        *("{host}/heartbeat", "{host}/status", "{host}/trees", "{host}/tunables"),
-        "{host}/tunings",
-    ),
     calls=(
         *("marketplace/describe_parameters", "marketplace/get_parameters"),
         *("{host}/get_parameters", "{host}/versions"),
@@ -130,10 +109,10 @@ _WATCH = Access(
 )
 _OPERATE = Access(
     name="operate",
-    publishes=("answers", "scene_layer/trigger"),
     calls=(
-        *("feedback/give", "marketplace/cancel", "marketplace/operate", "marketplace/preview"),
-        *("marketplace/set_parameters_atomically", "scene_layer/analyze"),
+        *("feedback/give", "journal/record", "marketplace/cancel", "marketplace/operate"),
+        *("marketplace/preview", "marketplace/set_parameters_atomically", "scene_layer/analyze"),
+        "{host}/control",
     ),
 )
 _AUTHOR = Access(
@@ -160,22 +139,46 @@ def access_table(trees: Trees, hosts: Sequence[str] = ("agents",)) -> tuple[Acce
     extra = {
         "marketplace": _takeover_access(skills.sends_goals),
         "scene_layer": Access(name="", subscribes=sources),
-        HOST: skills,
+        HOST: _joined("", skills, _TREE_STREAMS),
+        "studio": Access(name="", publishes=_awaited_topics(trees)),
     }
     nodes = [
-        _joined(node.name, node, _EVERY_NODE, _PARAMETERS, extra.get(node.name, Access(name="")))
+        _joined(
+            node.name,
+            *(node, _topics(node.name), _EVERY_NODE, _PARAMETERS),
+            *((_MANAGED,) if _is_managed(node.name) else ()),
+            extra.get(node.name, Access(name="")),
+        )
         for node in _NODES
     ]
-    sensing = Access(name="", publishes=sources)
+    watching = (_EVERY_NODE, _WATCH, _topics("watch"))
+    operating = (*watching, _OPERATE, _topics("operate"), Access(name="", publishes=sources))
     roles = [
-        _joined("watch", _EVERY_NODE, _WATCH),
-        _joined("operate", _EVERY_NODE, _WATCH, _OPERATE, sensing),
-        _joined("author", _EVERY_NODE, _WATCH, _OPERATE, sensing, _AUTHOR),
+        _joined("watch", *watching),
+        _joined("operate", *operating),
+        _joined("author", *operating, _AUTHOR),
     ]
     return tuple(
         _for_hosts(replace(access, name=access.name.replace(HOST, host)), hosts)
         for access in (*nodes, *roles)
         for host in (hosts if access.name == HOST else ("",))
+    )
+
+
+def _is_managed(name: str) -> bool:
+    return any(topic.name.endswith("/transition_event") for topic in published_by(name))
+
+
+def _topics(name: str) -> Access:
+    """Return what a node or a role publishes and hears whatever the trees are."""
+    return Access(
+        name="",
+        # A host publishes only below its own name, and may hear all others.
+        publishes=tuple(
+            topic.name.replace(HOST, "~") if name == HOST else topic.name
+            for topic in published_by(name)
+        ),
+        subscribes=tuple(topic.name for topic in heard_by(name)),
     )
 
 
@@ -216,6 +219,15 @@ def _source_topics(trees: Trees) -> tuple[str, ...]:
     if scene.persons is not None:
         topics.add(scene.persons.tracked.topic)
     return tuple(sorted(topics))
+
+
+def _awaited_topics(trees: Trees) -> tuple[str, ...]:
+    """Return the topics that trees wait for, which people may publish."""
+    roots = (root for agent in trees.agents for root in (agent.tree, agent.on_cancel))
+    resources = (
+        type_of(spec).resources(spec) for root in filter(None, roots) for spec in iter_nodes(root)
+    )
+    return tuple(sorted({one.topic[0] for one in resources if one.topic is not None}))
 
 
 def _skill_access(trees: Trees) -> Access:

@@ -12,7 +12,7 @@ from bt_agents_tools.security.xml_document import xml_text
 ENCLAVES = "/bt_agents"
 """Path below which each node and each role has an enclave of its name."""
 
-OBSERVER = "bt_agents_observer"
+OBSERVER = "_bt_agents_observer"
 """Name of the node of every command of the command line."""
 
 _ALL_PARTICIPANTS = "ros_discovery_info"

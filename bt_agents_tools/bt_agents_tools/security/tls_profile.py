@@ -9,9 +9,9 @@ from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 from bt_agents_core.errors import Refused
+from bt_agents_ros.fastdds_profile import NAMESPACE
 from bt_agents_tools.security.xml_document import xml_text
 
-_NAMESPACE = "http://www.eprosima.com"
 _TRANSPORT = "tls"
 _DEPTH = 2  # certificates between that of a machine and the authority
 
@@ -51,7 +51,7 @@ def tls_profile(
             connects. Each listening process of a machine needs a port of its own.
         peers: Address and TCP port of each process to connect to.
     """
-    root = Xml.Element("dds", xmlns=_NAMESPACE)
+    root = Xml.Element("dds", xmlns=NAMESPACE)
     profiles = Xml.SubElement(root, "profiles")
     descriptors = Xml.SubElement(profiles, "transport_descriptors")
     descriptor = Xml.SubElement(descriptors, "transport_descriptor")

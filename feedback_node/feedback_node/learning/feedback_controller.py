@@ -169,14 +169,23 @@ class FeedbackController:
         if self.is_running(run):
             self._stop_watching()
 
-    def on_run_ended(self, run: AnnouncedRun) -> tuple[LeafMood, ...]:
+    @property
+    def collecting(self) -> bool:
+        """True until the market has asked for feedback on the run that goes on or ended last."""
+        return self._runs.collecting
+
+    def on_run_ended(self, run: AnnouncedRun, *, collects: bool = False) -> tuple[LeafMood, ...]:
         """Take the end of a run, including one that never started for this node.
+
+        The market asks for feedback on it next where it ``collects``.
 
         Returns:
             Its mood trace; empty when it was not traced, or none of its nodes is known.
         """
         if not self._runs.ended(run):
             return ()
+        if collects:
+            self._runs.expect(run)
         self._stop_watching()
         trace, self._trace = self._trace, None
         return trace.so_far() if trace is not None else ()
@@ -284,6 +293,7 @@ class FeedbackController:
                 f"feedback: epoch '{run.epoch}' and round {run.round} name no run; "
                 f"both come from the award",
             )
+        self._runs.collected(run)
         self.profiles.agent(run.agent)
         of_market = f"simulated/{run.epoch}/"
         feedback_id = f"{of_market}{run.round}/{run.agent}"

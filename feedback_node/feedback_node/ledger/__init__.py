@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,12 +19,14 @@ from feedback_node.ledger.reading import LedgerReader
 from feedback_node.ledger.rows import (
     AUTHORED,
     FORGOTTEN,
+    FORGOTTEN_LAYER,
     INSERT,
     LAYER,
     RESET,
     UNDO,
     ProfileRevision,
     RevisionCause,
+    hidden_layer,
     name_of,
     row_of,
 )
@@ -45,6 +48,9 @@ class Ledger(LedgerReader):
     A lock file beside the database keeps a second writer out; readers are welcome at any time.
     Changes raise :class:`LedgerError` as :func:`failed` says, or with ``LEDGER_CORRUPT``; whatever
     is raised, nothing of them is recorded.
+
+    Attributes:
+        failure: Why the last change was not recorded; empty when it was.
     """
 
     def __init__(self, path: str | Path, *, wall: Callable[[], float] = time.time) -> None:
@@ -53,6 +59,7 @@ class Ledger(LedgerReader):
         Raises:
             LedgerError: ``LEDGER_IN_USE``, or as in :func:`open_database`.
         """
+        self.failure = ""
         self._wall = wall
         self._revisions: dict[tuple[str, str], int] = {}
         with ExitStack() as opened:
@@ -186,7 +193,8 @@ class Ledger(LedgerReader):
     def forget(self, profiles: Iterable[tuple[str, str]], *, source: str = "") -> str:
         """Erase the content of layers from the file; a row for each says that it was there.
 
-        Hashes of the feedback ids stay, so that late repetitions are not applied again.
+        Hashes of the feedback ids and of the layer's name stay, so that late repetitions are not
+        applied again, and the other robots of a fleet forget it, too.
 
         Returns:
             Why traces of them stay in the file for now; empty when they are gone.
@@ -203,10 +211,49 @@ class Ledger(LedgerReader):
                         "UNKNOWN_LAYER",
                         f"{agent} has no layer '{layer}', so there is nothing to forget",
                     )
-                stays = erase_layer(self._database, agent, layer)
-                cause = RevisionCause(cause=FORGOTTEN, source=source)
-                self._append(agent, stays, {}, cause, revision=last.revision + 1)
+                step = {"layer": hidden_layer(layer), "stamp": self._end_of(agent, layer)}
+                cause = RevisionCause(cause=FORGOTTEN, source=source, step=step)
+                self._erase(agent, layer, last, cause)
         return self._erasure.start()
+
+    def forget_as_told(
+        self, agent: str, layer: str, cause: RevisionCause, kept: Iterable[LedgerEntry] = ()
+    ) -> tuple[tuple[ProfileRevision, ...], str]:
+        """Erase a layer that another robot has forgotten, and record anew what came later.
+
+        Args:
+            agent: Whose layer.
+            layer: Its name; empty where it is not there, so that only the forgetting is recorded.
+            cause: With the step of the other robot.
+            kept: What is recorded anew.
+
+        Returns:
+            The revisions of ``kept``, and as :meth:`forget`.
+        """
+        with self._transaction():
+            self._revisions.clear()
+            last = self.current(agent, layer) if layer else None
+            self._erase(agent, layer, last, cause)
+            recorded = tuple(
+                self._append(one.agent, one.layer, one.profile, one.cause) for one in kept
+            )
+        return recorded, self._erasure.start() if last is not None else ""
+
+    def _erase(
+        self, agent: str, layer: str, last: ProfileRevision | None, cause: RevisionCause
+    ) -> None:
+        """Erase a layer, and record why; only that where there is none."""
+        if last is None:
+            stays, revision = f"{FORGOTTEN_LAYER}{self._next_number()}", 0
+        else:
+            stays, revision = erase_layer(self._database, agent, layer), last.revision + 1
+        self._append(agent, stays, {}, cause, revision=revision)
+
+    def _end_of(self, agent: str, layer: str) -> float:
+        """Return the wall time behind everything in a layer, also what other clocks have said."""
+        found = self.history(agent, layer)
+        stamps = [one.cause.step.get("stamp", one.stamp) for one in found]
+        return max(self._wall(), math.nextafter(max(stamps), math.inf))
 
     def _enter(self, agent: str, authored: Mapping[str, float]) -> ProfileRevision:
         last = self.current(agent)
@@ -259,12 +306,15 @@ class Ledger(LedgerReader):
             cause=cause,
             stamp=self._wall(),
         )
-        last = self._database.execute("SELECT coalesce(max(number), 0) FROM revision").fetchone()
-        self._database.execute(INSERT, row_of(last[0] + 1, appended))
+        self._database.execute(INSERT, row_of(self._next_number(), appended))
         self._revisions[agent, layer] = revision
         if cause.cause == AUTHORED and not layer:
             self._authored[agent] = cause.target
         return appended
+
+    def _next_number(self) -> int:
+        last = self._database.execute("SELECT coalesce(max(number), 0) FROM revision").fetchone()
+        return int(last[0]) + 1
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -279,5 +329,8 @@ class Ledger(LedgerReader):
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
                 raise
+            self.failure = ""
         except (sqlite3.Error, ValueError) as error:
-            raise failed(self.path, error) from error
+            failure = failed(self.path, error)
+            self.failure = failure.reason
+            raise failure from error

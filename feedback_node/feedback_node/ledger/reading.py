@@ -6,6 +6,7 @@ from __future__ import annotations
 import sqlite3
 import sys
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any
 
 from bt_agents_core.errors import Refused
@@ -15,6 +16,7 @@ from feedback_node.ledger.rows import (
     AUTHORED,
     COLUMNS,
     FEEDBACK,
+    FLEET,
     FORGOTTEN_LAYER,
     Damaged,
     ProfileRevision,
@@ -27,6 +29,9 @@ from feedback_node.ledger.rows import (
 _FIRST_BATCH = 32
 _LARGEST_BATCH = 1024
 """Rows that are read at once on the way back, at first and at most."""
+
+_MOST_STEPS = 1000
+"""Steps of other robots, and feedbacks that set a profile, that :meth:`taught` passes by."""
 
 
 class LedgerReader:
@@ -46,11 +51,11 @@ class LedgerReader:
     def layers(self, agent: str) -> tuple[ProfileRevision, ...]:
         """Return the latest revision of each layer of an agent, by name."""
         where = (
-            "JOIN (SELECT layer AS l, max(revision) AS r FROM revision WHERE agent = ?1 AND "
+            "JOIN (SELECT layer AS l, max(revision) AS r FROM revision WHERE agent = ? AND "
             "layer <> '' AND content IS NOT NULL GROUP BY layer) ON layer = l AND revision = r "
-            f"WHERE agent = ?1 AND layer NOT LIKE '{FORGOTTEN_LAYER}%' ORDER BY layer"
+            f"WHERE agent = ? AND layer NOT LIKE '{FORGOTTEN_LAYER}%' ORDER BY layer"
         )
-        return tuple(self._select(where, agent))
+        return tuple(self._select(where, agent, agent))
 
     def count_layers(self, agent: str) -> int:
         """Return how many layers an agent has."""
@@ -107,15 +112,43 @@ class LedgerReader:
         """Return the newest feedbacks that have led to the current profile, oldest first.
 
         Those that were undone are left out, and those before the author, a reset or an import has
-        set the profile; those that set it are none.
+        set the profile; those that set it are none, nor are the steps of other robots.
         """
         found: list[ProfileRevision] = []
-        for row in self._back(agent, layer):
-            if len(found) == newest or row.cause.cause != FEEDBACK:
+        for row in islice(self._back(agent, layer), newest + _MOST_STEPS):
+            if len(found) == newest or row.cause.cause not in (FEEDBACK, FLEET):
                 break
             if row.cause.kind != FeedbackKind.SET:
                 found.append(row)
         return tuple(reversed(found))
+
+    def entries(
+        self, *, after: int = 0, agent: str = "", most: int = -1
+    ) -> tuple[tuple[int, ProfileRevision], ...]:
+        """Return revisions, each with its number, in the order of their entry.
+
+        Args:
+            after: The number of the last one that is known.
+            agent: Of one agent only.
+            most: So many at most; -1 for all.
+        """
+        where = f"WHERE number > ? {'AND agent = ?' if agent else ''} ORDER BY number LIMIT ?"
+        values = (after, agent, most) if agent else (after, most)
+        try:
+            query = f"SELECT {COLUMNS} FROM revision {where}"
+            found = self._database.execute(query, values).fetchall()
+            return tuple((int(row[0]), read_row(Row(*row))) for row in found)
+        except (sqlite3.Error, Damaged) as error:
+            raise unread(self.path, error) from error
+
+    def checksum(self, number: int) -> int | None:
+        """Return the checksum of a row; 0 for one that was forgotten, None for one not there."""
+        try:
+            query = "SELECT checksum, content IS NULL FROM revision WHERE number = ?"
+            found = self._database.execute(query, (number,)).fetchone()
+        except sqlite3.Error as error:
+            raise unread(self.path, error) from error
+        return None if found is None else 0 if found[1] else int(found[0])
 
     def before(self, revision: ProfileRevision) -> ProfileRevision:
         """Return the revision that came before one; revision 0 comes before itself."""

@@ -23,6 +23,7 @@ FEEDBACK = "feedback"
 UNDO = "undo"
 RESET = "reset"
 IMPORT = "import"
+FLEET = "fleet"
 FORGOTTEN = "forgotten"
 
 FORGOTTEN_LAYER = "forgotten/"
@@ -81,6 +82,10 @@ class RevisionCause:
         cancels: True when the run is stopped because of it.
         restores: Of an undo, the revision whose profile it brings back.
         changes: How many feedbacks, without those that set a profile, have led to it.
+        step: Of ``fleet``, the step of another robot as
+            :meth:`feedback_node.learning.fleet_steps.FleetStep.fields`; empty when only the order
+            of the steps has changed. Of ``forgotten``, such a step when another robot has
+            forgotten it, else the layer as :func:`hidden_layer` and the stamp up to which.
     """
 
     cause: str = FEEDBACK
@@ -100,6 +105,7 @@ class RevisionCause:
     cancels: bool = False
     restores: int | None = None
     changes: int = 0
+    step: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,6 +166,8 @@ class Damaged(ValueError):
 _DEFAULTS = vars(RevisionCause())
 _CAUSE_NAMES = _DEFAULTS.keys() - {"feedback_id"}
 _MAPPINGS = ("rates", "target", "retreat")
+"""Parameter → number."""
+
 _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
@@ -201,7 +209,7 @@ def row_of(number: int, revision: ProfileRevision) -> Row:
     content: dict[str, Any] = {"profile": dict(revision.profile), "stamp": revision.stamp}
     for name, value in vars(cause).items():
         if value != _DEFAULTS[name]:
-            content[name] = dict(value) if name in _MAPPINGS else value
+            content[name] = dict(value) if isinstance(value, Mapping) else value
     content.pop("feedback_id", None)
     key = (revision.agent, revision.layer, revision.revision, cause.feedback_id)
     return with_checksum(Row(number, *key, _JSON.encode(content)))
@@ -245,6 +253,12 @@ def hidden(feedback_id: str) -> str:
     if is_hidden(feedback_id):
         return feedback_id
     return _HIDDEN + hashlib.sha256(feedback_id.encode()).hexdigest()
+
+
+def hidden_layer(layer: str) -> str:
+    """Return what stays of the name of a forgotten layer, by which others of a fleet know it."""
+    kind, _, _ = layer.partition("/")
+    return f"{kind}/{hidden(layer)}"
 
 
 def is_hidden(feedback_id: str) -> bool:

@@ -50,12 +50,7 @@ def from_document(
         Refused: ``TOO_LONG``, ``BAD_DOCUMENT``, ``BAD_LAYER``, ``UNKNOWN_PARAMETER``, or as in
             :meth:`SceneSpace.vector`.
     """
-    if len(text) > LONGEST:
-        raise Refused("TOO_LONG", f"document: {len(text)} characters, expected {LONGEST} at most")
-    try:
-        document = json.loads(text, parse_constant=_no_constant)
-    except (ValueError, RecursionError) as error:
-        raise _invalid(f"it is no JSON ({error})") from None
+    document = read_json(text)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise _invalid(f"expected what 'bt-agents profile export' writes, with format {FORMAT}")
     document_id, profiles = document.get("id"), document.get("profiles")
@@ -71,6 +66,20 @@ def from_document(
             raise _invalid(f"profiles[{index}]: {entry.agent} {entry.layer} stands twice")
         found[entry.agent, entry.layer] = entry
     return tuple(found.values())
+
+
+def read_json(text: str) -> Any:
+    """Return what a document from outside holds, unchecked.
+
+    Raises:
+        Refused: ``TOO_LONG`` or ``BAD_DOCUMENT``.
+    """
+    if len(text) > LONGEST:
+        raise Refused("TOO_LONG", f"document: {len(text)} characters, expected {LONGEST} at most")
+    try:
+        return json.loads(text, parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise _invalid(f"it is no JSON ({error})") from None
 
 
 def _entry(
@@ -102,6 +111,7 @@ def _is_name(value: Any) -> TypeGuard[str]:
 def _revision(revision: ProfileRevision) -> dict[str, Any]:
     cause = revision.cause
     fields = {name: value for name, value in vars(cause).items() if value or name == "cause"}
+    fields.pop("step", None)  # What it did is there; a history of many would be too large.
     for name in ("rates", "target"):
         if name in fields:
             fields[name] = dict(fields[name])

@@ -3,18 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
+from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.rows import IMPORT, ProfileRevision, check_texts
+from feedback_node.ledger.rows import FLEET, IMPORT, ProfileRevision, check_texts
 from feedback_node.management.documents import from_document
+from feedback_node.management.fleet_documents import FleetDocuments, read_document
 from feedback_node.management.profile_documents import ProfileDocument, ProfileDocuments
 
 _MOST_NAMED = 3
@@ -78,6 +80,7 @@ class Management:
         self._ledger = ledger
         self._wall = wall
         self._documents = ProfileDocuments(ledger, profiles.false_rate, new_id=new_id)
+        self._fleet = FleetDocuments(profiles, ledger, wall=wall)
 
     def execute(self, command: ManagementCommand) -> ManagementResult:
         """Execute a request.
@@ -127,6 +130,8 @@ class Management:
         return self._changed((revision,))
 
     def _import(self, command: ManagementCommand) -> ManagementResult:
+        if (of_fleet := read_document(command.document)) is not None:
+            return self._take_steps(of_fleet)
         reason = command.reason or "taken in from a document"
         found = from_document(
             command.document, self._profiles.space, source=command.author, reason=reason
@@ -151,6 +156,26 @@ class Management:
             )
         recorded = self._ledger.record([*begun, *found])
         return self._changed([one for one in recorded if one.cause.cause == IMPORT])
+
+    def _take_steps(self, document: Mapping[str, Any]) -> ManagementResult:
+        taken = self._fleet.take(document)
+        deliveries = self._profiles.on_erased(taken.erased)
+        newest = {
+            (one.agent, one.layer): one for one in taken.recorded if one.cause.cause == FLEET
+        }
+        steps = sum(bool(one.cause.step) for one in taken.recorded)
+        changes = tuple(self._profiles.on_recorded([one]) for one in newest.values())
+        # A host drops what was forgotten before it gets what came after that.
+        again = [key for key in taken.erased if key in newest]
+        deliveries += tuple(self._profiles.delivery(name, layer) for name, layer in again)
+        message = f"{steps} step{'s' if steps != 1 else ''} of other robots taken in"
+        return ManagementResult(
+            message=_with_traces(message, taken.delayed),
+            document=taken.answer,
+            changes=changes,
+            deliveries=deliveries,
+            forgets=bool(taken.erased),
+        )
 
     def _check_room(self, found: Iterable[LedgerEntry]) -> None:
         layers: dict[str, set[str]] = {}
@@ -199,14 +224,12 @@ class Management:
             return ManagementResult(message="nothing to forget")
         keys = [(one.agent, one.layer) for one in found]
         delayed = self._ledger.forget(keys, source=author)
+        self._fleet.clear()
         message = f"{len(keys)} profile{'s' if len(keys) != 1 else ''} forgotten"
-        if delayed:
-            message += (
-                f"; traces stay in free parts of the file until it can be rewritten, which is "
-                f"tried again and again: {delayed}"
-            )
         return ManagementResult(
-            message=message, deliveries=self._profiles.on_erased(keys), forgets=True
+            message=_with_traces(message, delayed),
+            deliveries=self._profiles.on_erased(keys),
+            forgets=True,
         )
 
     def _changed(self, revisions: Sequence[ProfileRevision]) -> ManagementResult:
@@ -218,3 +241,13 @@ class Management:
         if len(changes) > _MOST_NAMED:
             message += f"; and {len(changes) - _MOST_NAMED} more"
         return ManagementResult(message=message, changes=changes)
+
+
+def _with_traces(message: str, delayed: str) -> str:
+    """Return a message with why traces of what was forgotten stay for now, if they do."""
+    if not delayed:
+        return message
+    return (
+        f"{message}; traces stay in free parts of the file until it can be rewritten, which is "
+        f"tried again and again: {delayed}"
+    )

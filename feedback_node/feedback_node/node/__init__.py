@@ -7,8 +7,9 @@ import math
 import os
 import time
 import uuid
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +18,8 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import PartHealth
+from bt_agents_core.log_budget import LogBudget
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.state_folder import claim_state
 from bt_agents_core.trees_folder import find_trees
@@ -28,17 +31,14 @@ from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback, ManageProfil
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.health_publisher import HealthPublisher
+from bt_agents_ros.managed_node import ManagedNode, make_managed
 from bt_agents_ros.messages import scene_from_msg
-from bt_agents_ros.parameters import (
-    TREES,
-    StartParameter,
-    declare_live_lease,
-    make_from_parameters,
-)
+from bt_agents_ros.parameters import TREES, StartParameter, declare_live_lease
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import OneShot, steady_timer
+from feedback_node.health import ledger_health, profiles_health
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackController, RuleOutcome
 from feedback_node.learning.profiles import Profiles
@@ -66,32 +66,96 @@ _REST_S = 0.025
 """Least time between two evaluations of live scenes [s]."""
 
 _TIDY_S = 1.0
+_LINGER_S = 0.2
+"""Time for the news of a run that has just started, when the node is told to stop [s]."""
+
 _MOST_PROBLEMS = 100
+"""Hosts whose problems are remembered, and lines about problems in :data:`_PROBLEMS_S`."""
+
+_PROBLEMS_S = 5.0
 
 ResultT = TypeVar("ResultT")
 
 
-class FeedbackNode(BaseNode):
+_START = (
+    TREES,
+    StartParameter(
+        name="ledger",
+        description="SQLite file of all learned profiles; empty: in the state folder of the trees "
+        "folder, as 'bt-agents up' does; :memory: keeps nothing",
+    ),
+    StartParameter(
+        name="simulated_feedback",
+        description="YAML file with feedback for experiments; empty: none",
+    ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedbackConfiguration:
+    """What a feedback node is made of.
+
+    Attributes:
+        space: The scene parameters of the system.
+        ledger: Opens the ledger, for as long as the node is active.
+        simulated: Feedback that experiments have in their files; None for none.
+        note: Said in the log at each activation; empty for nothing.
+    """
+
+    space: SceneSpace
+    ledger: Callable[[], AbstractContextManager[Ledger]]
+    simulated: SimulatedFeedback | None = None
+    note: str = ""
+
+
+class FeedbackNode(ManagedNode[FeedbackConfiguration]):
     """Learns from moods, people and lists, and delivers profiles to the hosts."""
 
+    start_parameters = _START
+    stop_limit_s = 2.6
+    """So long it waits for the market to ask for feedback on the last run [s]."""
+
     def __init__(
-        self,
-        space: SceneSpace,
-        ledger: Ledger,
-        simulated: SimulatedFeedback | None = None,
-        **node_kwargs: Any,
+        self, configuration: FeedbackConfiguration | None = None, **node_kwargs: Any
     ) -> None:
-        """Create the node; the owner of the open ledger closes it after the node is destroyed."""
-        super().__init__("feedback", **node_kwargs)
+        super().__init__("feedback", configuration, **node_kwargs)
+
+    def configure(self, values: Mapping[str, str]) -> FeedbackConfiguration:
+        trees = find_trees(values["trees"])
+        space = read_scene(trees / "scene.yaml").space
+        file = values["simulated_feedback"]
+        simulated = None
+        if file:
+            simulated = SimulatedFeedback(read_experiment(Path(file), space).feedback)
+        kept = None if values["ledger"] else claim_state(trees)
+        path = kept.ledger if kept else os.path.expanduser(values["ledger"])
+        return FeedbackConfiguration(
+            space=space,
+            ledger=lambda: Ledger(path),
+            simulated=simulated,
+            note=kept.note if kept else "",
+        )
+
+    def activate(self, configuration: FeedbackConfiguration, closing: ExitStack) -> None:
+        """Open the ledger and make what learns.
+
+        Raises:
+            LedgerError: The ledger cannot be used.
+        """
+        ledger = closing.enter_context(configuration.ledger())
+        space = configuration.space
         self._space = space
         self._ledger = ledger
         self._untidy = True
+        self._stopping = False
+        self._stop_earliest = 0.0
+        self._answering = 0
         self._profiles = Profiles(space, ledger)
         self._controller = FeedbackController(
             self._profiles,
             clock=time.monotonic,
             new_id=lambda: f"given/{uuid.uuid4()}",
-            simulated=simulated,
+            simulated=configuration.simulated,
             lease_s=declare_live_lease(self, lambda s: self._controller.set_lease(s)),
         )
         self._born_ns = time.time_ns()
@@ -101,18 +165,20 @@ class FeedbackNode(BaseNode):
         self._hosts = HostProfiles(self, self._calls, self._profiles, self._publish_table)
         self._trees: dict[str, Subscription[TreeStatus]] = {}
         self._problems: dict[str, tuple[str, ...]] = {}
+        self._budget = LogBudget(_MOST_PROBLEMS, _PROBLEMS_S, time.monotonic)
         self._pending_cards: dict[str, HostCard] = {}
         self._published: tuple[Table, Sequence[tuple[str, str]], Sequence[str]] = ((), (), ())
         self._live: SceneMsg | None = None
         self._polled_at = -math.inf
         self._stops = CancelRequests(self, self._calls, self._controller.is_running)
         self._create_history_publishers()
-        self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
+        self._current = self.create_publisher(ProfilesMsg, "bt_agents/profiles", qos.FACT)
+        self._health = HealthPublisher(self, self._judge)
         self._timer = OneShot(self, self._poll)
         steady_timer(self, _TIDY_S, self._on_idle)
-        self.create_subscription(HostCard, "cards", self._on_card, qos.FACTS)
-        self.create_subscription(RunMsg, "runs", self._on_run, qos.HISTORY)
-        self.create_subscription(SceneMsg, "scene/live", self._on_live, qos.SENSOR)
+        self.create_subscription(HostCard, "bt_agents/cards", self._on_card, qos.FACTS)
+        self.create_subscription(RunMsg, "bt_agents/runs", self._on_run, qos.HISTORY)
+        self.create_subscription(SceneMsg, "bt_agents/scene/live", self._on_live, qos.SENSOR)
         self._management = Management(
             self._profiles, ledger, wall=time.time, new_id=lambda: str(uuid.uuid4())
         )
@@ -124,6 +190,25 @@ class FeedbackNode(BaseNode):
         ):
             self.create_service(kind, name, answer, qos_profile=qos.SERVICE, callback_group=group)
         self.create_service(ManageProfiles, "~/manage", self._on_manage, qos_profile=qos.SERVICE)
+        self.get_logger().info(f"the ledger is {ledger.path}")
+        if configuration.note:
+            self.get_logger().warning(configuration.note)
+
+    def _judge(self) -> tuple[PartHealth, ...]:
+        return (
+            ledger_health(str(self._ledger.path), self._ledger.failure),
+            profiles_health(len(self._profiles.hosts), self._profiles.differing),
+        )
+
+    def begin_stop(self) -> None:
+        """Wait for no host any more; the market may still ask for feedback on the last run."""
+        self._stopping = True
+        self._stop_earliest = time.monotonic() + _LINGER_S
+
+    def has_stopped(self) -> bool:
+        """Return True when no request is under way and the market will not send one."""
+        lingers = time.monotonic() < self._stop_earliest
+        return not (lingers or self._answering or self._controller.collecting)
 
     # What happens around the runs
 
@@ -133,23 +218,31 @@ class FeedbackNode(BaseNode):
             card = card_from_msg(message, self._space)
             deliveries, problems = self._controller.register_card(card)
         except Refused as refusal:
-            deliveries, problems = (), (str(refusal),)
-            if isinstance(refusal, LedgerError) and len(self._pending_cards) < _MOST_PROBLEMS:
-                # Its agents learn nothing before the ledger has taken them.
-                self._pending_cards[message.host] = message
-        if problems != self._problems.get(message.host, ()):
-            for problem in problems:
-                self.get_logger().error(problem)
-            self._problems.pop(message.host, None)
-            self._problems[message.host] = problems
-            if len(self._problems) > _MOST_PROBLEMS:
-                del self._problems[next(iter(self._problems))]
+            if isinstance(refusal, LedgerError):
+                self._health.update()
+                if len(self._pending_cards) < _MOST_PROBLEMS:
+                    # Its agents learn nothing before the ledger has taken them.
+                    self._pending_cards[message.host] = message
+            self._log_problems(message.host, (str(refusal),))
+            return
+        self._log_problems(message.host, problems)
         for delivery in deliveries:
             self._hosts.deliver(delivery)
         self._subscribe_to_trees(self._profiles.hosts)
         self._publish_table()
+        self._health.update()
         self._set_timer()
         self._resume_waiting()
+
+    def _log_problems(self, host: str, problems: tuple[str, ...]) -> None:
+        """Log the problems of a host's card, unless they are those of its last one."""
+        if problems != self._problems.pop(host, ()):
+            for problem in problems:
+                if line := self._budget.line(problem):
+                    self.get_logger().error(line)
+        self._problems[host] = problems
+        if len(self._problems) > _MOST_PROBLEMS:
+            del self._problems[next(iter(self._problems))]
 
     def _on_run(self, message: RunMsg, info: dict[str, int]) -> None:
         try:
@@ -157,14 +250,14 @@ class FeedbackNode(BaseNode):
         except Refused as refusal:
             self.get_logger().warning(f"event of a run refused: {refusal}")
             return
+        replayed = info["source_timestamp"] < self._born_ns
         if message.event == RunMsg.STARTED:
-            self._controller.on_run_started(
-                event, replayed=info["source_timestamp"] < self._born_ns
-            )
+            self._controller.on_run_started(event, replayed=replayed)
         elif message.event == RunMsg.CANCELLING:
             self._controller.on_run_cancelling(event)
         elif message.event == RunMsg.ENDED:
-            leaves = self._controller.on_run_ended(event)
+            collects = message.outcome != RunMsg.LOST and not replayed
+            leaves = self._controller.on_run_ended(event, collects=collects)
             if leaves:
                 self._traces.publish(mood_trace_to_msg(event, leaves, time.time()))
         self._publish_undecided()
@@ -209,6 +302,7 @@ class FeedbackNode(BaseNode):
         self._stops.retry()
         if self._untidy and not self._controller.watching:
             self._untidy = not self._ledger.checkpoint()
+        self._health.update()
 
     def _execute(self, outcomes: Iterable[RuleOutcome]) -> None:
         for outcome in outcomes:
@@ -232,6 +326,12 @@ class FeedbackNode(BaseNode):
     async def _on_collect(
         self, request: CollectFeedback.Request, response: CollectFeedback.Response
     ) -> CollectFeedback.Response:
+        with self._request():
+            return await self._collect(request, response)
+
+    async def _collect(
+        self, request: CollectFeedback.Request, response: CollectFeedback.Response
+    ) -> CollectFeedback.Response:
         try:
             ended = collected_from_msg(request, self._space)
             change = await self._once_known(lambda: self._controller.collect(ended))
@@ -249,6 +349,12 @@ class FeedbackNode(BaseNode):
     async def _on_give(
         self, request: GiveFeedback.Request, response: GiveFeedback.Response
     ) -> GiveFeedback.Response:
+        with self._request():
+            return await self._give(request, response)
+
+    async def _give(
+        self, request: GiveFeedback.Request, response: GiveFeedback.Response
+    ) -> GiveFeedback.Response:
         try:
             given = given_from_msg(request, self._space)
             if given.feedback_id:
@@ -261,6 +367,15 @@ class FeedbackNode(BaseNode):
         response.accepted = True
         await self._answer(change, response)
         return response
+
+    @contextmanager
+    def _request(self) -> Iterator[None]:
+        """Count a request while it is under way."""
+        self._answering += 1
+        try:
+            yield
+        finally:
+            self._answering -= 1
 
     async def _once_known(self, teach: Callable[[], ResultT]) -> ResultT:
         """Apply feedback that may precede the agent's card after a restart; wait for the card."""
@@ -282,10 +397,12 @@ class FeedbackNode(BaseNode):
 
     async def _answer(self, change: ProfileChange, response: Any) -> None:
         """Deliver and publish a change; say so once the hosts have it, or have not answered."""
-        answers = []
+        answers: list[Future] = []
         for delivery in self._profiles.deliveries(change.all):
-            answers.append(Future())
-            self._hosts.deliver(delivery, answers[-1])
+            # A host that is stopping, too, gets the profile after its next start.
+            answer = None if self._stopping else Future()
+            self._hosts.deliver(delivery, answer)
+            answers += [answer] if answer is not None else []
         response.feedback = self._publish_change(change)
         response.message = f"{change.revision.agent}: {change.text}"
         problems = [problem for answer in answers if (problem := await answer)]
@@ -344,8 +461,8 @@ class FeedbackNode(BaseNode):
         return response
 
     def _create_history_publishers(self) -> None:
-        self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
-        self._traces = self.create_publisher(MoodTrace, "mood_traces", qos.HISTORY)
+        self._feedback = self.create_publisher(Feedback, "bt_agents/feedback", qos.HISTORY)
+        self._traces = self.create_publisher(MoodTrace, "bt_agents/mood_traces", qos.HISTORY)
 
     def _publish_table(self) -> None:
         undecided, differing = self._controller.undecided, self._profiles.differing
@@ -359,38 +476,15 @@ class FeedbackNode(BaseNode):
             self._publish_table()
 
 
-_START = (
-    TREES,
-    StartParameter(
-        name="ledger",
-        description="SQLite file of all learned profiles; empty: in the state folder of the trees "
-        "folder, as 'bt-agents up' does; :memory: keeps nothing",
-    ),
-    StartParameter(
-        name="simulated_feedback",
-        description="YAML file with feedback for experiments; empty: none",
-    ),
-)
+def make_node() -> FeedbackNode:
+    """Create the node as the parameters of its process ask for; it closes its ledger at its end.
+
+    Raises:
+        BtAgentsError: The trees folder, the experiment or the ledger cannot be used.
+    """
+    return make_managed(FeedbackNode)
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the feedback node until it is told to stop; return the exit code."""
-    with ExitStack() as owned:
-
-        def make(values: Mapping[str, str]) -> FeedbackNode:
-            trees = find_trees(values["trees"])
-            space = read_scene(trees / "scene.yaml").space
-            path = values["simulated_feedback"]
-            simulated = (
-                SimulatedFeedback(read_experiment(Path(path), space).feedback) if path else None
-            )
-            kept = None if values["ledger"] else claim_state(trees)
-            file = kept.ledger if kept else os.path.expanduser(values["ledger"])
-            ledger = owned.enter_context(Ledger(file))
-            node = FeedbackNode(space, ledger, simulated)
-            node.get_logger().info(f"the ledger is {ledger.path}")
-            if kept and kept.note:
-                node.get_logger().warning(kept.note)
-            return node
-
-        return run(lambda: make_from_parameters("feedback", _START, make), args)
+    return run(make_node, args)

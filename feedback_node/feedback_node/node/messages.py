@@ -24,7 +24,7 @@ from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodRule
-from bt_agents_ros.messages import scene_from_msg, to_time
+from bt_agents_ros.messages import header_at, scene_from_msg, to_time
 from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import ProfileChange, Table
@@ -153,7 +153,7 @@ def feedback_to_msg(change: ProfileChange, space: SceneSpace) -> Feedback:
     """Return the message of a recorded change."""
     cause = change.revision.cause
     return Feedback(
-        stamp=to_time(change.revision.stamp),
+        header=header_at(to_time(change.revision.stamp)),
         feedback_id=cause.feedback_id or "",
         agent=change.revision.agent,
         kind=cause.kind,
@@ -188,7 +188,7 @@ def taught_text(agent: str, taught: Sequence[ProfileChange]) -> str:
 def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: float) -> MoodTrace:
     """Return the message of the mood trace of a run that ended at a time [s since 1970]."""
     return MoodTrace(
-        stamp=to_time(stamp),
+        header=header_at(to_time(stamp)),
         epoch=run.epoch,
         round=run.round,
         agent=run.agent,

@@ -12,13 +12,8 @@ from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 from bt_agents_core.text import format_number, join_first, join_words
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
 from marketplace_node.formatting import FEW, distance, percent
-from marketplace_node.round.decision import (
-    AuctionOutcome,
-    ClosedBy,
-    Decision,
-    RankedBid,
-    RoundKind,
-)
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import ClosedBy, Decision, RankedBid, RoundKind
 from marketplace_node.settings import RULES
 from marketplace_node.strategies import STRATEGIES
 from marketplace_node.strategies.exploration import ranges_share

@@ -9,14 +9,8 @@ from collections.abc import Sequence
 from bt_agents_core.scene import Scene
 from bt_agents_core.text import format_number, join_first
 from marketplace_node.formatting import ALL_DIGITS, FEW, distance
-from marketplace_node.round.decision import (
-    AuctionOutcome,
-    ClosedBy,
-    Decision,
-    RankedBid,
-    RefusedBid,
-    RoundKind,
-)
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import ClosedBy, Decision, RankedBid, RefusedBid, RoundKind
 from marketplace_node.settings import RULES
 
 _TERMS_SHOWN = 12

@@ -9,23 +9,15 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bt_agents_core.scene import Scene, follow_up_id
-from marketplace_node.effects import (
-    CancelGoal,
-    Collect,
-    RunEventKind,
-    RunGoal,
-    RunOutcome,
-    SceneEnded,
-    SendGoal,
-    State,
-)
+from marketplace_node.effects import CancelGoal, Collect, RunGoal, SceneEnded, SendGoal, State
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.interaction.award import Award, RunEnd, StopRequest
 from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.stored_scenes import StoredRun
 from marketplace_node.market_state import MarketState
 from marketplace_node.operator_overrides import VETOED
-from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
+from marketplace_node.outcomes import AuctionOutcome, RunEventKind, RunOutcome
+from marketplace_node.round.decision import ClosedBy, Decision
 
 FEEDBACK_DEFERRED = "feedback is kept until the feedback node is back"
 

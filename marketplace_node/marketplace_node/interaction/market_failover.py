@@ -8,10 +8,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.scene import AGAIN, Scene, origin_id
-from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, RunOutcome, SceneEnded
+from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, SceneEnded
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.interaction.stored_scenes import StoredRun, StoredScene
 from marketplace_node.market_state import MarketState
+from marketplace_node.outcomes import RunOutcome
 
 MAX_RUNS = 10
 """As many runs a host may hand over at once."""
@@ -114,8 +115,9 @@ class InheritedRuns:
 
     def due(self, now: float) -> list[Scene]:
         """Return the scenes to ask for again now, each once."""
-        scenes = [scene for at, scene in self._again if now >= at]
-        self._again = [(at, scene) for at, scene in self._again if now < at]
+        back = self._market_state.earlier_hosts_back(now)
+        scenes = [scene for at, scene in self._again if back or now >= at]
+        self._again = [(at, scene) for at, scene in self._again if not back and now < at]
         return scenes
 
     def extend_after_stall(self, lasted_s: float) -> None:

@@ -68,6 +68,8 @@ class SceneAdmission:
         try:
             self.join(scene, interaction)
         except Refused as refused:
+            # Whoever is not sure that it has come in sends it again; it has had its end.
+            self.remember([scene.scene_id])
             self.refuse(scene.scene_id, refused.code, refused.reason)
 
     def join(self, scene: Scene, interaction: Interaction | None) -> None:
@@ -103,7 +105,7 @@ class SceneAdmission:
         return scene_id in self._known
 
     def hold(self, until: float) -> None:
-        """Let all scenes wait until a steady time [s], as hosts come back meanwhile."""
+        """Let all scenes wait until the hosts are back, and a steady time [s] at the latest."""
         self._held_until = until
 
     @property
@@ -176,10 +178,11 @@ class SceneAdmission:
         expected = state.expected(now) if self._queue else {}
         none_known = not state.registry.entries()
         started = now if self._started is None else self._started
+        held = now < self._held_until and not state.earlier_hosts_back(now)
         first_expected = none_known and now - started < state.settings.host_wait_s
 
         def awaited(waiting: QueuedScene) -> dict[str, str] | None:
-            if first_expected or now < self._held_until:
+            if first_expected or held:
                 return {}
             hosts = self._expected_for(waiting, expected)
             if not hosts or state.can_ask(

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stored scenes: what a later start of the market has to know of the scenes without an end."""
+"""Stored scenes: what a later start of the market has to know of scenes without an end.
+
+With them, the goals that hosts have open: of these nobody else knows once their host has died.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,11 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.person_facts import facts
 from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, finite_or_none
-from marketplace_node.effects import Effect
+from marketplace_node.effects import Effect, SceneEnded
+from marketplace_node.goal_takeover import StoredGoals
 
 _PLAIN: Mapping[str, type] = {
     "scene_id": str,
@@ -57,7 +62,7 @@ class StoredAward:
     text: str
 
 
-_Stored = TypeVar("_Stored", StoredAward, StoredRun)
+_Stored = TypeVar("_Stored", StoredAward, StoredRun, SceneEnded)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,10 +76,22 @@ class StoredScene:
 
 @dataclass(frozen=True, kw_only=True)
 class StoreScenes(Effect):
-    """Store all scenes without an end, next first, and the ids of those taken so far."""
+    """Store all scenes without an end, next first, and the ids of those taken so far.
+
+    Attributes:
+        open_goals: What the hosts have open that are registered, and what is being cancelled.
+        hosts: The hosts that are alive.
+        ends: Ends of scenes that are announced next.
+        at_once: Whether it is stored before the next effect; not where it only says that ends
+            were announced.
+    """
 
     scenes: tuple[StoredScene, ...]
     taken: tuple[str, ...]
+    open_goals: tuple[StoredGoals, ...] = ()
+    hosts: tuple[str, ...] = ()
+    ends: tuple[SceneEnded, ...] = ()
+    at_once: bool = True
 
 
 def format_scenes(effect: StoreScenes) -> str:
@@ -89,6 +106,16 @@ def format_scenes(effect: StoreScenes) -> str:
             for one in effect.scenes
         ],
         "taken": effect.taken,
+        "open_goals": [
+            {
+                "host": one.host,
+                "instance": one.instance,
+                "goals": [[goal.path, goal.action, goal.goal_id.hex()] for goal in one.goals],
+            }
+            for one in effect.open_goals
+        ],
+        "hosts": effect.hosts,
+        "ends": [vars(one) for one in effect.ends],
     }
     return json.dumps(stored, ensure_ascii=False)
 
@@ -111,6 +138,9 @@ def read_scenes(text: str, space: SceneSpace) -> StoreScenes:
                 for one in stored["scenes"]
             ),
             taken=tuple(_typed(one, str) for one in stored["taken"]),
+            open_goals=tuple(_goals_from_dict(one) for one in stored.get("open_goals", ())),
+            hosts=tuple(_typed(one, str) for one in stored.get("hosts", ())),
+            ends=tuple(_end_from_dict(one) for one in stored.get("ends", ())),
         )
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, Refused) as error:
         raise Refused(
@@ -154,6 +184,24 @@ def _scene_from_dict(stored: Mapping[str, Any], space: SceneSpace) -> Scene:
         remembered=facts(stored["remembered"].items()),
         **{name: _typed(stored[name], kind) for name, kind in _PLAIN.items()},
     )
+
+
+def _goals_from_dict(stored: Mapping[str, Any]) -> StoredGoals:
+    return StoredGoals(
+        host=_typed(stored["host"], str),
+        instance=_typed(stored["instance"], str),
+        goals=tuple(
+            OpenGoal(path=_typed(path, str), action=action, goal_id=bytes.fromhex(goal_id))
+            for path, action, goal_id in stored["goals"]
+        ),
+    )
+
+
+def _end_from_dict(stored: Mapping[str, Any]) -> SceneEnded:
+    end = _checked(SceneEnded, stored)
+    if end is None:
+        raise TypeError("an end is null")
+    return end
 
 
 def _checked(kind: type[_Stored], stored: Any) -> _Stored | None:

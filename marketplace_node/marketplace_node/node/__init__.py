@@ -8,6 +8,8 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +29,15 @@ from bt_agents_interfaces.srv import CancelRun, CollectFeedback, SelectAgent
 from bt_agents_language.files.market_reader import MarketRule, market_of
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.health_publisher import HealthPublisher
+from bt_agents_ros.managed_node import ManagedNode, make_managed
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg
 from bt_agents_ros.outbox import Outbox
-from bt_agents_ros.parameters import TREES, StartParameter, make_from_parameters
+from bt_agents_ros.parameters import TREES, StartParameter
 from bt_agents_ros.spinner import run
-from bt_agents_ros.timers import OneShot, steady_timer
+from bt_agents_ros.timers import HEARTBEAT_S, OneShot, steady_timer
+from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from marketplace_node.effects import (
     Alarm,
@@ -100,39 +104,60 @@ SCENES_FILE = StartParameter(
 )
 
 _POLL_S = 0.02  # between two polls for hosts that are just starting
-_HEARTBEAT_S = 0.1
 _TOUCH_S = 1.0
 _NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
 _SHOWN = 200  # characters of what is malformed
 _CALL_WAITS = 0.5  # at most this part of the bid deadline, for hosts that are just connecting
 
 
-class MarketplaceNode(BaseNode):
-    """Calls for bids on every scene, awards the run to the best and watches over it.
+@dataclass(frozen=True, kw_only=True)
+class MarketConfiguration:
+    """What a market is made of.
 
-    Args:
+    Attributes:
         space: The scene parameters of the system.
         epoch: Name of this start of the market; None makes one.
         rules: Of the strategy ``rules``.
+        unread: Why the rules could not be read; None where they were, or are not there.
         overrides_file: Keeps pins, vetoes and counts over a restart; None keeps none.
         scenes_file: Keeps scenes without an end over a restart; None keeps none.
-        node_kwargs: For :class:`rclpy.node.Node`.
-
-    Attributes:
-        selector: Client of the service ``select``, which ranks for the strategy ``external``.
     """
 
+    space: SceneSpace
+    epoch: str | None = None
+    rules: tuple[MarketRule, ...] = ()
+    unread: ReadError | None = None
+    overrides_file: Path | None = None
+    scenes_file: Path | None = None
+
+
+class MarketplaceNode(ManagedNode[MarketConfiguration]):
+    """Calls for bids on every scene, awards the run to the best and watches over it.
+
+    Attributes:
+        selector: Client of ``bt_agents/select``, which ranks for the strategy ``external``.
+    """
+
+    start_parameters = (TREES, OVERRIDES_FILE, SCENES_FILE)
+    stop_limit_s = 1.8
+    """So long it waits for the end of the last run and the answer of the feedback node [s]."""
+
     def __init__(
-        self,
-        space: SceneSpace,
-        epoch: str | None = None,
-        *,
-        rules: tuple[MarketRule, ...] = (),
-        overrides_file: Path | None = None,
-        scenes_file: Path | None = None,
-        **node_kwargs: Any,
+        self, configuration: MarketConfiguration | None = None, **node_kwargs: Any
     ) -> None:
-        super().__init__("marketplace", **node_kwargs)
+        super().__init__("marketplace", configuration, **node_kwargs)
+
+    def configure(self, values: Mapping[str, str]) -> MarketConfiguration:
+        for problem in add_installed():
+            self.get_logger().warning(problem)
+        overrides, scenes = (
+            Path(values[one.name]) if values[one.name] else None
+            for one in (OVERRIDES_FILE, SCENES_FILE)
+        )
+        return read_configuration(find_trees(values["trees"]), overrides, scenes)
+
+    def activate(self, configuration: MarketConfiguration, closing: ExitStack) -> None:
+        space = configuration.space
         self._space = space
         self._due_calls: dict[int, tuple[OpenCall, float]] = {}
         self._due: deque[Effect] = deque()
@@ -141,79 +166,94 @@ class MarketplaceNode(BaseNode):
         self._state_entered: tuple[tuple[State, int], Any] | None = None
         self._market = Market(
             space,
-            epoch or uuid.uuid4().hex[:12],
+            configuration.epoch or uuid.uuid4().hex[:12],
             declare_settings(self),
-            rules,
+            configuration.rules,
             new_key=lambda: secrets.token_bytes(AWARD_KEY_BYTES),
         )
+        self._check_rules(configuration.unread)
         self._hosts = HostConnections(self, self._market, space, self._execute)
+        # Its action clients, which rclpy would leave behind.
+        closing.callback(self._hosts.close)
         self._open_goals = OpenGoalsSubscription(self, self._market, self._execute)
-        watch_settings(self, lambda: self._market.settings, self._configure)
-        self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
-        self._auctions = self.create_publisher(AuctionMsg, "auctions", qos.HISTORY)
-        self._runs = self.create_publisher(RunMsg, "runs", qos.HISTORY)
-        self._ends = self.create_publisher(SceneEndMsg, "scene_ends", qos.HISTORY)
-        self._status = self.create_publisher(MarketStatus, "market", qos.FACT)
+        watch_settings(self, lambda: self._market.settings, self._apply_settings)
+        self._calls = self.create_publisher(CallForBids, "bt_agents/calls", qos.EVENTS)
+        self._auctions = self.create_publisher(AuctionMsg, "bt_agents/auctions", qos.HISTORY)
+        self._runs = self.create_publisher(RunMsg, "bt_agents/runs", qos.HISTORY)
+        self._ends = self.create_publisher(SceneEndMsg, "bt_agents/scene_ends", qos.FACTS)
+        self._status = self.create_publisher(MarketStatus, "bt_agents/market", qos.FACT)
         self._heartbeats = self.create_publisher(MarketHeartbeat, "~/heartbeat", qos.EVENTS)
         self._heartbeats_sent = 0
+        self._health = HealthPublisher(self, lambda: self._market.health(time.monotonic()))
         self._feedback = Outbox(
             self, self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE)
         )
+        closing.callback(self._feedback.close)
         self._questions = Calls(self)
         # Made before it is needed, so that the server is found by then.
-        self.selector = self.create_client(SelectAgent, "select", qos_profile=qos.SERVICE)
+        self.selector = self.create_client(
+            SelectAgent, "bt_agents/select", qos_profile=qos.SERVICE
+        )
         self._operators = OperatorServices(self, self._market, space, self._execute)
+        overrides, scenes = configuration.overrides_file, configuration.scenes_file
         self._overrides_file = (
-            StateFile(self, overrides_file, "pins, vetoes and counts")
-            if overrides_file is not None
+            StateFile(self, overrides, "pins, vetoes and counts", durable=True)
+            if overrides is not None
             else None
         )
         self._scenes_file = (
-            StateFile(self, scenes_file, "scenes without an end", at_once=True)
-            if scenes_file is not None
+            StateFile(self, scenes, "scenes without an end", durable=False)
+            if scenes is not None
             else None
         )
+        for file in (self._overrides_file, self._scenes_file):
+            if file is not None:
+                closing.callback(file.close)
         self._ticked = time.monotonic()
         self._deadline = OneShot(self, self._tick)
         self._poll = steady_timer(self, _POLL_S, self._tick, running=False)
-        steady_timer(self, _HEARTBEAT_S, self._publish_heartbeat)
+        steady_timer(self, HEARTBEAT_S, self._publish_heartbeat)
         self._other_market = OtherMarket(self._market.epoch)
         create_identified_subscription(
-            self, MarketHeartbeat, MARKET_HEARTBEAT, self._take_market_heartbeat, qos.SENSOR
+            *(self, MarketHeartbeat, MARKET_HEARTBEAT, self._take_market_heartbeat, qos.SENSOR),
+            callback_group=PolledGroup(),
         )
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bid_decoder = BidDecoder(self._market.epoch, self._hosts.reaches)
         self._bids = create_identified_subscription(
-            self, BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
+            self, BidsMsg, "bt_agents/bids", self._take_bids, qos.EVENTS, raw=True
         )
-        self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
+        self.create_subscription(SceneMsg, "bt_agents/scene", self._take_scene, qos.EVENTS)
         self._execute(self._market.tick(self._ticked))
         self._restore_overrides()
         self._restore_scenes()
         self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
 
-    @property
-    def needs_rules(self) -> bool:
-        """True while a strategy that ranks or looks on reads the rules."""
-        settings = self._market.settings
-        return RULES in (settings.strategy, settings.shadow_strategy)
+    def _check_rules(self, unread: ReadError | None) -> None:
+        """Log why the rules could not be read, unless a strategy needs them.
 
-    def request_stop(self) -> None:
+        Raises:
+            ReadError: One that ranks or looks on does.
+        """
+        if unread is None:
+            return
+        settings = self._market.settings
+        if RULES in (settings.strategy, settings.shadow_strategy):
+            raise unread
+        self.get_logger().warning(
+            f"{unread}\nno rule counts until it is mended and the market is restarted"
+        )
+
+    def begin_stop(self) -> None:
         """Stop the running tree, so that nobody is left alone with it."""
         self._execute(self._market.shut_down("the marketplace is shutting down", time.monotonic()))
 
-    def stopped(self) -> bool:
-        """Return True when no tree runs."""
-        return self._market.state is State.IDLE
-
-    def destroy_node(self) -> None:
-        """Destroy the node with its action clients, which rclpy would leave behind."""
-        self._feedback.close()
-        for file in (self._overrides_file, self._scenes_file):
-            if file is not None:
-                file.close()
-        self._hosts.close()
-        super().destroy_node()
+    def has_stopped(self) -> bool:
+        """Return True when no tree runs, and the feedback node, if there, has answered."""
+        # The last ends are announced, so the next start need not do it.
+        self._execute(self._market.tick(time.monotonic()))
+        answered = not self._feedback.waiting or self._feedback.late
+        return self._market.state is State.IDLE and answered
 
     def _restore_overrides(self) -> None:
         text = self._overrides_file.read() if self._overrides_file is not None else ""
@@ -244,7 +284,7 @@ class MarketplaceNode(BaseNode):
             self.get_logger().warning(f"{count} scenes of the earlier market have no end yet")
         self._execute(effects)
 
-    def _configure(self, settings: Settings) -> None:
+    def _apply_settings(self, settings: Settings) -> None:
         self._execute(self._market.configure(settings, time.monotonic()))
 
     def _take_scene(self, message: SceneMsg) -> None:
@@ -310,6 +350,7 @@ class MarketplaceNode(BaseNode):
             )
         )
         self._tick()
+        self._health.update()
 
     def _take_market_heartbeat(self, heartbeat: MarketHeartbeat, participant: str) -> None:
         if self._other_market.gives_way(
@@ -377,15 +418,16 @@ class MarketplaceNode(BaseNode):
                 self._collect(effect)
             case StatusChanged():
                 self._publish_status(effect)
+                self._health.update()
             case SceneEnded():
                 self._ends.publish(scene_end_to_msg(effect, self._market.epoch, self._now()))
                 log.info(f"scene '{effect.scene_id}' {effect.code}: {effect.message}")
             case StoreOverrides():
                 if self._overrides_file is not None:
-                    self._overrides_file.store(effect.text)
+                    self._overrides_file.store(effect.text, at_once=effect.at_once)
             case StoreScenes():
                 if self._scenes_file is not None:
-                    self._scenes_file.store(format_scenes(effect))
+                    self._scenes_file.store(format_scenes(effect), at_once=effect.at_once)
             case Note():
                 log.warning(effect.message, throttle_duration_sec=_NOTES_S)
             case Alarm():
@@ -461,50 +503,39 @@ class MarketplaceNode(BaseNode):
         return self.get_clock().now().to_msg()
 
 
-def make_market(
-    trees: Path,
-    overrides_file: Path | None = None,
-    scenes_file: Path | None = None,
-    **node_kwargs: Any,
-) -> MarketplaceNode:
-    """Return the market of a trees folder; what it cannot use is logged.
+def read_configuration(
+    trees: Path, overrides_file: Path | None = None, scenes_file: Path | None = None
+) -> MarketConfiguration:
+    """Return what the market of a trees folder is made of.
 
     Raises:
-        ReadError: ``scene.yaml`` is wrong, or ``market.yaml`` that a strategy in force needs.
+        ReadError: ``scene.yaml`` is wrong.
     """
     space = read_scene(trees / "scene.yaml").space
-    problems = list(add_installed())
     rules: tuple[MarketRule, ...] = ()
     unread = None
     try:
         rules = market_of(trees, space)
     except ReadError as error:
         unread = error
-    node = MarketplaceNode(
-        space, rules=rules, overrides_file=overrides_file, scenes_file=scenes_file, **node_kwargs
+    return MarketConfiguration(
+        space=space,
+        rules=rules,
+        unread=unread,
+        overrides_file=overrides_file,
+        scenes_file=scenes_file,
     )
-    if unread is not None:
-        if node.needs_rules:
-            node.destroy_node()
-            raise unread
-        problems.append(f"{unread}\nno rule counts until it is mended and the market is restarted")
-    for problem in problems:
-        node.get_logger().warning(problem)
-    return node
 
 
-def _make_node() -> MarketplaceNode:
-    def make(values: Mapping[str, str]) -> MarketplaceNode:
-        refuse_second_market()
-        overrides, scenes = (
-            Path(values[one.name]) if values[one.name] else None
-            for one in (OVERRIDES_FILE, SCENES_FILE)
-        )
-        return make_market(find_trees(values["trees"]), overrides, scenes)
+def make_node() -> MarketplaceNode:
+    """Create the node as the parameters of its process ask for.
 
-    return make_from_parameters("marketplace", (TREES, OVERRIDES_FILE, SCENES_FILE), make)
+    Raises:
+        BtAgentsError: There is another market, or the trees folder cannot be used.
+    """
+    return make_managed(MarketplaceNode, refuse_second_market)
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the marketplace until it is told to stop; return the exit code."""
-    return run(_make_node, args)
+    return run(make_node, args)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,16 +15,19 @@ from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.messages import seconds
 from bt_agents_ros.workarounds.sender_identity import (
+    SenderRates,
     create_identified_service,
     create_identified_subscription,
 )
 from marketplace_node.effects import Execute, RunGoal, SendGoal
+from marketplace_node.interaction.award import RunEnd
 from marketplace_node.interaction.market_failover import MAX_RUNS
 from marketplace_node.market import Market
 from marketplace_node.node.messages import (
@@ -35,6 +39,9 @@ from marketplace_node.node.messages import (
 from marketplace_node.registry import HostEntry
 
 _SHOWN = 200  # characters of what is malformed
+
+_REFUSALS_PER_S = 0.2
+"""Heartbeats in the name of a host that are refused in words, of each process [1/s]."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -56,11 +63,20 @@ class _Link:
 
 @dataclass(eq=False, kw_only=True)
 class _Sending:
-    """Goal that waits for its server, or is sent."""
+    """Goal that waits for its server, or is sent.
+
+    Attributes:
+        accepted: Whether the action has accepted it, perhaps only to say why it is refused.
+        begun: Whether the host's heartbeat names its run.
+        reported: Whether the market knows that the host has taken it.
+    """
 
     link: _Link
     request: Any
     sent: bool = False
+    accepted: bool = False
+    begun: bool = False
+    reported: bool = False
 
 
 class HostConnections:
@@ -109,7 +125,8 @@ class HostConnections:
                     )
                 )
             heartbeat = create_identified_subscription(
-                self._node, Heartbeat, entry.heartbeat, self._take_heartbeat, qos.EVENTS
+                *(self._node, Heartbeat, entry.heartbeat, self._take_heartbeat, qos.EVENTS),
+                accepts=_of_host(entry),
             )
         except Exception as error:
             # The names come from outside; rclpy has no common root for what it makes of bad ones.
@@ -235,6 +252,10 @@ class HostConnections:
         self._execute(self._market.unreported(request.host, runs, time.monotonic()))
 
     def _take_heartbeat(self, message: Heartbeat, participant: str) -> None:
+        for goal, sending in list(self._goals.items()):
+            if sending.sent and self._names(message, goal):
+                sending.begun = True
+                self._report_taken(goal, sending)
         self._execute(
             self._market.heartbeat(
                 message.host,
@@ -246,27 +267,62 @@ class HostConnections:
             )
         )
 
+    def _names(self, heartbeat: Heartbeat, goal: RunGoal) -> bool:
+        run = (heartbeat.host, heartbeat.host_instance, heartbeat.epoch, heartbeat.round)
+        of_agent = heartbeat.agent in ("", goal.agent)
+        return of_agent and run == (goal.host, goal.instance, self._market.epoch, goal.round)
+
+    def _report_taken(self, goal: RunGoal, sending: _Sending) -> None:
+        """Report a goal that has been accepted and has begun, or ended in another way."""
+        if sending.accepted and sending.begun and not sending.reported:
+            sending.reported = True
+            self._execute(self._market.goal_accepted(goal, time.monotonic()))
+
     def _answered(self, goal: RunGoal, sending: _Sending, future: Any) -> None:
         if self._goals.get(goal) is not sending:
             return
-        if not future.result().accepted:
+        unread = future.exception()
+        if unread is not None or not future.result().accepted:
             del self._goals[goal]
-            self._refuse(goal, f"{goal.host} refused it")
+            self._refuse(goal, f"{goal.host} refused it" if unread is None else str(unread))
             return
         request = RunAgent.Impl.GetResultService.Request(goal_id=sending.request.goal_id)
         sending.link.results.call_async(request).add_done_callback(
             lambda done: self._ended(goal, sending, done)
         )
-        self._execute(self._market.goal_accepted(goal, time.monotonic()))
+        sending.accepted = True
+        self._report_taken(goal, sending)
 
     def _ended(self, goal: RunGoal, sending: _Sending, future: Any) -> None:
-        if self._goals.get(goal) is sending:
-            answer = future.result()
-            if answer.status == GoalStatus.STATUS_UNKNOWN:
-                return  # from another server of this name; the heartbeat knows how it goes on
+        if self._goals.get(goal) is not sending:
+            return
+        unread = future.exception()
+        if unread is not None:
+            end = RunEnd(outcome=RunAgent.Result.FAILED, message=str(unread))
+            self._report_end(goal, sending, end)
+            return
+        answer = future.result()
+        if answer.status == GoalStatus.STATUS_UNKNOWN:
+            return  # from another server of this name; the heartbeat knows how it goes on
+        result = answer.result
+        if result.outcome == RunAgent.Result.REFUSED and not sending.reported:
             del self._goals[goal]
-            end = run_end_from_msg(answer.result)
-            self._execute(self._market.run_ended(goal, end, time.monotonic()))
+            reason = ellipsize(printable_line(f"{result.code}: {result.message}"), _SHOWN)
+            self._refuse(goal, f"{goal.host} refused it ({reason})")
+            return
+        self._report_end(goal, sending, run_end_from_msg(result))
+
+    def _report_end(self, goal: RunGoal, sending: _Sending, end: RunEnd) -> None:
+        sending.begun = True
+        self._report_taken(goal, sending)
+        self._goals.pop(goal, None)
+        self._execute(self._market.run_ended(goal, end, time.monotonic()))
 
     def _refuse(self, goal: RunGoal, reason: str) -> None:
         self._execute(self._market.goal_refused(goal, reason, time.monotonic()))
+
+
+def _of_host(entry: HostEntry) -> Callable[[str], bool]:
+    """Return what accepts heartbeats of a host's process, and few of others, to be refused."""
+    others = SenderRates(_REFUSALS_PER_S)
+    return lambda sender: sender == entry.participant or others(sender)

@@ -25,7 +25,7 @@ from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
 from bt_agents_interfaces.srv import OperateMarket, RegisterHost, SelectAgent
 from bt_agents_ros import bid_encoding
-from bt_agents_ros.messages import scene_from_msg, scene_to_msg, seconds
+from bt_agents_ros.messages import header_at, scene_from_msg, scene_to_msg, seconds
 from marketplace_node.effects import (
     AnnounceRun,
     EarlierRun,
@@ -33,7 +33,6 @@ from marketplace_node.effects import (
     PublishAuction,
     RequestRanking,
     RunGoal,
-    RunOutcome,
     SceneEnded,
     SendGoal,
     StatusChanged,
@@ -42,6 +41,7 @@ from marketplace_node.explanation.reason import calculation
 from marketplace_node.formatting import shown
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.outcomes import RunOutcome
 from marketplace_node.registry import Registration
 from marketplace_node.round.decision import Bids, Decision, External, RankedBid
 from marketplace_node.round.precedence import check_ranking
@@ -109,6 +109,7 @@ def registration_from_msg(request: RegisterHost.Request, participant: str) -> Re
         parameters=tuple(request.parameters),
         agents=tuple(request.agents),
         participant=participant,
+        earlier_instance=request.earlier_instance,
     )
 
 
@@ -161,14 +162,14 @@ def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> Ea
         ticks=message.ticks,
         overruns=message.overruns,
         duration_s=message.duration_s,
-        age_s=now_s - seconds(message.stamp),
+        age_s=now_s - seconds(message.header.stamp),
     )
 
 
 def call_to_msg(effect: OpenCall, epoch: str, space: SceneSpace, stamp: Any) -> CallForBids:
     """Return the message of a call for bids."""
     return CallForBids(
-        stamp=stamp,
+        header=header_at(stamp),
         epoch=epoch,
         round=effect.round,
         scene=scene_to_msg(effect.scene),
@@ -197,7 +198,11 @@ def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus
     fields = {**vars(status)}
     problems = [FileProblem(**vars(one)) for one in fields.pop("undecided")]
     return MarketStatus(
-        stamp=stamp, epoch=epoch, strategies=strategies_to_msg(), problems=problems, **fields
+        header=header_at(stamp),
+        epoch=epoch,
+        strategies=strategies_to_msg(),
+        problems=problems,
+        **fields,
     )
 
 
@@ -220,7 +225,7 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
     winner, change = decision.winner, decision.ranked.change
     draws = any(STRATEGIES[name].draws for name in (terms.strategy, terms.shadow) if name)
     return AuctionMsg(
-        stamp=stamp,
+        header=header_at(stamp),
         epoch=terms.epoch,
         round=terms.round,
         follows=terms.follows,
@@ -329,7 +334,7 @@ def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
 def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
     """Return the message of an event in the life of a run."""
     return RunMsg(
-        stamp=stamp,
+        header=header_at(stamp),
         epoch=epoch,
         round=effect.goal.round,
         event=int(effect.event),
@@ -352,4 +357,5 @@ def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
 
 def scene_end_to_msg(effect: SceneEnded, epoch: str, stamp: Any) -> SceneEndMsg:
     """Return the message of the end of a scene."""
-    return SceneEndMsg(stamp=stamp, epoch=epoch, **vars(effect))
+    fields = {**vars(effect), "epoch": effect.epoch or epoch}
+    return SceneEndMsg(header=header_at(stamp), **fields)

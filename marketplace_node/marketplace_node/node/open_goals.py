@@ -18,13 +18,13 @@ from marketplace_node.market import Market
 
 
 class OpenGoalsSubscription:
-    """Topic ``open_goals``, which reports to the market, and the client that cancels goals."""
+    """Topic ``bt_agents/open_goals``, which the market hears, and the client that cancels."""
 
     def __init__(self, node: Node, market: Market, execute: Execute) -> None:
         self._market = market
         self._execute = execute
         self._canceller = GoalCanceller(node)
-        node.create_subscription(OpenGoals, "open_goals", self._take, qos.FACTS)
+        node.create_subscription(OpenGoals, "bt_agents/open_goals", self._take, qos.FACTS)
 
     def cancel(self, effect: CancelOpenGoals) -> None:
         """Cancel goals, and report to the market what has become of them."""

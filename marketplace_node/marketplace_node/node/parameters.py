@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,8 +12,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.liveness import SLOW_NETWORK
 from bt_agents_core.text import single_spaced
-from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.parameters import declare, declare_slow_network, describe
 from marketplace_node.settings import EXTERNAL, ON_NEW_SCENE, RANGES, Settings, all_options
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
 
@@ -43,8 +44,14 @@ _MEANINGS = {
 }
 
 
+_PROLONGED = ("bid_deadline_s", "host_lease_s", "goal_deadline_s", "takeover_deadline_s")
+"""What a slow network prolongs."""
+
+
 def declare_settings(node: Node) -> Settings:
     """Declare every setting and return the values, which a launch file may have set.
+
+    What a slow network prolongs is multiplied by its factor.
 
     Raises:
         Refused: As :class:`Settings`.
@@ -79,7 +86,7 @@ def declare_settings(node: Node) -> Settings:
         )
         for name, option in all_options()
     }
-    return Settings(**values)
+    return Settings(**_prolonged(values, declare_slow_network(node)))
 
 
 def watch_settings(
@@ -89,6 +96,7 @@ def watch_settings(
 
     def changed(parameters: list[Parameter[Any]]) -> Settings:
         changes = {_FIELDS[p.name]: p.value for p in parameters if p.name in _FIELDS}
+        changes = _prolonged(changes, float(node.get_parameter(SLOW_NETWORK).value))
         names = dict(all_options())
         options = {p.name: p.value for p in parameters if p.name in names}
         return replace(current(), **changes, options={**current().options, **options})
@@ -102,3 +110,11 @@ def watch_settings(
 
     node.add_on_set_parameters_callback(check)
     node.add_post_set_parameters_callback(lambda parameters: take(changed(parameters)))
+
+
+def _prolonged(values: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """Return values of settings as they count on a slow network, within their ranges."""
+    return {
+        field: min(value * factor, max(value, RANGES[field][1])) if field in _PROLONGED else value
+        for field, value in values.items()
+    }

@@ -11,6 +11,7 @@ from rclpy.node import Node
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import MarketHeartbeat
 from bt_agents_ros import qos
+from bt_agents_ros.signals import check_interrupt
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
 from marketplace_node.formatting import shown
@@ -28,6 +29,7 @@ def refuse_second_market() -> None:
 
     Raises:
         Refused: ``SECOND_MARKET``, with its epoch and its node.
+        Interrupted: SIGINT or SIGTERM has come.
     """
     listener = rclpy.create_node(
         "marketplace", start_parameter_services=False, enable_rosout=False
@@ -48,6 +50,7 @@ def refuse_second_market() -> None:
             now := time.monotonic(),
             is_on_graph=bool(listener.get_publishers_info_by_topic(MARKET_HEARTBEAT)),
         ):
+            check_interrupt()
             spinner.spin_once(_POLL_S)
         if check.is_refused(now):
             raise Refused("SECOND_MARKET", another_market_text(listener, check.alive, senders[0]))

@@ -54,7 +54,7 @@ _MOST_WAITING = 4
 
 
 class SelectorNode(BaseNode):
-    """Service ``select``, which asks a server that speaks the chat-completions protocol.
+    """Service ``bt_agents/select``, which asks a server that speaks the chat-completions protocol.
 
     Attributes:
         descriptions: What the agents of each host do, in words; by host and agent.
@@ -68,10 +68,10 @@ class SelectorNode(BaseNode):
         self._requests: list[tuple[ThreadFuture[External], Future]] = []
         self._client = HttpClient("selector")
         self._poll = steady_timer(self, _POLL_S, self._take_answers, running=False)
-        self.create_subscription(HostCard, "cards", self._take_card, qos.FACTS)
+        self.create_subscription(HostCard, "bt_agents/cards", self._take_card, qos.FACTS)
         self.create_service(
             SelectAgent,
-            "select",
+            "bt_agents/select",
             self._select,
             qos_profile=qos.SERVICE,
             # While one waits, the callbacks of a group that excludes each other would wait too.
@@ -180,7 +180,13 @@ class SelectorNode(BaseNode):
             waiting.set_result(None)
 
 
-def _make_node() -> SelectorNode:
+def make_node() -> SelectorNode:
+    """Create the node as the parameters of its process ask for.
+
+    Raises:
+        BtAgentsError: The trees folder cannot be used, or there is no key.
+    """
+
     def make(values: Any) -> SelectorNode:
         space = read_scene(find_trees(values["trees"]) / "scene.yaml").space
         variable = values["key_variable"]
@@ -196,4 +202,4 @@ def _make_node() -> SelectorNode:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the selector until it is told to stop; return the exit code."""
-    return run(_make_node, args)
+    return run(make_node, args)

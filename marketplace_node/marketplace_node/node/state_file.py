@@ -17,7 +17,8 @@ from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_ros.timers import FuturePoller
 
 _MOST_BYTES = 16 * 1024 * 1024
-_WRITTEN_S = 0.02
+_WRITTEN_S = 0.25
+"""Longest wait for a text to be written [s]: hundreds of times what an idle disk takes."""
 
 
 class StateFile:
@@ -27,18 +28,18 @@ class StateFile:
         node: Logs what goes wrong.
         path: The file.
         what: What it holds, in words.
-        at_once: True has :meth:`store` wait up to 20 ms, so that the text survives a kill of the
-            process right after it; it may not survive a loss of power.
+        durable: Whether the text survives a loss of power, too, a moment after it was stored.
     """
 
-    def __init__(self, node: Node, path: Path, what: str, *, at_once: bool = False) -> None:
+    def __init__(self, node: Node, path: Path, what: str, *, durable: bool) -> None:
         self._node = node
         self._path = path
         self._what = what
-        self._at_once = at_once
+        self._durable = durable
         self._poller = FuturePoller(node)
         self._worker = WorkerThread(f"file of {what}")
         self._last: Future[None] | None = None
+        self._waited: Future[None] | None = None
 
     def read(self) -> str:
         """Return the stored text; empty when there is none."""
@@ -61,13 +62,21 @@ class StateFile:
             return max(0.0, time.time() - self._path.stat().st_mtime)
         return 0.0
 
-    def store(self, text: str) -> None:
-        """Replace the stored text."""
-        hangs = self._last is not None and not self._last.done()
-        self._last = self._worker.submit(self._write, text)
-        if self._at_once and not hangs:
-            wait([self._last], _WRITTEN_S)
-        self._poller.watch(self._last, self._report)
+    def store(self, text: str, *, at_once: bool) -> None:
+        """Replace the stored text.
+
+        Args:
+            text: The new text.
+            at_once: Wait until it is written, so that it survives a kill of the process right
+                after the call: 0.25 s at most, and not at all while the last one hangs.
+        """
+        if at_once:
+            hangs = self._waited is not None and not self._waited.done()
+            self._waited = self._submit(text, durable=False)
+            if not hangs:
+                wait([self._waited], _WRITTEN_S)
+        if self._durable or not at_once:
+            self._submit(text, durable=self._durable)
 
     def touch(self) -> None:
         """Note in the file that its writer is alive, unless it is still being written."""
@@ -78,10 +87,15 @@ class StateFile:
         """Write what still waits to be written."""
         self._worker.shutdown()
 
-    def _write(self, text: str) -> None:
+    def _submit(self, text: str, *, durable: bool) -> Future[None]:
+        self._last = self._worker.submit(self._write, text, durable)
+        self._poller.watch(self._last, self._report)
+        return self._last
+
+    def _write(self, text: str, durable: bool) -> None:
         make_private_folder(self._path.parent)
         make_private_file(self._path)
-        write_atomically(self._path, text, durable=not self._at_once)
+        write_atomically(self._path, text, durable=durable)
 
     def _touch(self) -> None:
         with suppress(OSError):

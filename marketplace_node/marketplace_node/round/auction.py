@@ -8,10 +8,10 @@ from collections.abc import Iterable
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
 from marketplace_node.formatting import shown
+from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.bid_table import BidColumns, BidRows
 from marketplace_node.round.decision import (
-    AuctionOutcome,
     Bids,
     ClosedBy,
     Decision,

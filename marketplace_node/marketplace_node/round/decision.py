@@ -12,15 +12,7 @@ from typing import NamedTuple
 
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_language.files.market_reader import MarketRule
-
-
-class AuctionOutcome(IntEnum):
-    """Outcome of a round; the numbers are those of ``Auction.msg``."""
-
-    AWARDED = 1
-    NO_BIDS = 2
-    PREEMPTS = 3
-    WAITS = 4
+from marketplace_node.outcomes import AuctionOutcome
 
 
 class ClosedBy(IntEnum):

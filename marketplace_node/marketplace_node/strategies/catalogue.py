@@ -101,8 +101,8 @@ _OWN = (
     ),
     StrategySpec(
         name="external",
-        description="A program outside ranks, asked by the service 'select'; without its answer "
-        "in time, manhattan.",
+        description="A program outside ranks, asked by the service 'bt_agents/select'; without "
+        "its answer in time, manhattan.",
         score=manhattan,
         lines=manhattan_lines,
         options=(

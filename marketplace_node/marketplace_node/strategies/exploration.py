@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -179,7 +180,9 @@ def thompson_lines(
 
 def _seldom(field: RoundArrays) -> Floats:
     """Return ``sqrt(ln(1 + t) / (1 + n))`` of each bid, [..., N]."""
-    bonus = np.sqrt(np.log1p(field.rounds)[..., None] / (1.0 + field.runs))
+    # Those of numpy differ in the last digit by its version and processor, and so would a replay.
+    logarithms = np.vectorize(math.log1p, otypes=[np.float64])(field.rounds)
+    bonus = np.sqrt(logarithms[..., None] / (1.0 + field.runs))
     return np.array(np.broadcast_to(bonus, field.shape))
 
 

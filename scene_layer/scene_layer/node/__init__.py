@@ -6,6 +6,8 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from typing import Any
 from std_msgs.msg import Empty
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.health import PartHealth
 from bt_agents_core.person_facts import values_of
 from bt_agents_core.scene import Scene, first_id
 from bt_agents_core.trees_folder import find_trees
@@ -24,17 +27,14 @@ from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_language.model.specs import Script, Visit
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import BaseNode
-from bt_agents_ros.messages import scene_from_msg, scene_to_msg, to_time
-from bt_agents_ros.parameters import (
-    TREES,
-    StartParameter,
-    declare_and_watch,
-    describe,
-    make_from_parameters,
-)
+from bt_agents_ros.health_publisher import PERIOD_S, HealthPublisher
+from bt_agents_ros.managed_node import ManagedNode, make_managed
+from bt_agents_ros.messages import header_at, scene_from_msg, scene_to_msg, to_time
+from bt_agents_ros.parameters import TREES, StartParameter, declare_and_watch, describe
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
+from scene_layer.health import sources_health
 from scene_layer.memory import Memory
 from scene_layer.node.memory_store import MemoryStore
 from scene_layer.node.script_player import ScriptPlayer
@@ -52,6 +52,8 @@ UPDATE_S = 0.1
 
 _DELIVER_S = 0.1  # between two polls for a market
 
+_MOST_ANSWERS = 100
+
 _PERSON = {
     Analyze.Request.AS_MEASURED: None,
     Analyze.Request.PRESENT: True,
@@ -59,54 +61,90 @@ _PERSON = {
 }
 
 
-class SceneLayerNode(BaseNode):
-    """Listens to the sources, or plays a script in their stead, and publishes scenes.
+_SCRIPT = StartParameter(
+    name="script", description="script to play instead of listening to sensors; empty for none"
+)
+_MEMORY = StartParameter(
+    name="memory",
+    description="file in which what was measured of known persons and at places outlives the "
+    "node; empty keeps it until the node ends",
+)
 
-    Args:
+
+@dataclass(frozen=True, kw_only=True)
+class SceneLayerConfiguration:
+    """What a scene layer is made of.
+
+    Attributes:
+        spec: Of ``scene.yaml``.
         script: Visits to play instead of listening to the sources.
         memory: File in which what is known of persons and places outlives the node; None for none.
         ids: Makes the scene ids; random ones by default.
-        node_kwargs: For :class:`rclpy.node.Node`.
-
-    Raises:
-        Refused: A source names a type or field that is not installed, or a topic that cannot be
-            subscribed to.
-        BtAgentsError: The file of the memory is none, or cannot be read.
     """
 
+    spec: SceneSpec
+    script: Script | None = None
+    memory: Path | None = None
+    ids: Callable[[], str] = lambda: uuid.uuid4().hex
+
+
+class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
+    """Listens to the sources, or plays a script in their stead, and publishes scenes."""
+
+    start_parameters = (TREES, _SCRIPT, _MEMORY)
+
     def __init__(
-        self,
-        spec: SceneSpec,
-        script: Script | None = None,
-        *,
-        memory: Path | None = None,
-        ids: Callable[[], str] | None = None,
-        **node_kwargs: Any,
+        self, configuration: SceneLayerConfiguration | None = None, **node_kwargs: Any
     ) -> None:
-        super().__init__("scene_layer", **node_kwargs)
+        super().__init__("scene_layer", configuration, **node_kwargs)
+
+    def configure(self, values: Mapping[str, str]) -> SceneLayerConfiguration:
+        spec = read_scene(find_trees(values["trees"]) / "scene.yaml")
+        script, memory = values["script"], values["memory"]
+        return SceneLayerConfiguration(
+            spec=spec,
+            script=read_script(Path(script), spec.space) if script else None,
+            memory=Path(memory) if memory else None,
+        )
+
+    def activate(self, configuration: SceneLayerConfiguration, closing: ExitStack) -> None:
+        """Make it.
+
+        Raises:
+            Refused: A source names a type or field that is not installed, or a topic that cannot
+                be subscribed to.
+            BtAgentsError: The file of the memory is none, or cannot be read.
+        """
+        spec, script = configuration.spec, configuration.script
         self._spec = spec
-        self._ids = ids or (lambda: uuid.uuid4().hex)
+        self._ids = configuration.ids
         self._sources = Sources(spec)
         known = self._memory = Memory(spec.space)
         self._estimate = SceneEstimator(spec, self._sources, known)
         self._runs = RunTracker()
         self._delivery = SceneDelivery()
         self._announced_id = ""
+        self._answers: dict[str, Any] = {}
         self._live_at = 0.0
         self._persons_at = 0.0
         self._shown: object = None
         self._store = MemoryStore(
-            self, known, spec.space, memory, lambda: self._estimate.encounters.known
+            self, known, spec.space, configuration.memory, lambda: self._estimate.encounters.known
         )
-        self._scene = self.create_publisher(SceneMsg, "scene", qos.FACT)
-        self._live = self.create_publisher(SceneMsg, "scene/live", qos.SENSOR)
-        self._persons = self.create_publisher(Persons, "scene/persons", qos.FACT)
+        closing.callback(self._store.close)
+        self._scene = self.create_publisher(SceneMsg, "bt_agents/scene", qos.FACT)
+        self._live = self.create_publisher(SceneMsg, "bt_agents/scene/live", qos.SENSOR)
+        self._persons = self.create_publisher(Persons, "bt_agents/scene/persons", qos.FACT)
         self._make_timers()
-        self.create_subscription(Run, "runs", self._on_run, qos.HISTORY)
-        self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
-        self.create_subscription(SceneEnd, "scene_ends", self._on_scene_end, qos.HISTORY)
+        self.create_subscription(Run, "bt_agents/runs", self._on_run, qos.HISTORY)
+        self.create_subscription(MarketStatus, "bt_agents/market", self._on_market, qos.FACT)
+        self.create_subscription(SceneEnd, "bt_agents/scene_ends", self._on_scene_end, qos.FACTS)
         self.create_subscription(
-            MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.SENSOR
+            MarketHeartbeat,
+            "marketplace/heartbeat",
+            self._on_heartbeat,
+            qos.SENSOR,
+            callback_group=PolledGroup(),
         )
         self.create_subscription(Empty, "~/trigger", self._on_trigger, qos.EVENTS)
         self.create_service(Analyze, "~/analyze", self._on_analyze, qos_profile=qos.SERVICE)
@@ -118,21 +156,22 @@ class SceneLayerNode(BaseNode):
             self._source_subscriptions = SourceSubscriptions(
                 self, spec, self._sources, persons, self._on_change
             )
+            steady_timer(self, PERIOD_S, HealthPublisher(self, self._judge).update)
         else:
             listened = self._market_listens
             self._player = ScriptPlayer(
                 self, script, self._announce_visit, self._begin_visit, self._give, listened
             )
 
-    def request_stop(self) -> None:
+    def _judge(self) -> tuple[PartHealth, ...]:
+        standings = self._sources.standings(time.monotonic())
+        return (sources_health(standings, self._sources.refusals),)
+
+    def begin_stop(self) -> None:
         self._store.request_stop()
 
-    def stopped(self) -> bool:
+    def has_stopped(self) -> bool:
         return self._store.stopped()
-
-    def destroy_node(self) -> None:
-        self._store.close()
-        super().destroy_node()
 
     def _make_timers(self) -> None:
         rate = declare_and_watch(
@@ -191,7 +230,7 @@ class SceneLayerNode(BaseNode):
         self._persons_at = now
         self._persons.publish(
             Persons(
-                stamp=to_time(stamp),
+                header=header_at(to_time(stamp)),
                 rule=self._spec.persons.addressee.rule.value,
                 addressee=persons.addressee,
                 reason=persons.reason,
@@ -205,6 +244,17 @@ class SceneLayerNode(BaseNode):
         self._announce("", {}, None, urgent=False)
 
     def _on_analyze(self, request: Any, response: Any) -> Any:
+        answered = self._answers.get(request.request_id)
+        if answered is not None:
+            return answered
+        self._analyze(request, response)
+        if request.request_id:
+            self._answers[request.request_id] = response
+            if len(self._answers) > _MOST_ANSWERS:
+                del self._answers[next(iter(self._answers))]
+        return response
+
+    def _analyze(self, request: Any, response: Any) -> None:
         try:
             values = check_given(self._spec.space, request.names, request.values)
             if request.person not in _PERSON:
@@ -219,7 +269,7 @@ class SceneLayerNode(BaseNode):
                 )
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
-            return response
+            return
         if request.announce:
             scene, response.kept = self._announce(
                 request.label, values, person, request.urgent, told=request.told
@@ -235,7 +285,6 @@ class SceneLayerNode(BaseNode):
             response.message = "live scene updated, nothing announced"
         response.accepted = True
         response.scene = scene_to_msg(scene)
-        return response
 
     def _on_remember(self, request: Any, response: Any) -> Any:
         try:
@@ -389,8 +438,8 @@ class SceneLayerNode(BaseNode):
 
     def _market_listens(self) -> bool:
         """Whether the publisher of the market's status is matched as a subscriber of scenes."""
-        markets = {_who(e) for e in self.get_publishers_info_by_topic("market")}
-        readers = self.get_subscriptions_info_by_topic("scene")
+        markets = {_who(e) for e in self.get_publishers_info_by_topic("bt_agents/market")}
+        readers = self.get_subscriptions_info_by_topic("bt_agents/scene")
         return bool(markets & {_who(e) for e in readers}) and (
             self._scene.get_subscription_count() >= len(readers)
         )
@@ -406,25 +455,7 @@ def make_node() -> SceneLayerNode:
     Raises:
         BtAgentsError: The trees folder, ``scene.yaml`` or the script cannot be used.
     """
-
-    def make(values: Mapping[str, str]) -> SceneLayerNode:
-        spec = read_scene(find_trees(values["trees"]) / "scene.yaml")
-        path, memory = values["script"], values["memory"]
-        return SceneLayerNode(
-            spec,
-            read_script(Path(path), spec.space) if path else None,
-            memory=Path(memory) if memory else None,
-        )
-
-    script = StartParameter(
-        name="script", description="script to play instead of listening to sensors; empty for none"
-    )
-    memory = StartParameter(
-        name="memory",
-        description="file in which what was measured of known persons and at places outlives the "
-        "node; empty keeps it until the node ends",
-    )
-    return make_from_parameters("scene_layer", (TREES, script, memory), make)
+    return make_managed(SceneLayerNode)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -58,6 +58,7 @@ class Watched(Stage):
 
     def __init__(self, tree: NodeSpec, script: dict[str, list[ScriptedReply]]) -> None:
         Puppet.alive = set()
+        Puppet.set_up = set()
         super().__init__(tree, head=HEAD, answers=script, awarded=scene(mood=3), random=Random(1))
         # What the reader promises a name to mean cannot be promised of a random tree.
         self.environment._result = {}
@@ -198,6 +199,7 @@ def test_a_cancel_at_any_time_ends_the_run_with_nothing_under_way(
     assert Puppet.alive == set()
     stage.after(5.0)
     assert stage.outcome != "running"
+    assert Puppet.set_up == set()
     assert stage.run.result is not None
     assert stage.run.result.orphans == ()
 

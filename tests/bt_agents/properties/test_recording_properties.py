@@ -72,6 +72,7 @@ class Recorded(Stage):
         clock: ManualClock | None = None,
     ) -> None:
         Puppet.alive = set()
+        Puppet.set_up = set()
         super().__init__("wait: 0 s", head=HEAD + "on_cancel: {wait: 1 s}\n")
         self.spec = replace(agent("wait: 0 s", HEAD), tree=tree)
         self.spec = replace(self.spec, on_cancel=placed(tree, "on_cancel"))
@@ -132,7 +133,7 @@ def test_the_recording_of_a_run_repeats_each_step_of_it(
 ) -> None:
     stage = Recorded(tree, script, seed)
     stage.play(story)
-    made = len(Puppet.alive)
+    made = len(Puppet.set_up)
     again = list(replay(read_recording(stage.lines), stage.spec, SPACE))
     # Steps after the last news have no entry, and nothing happened in them.
     played = stage.steps[: len(again)]
@@ -143,7 +144,7 @@ def test_the_recording_of_a_run_repeats_each_step_of_it(
         assert len(again) == len(stage.steps)
         assert again[-1].result == replace(stage.run.result, overruns=again[-1].result.overruns)  # type: ignore[union-attr]
     # Behaviours of packages are not made again.
-    assert len(Puppet.alive) == made
+    assert len(Puppet.set_up) == made
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)

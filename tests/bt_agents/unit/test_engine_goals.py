@@ -9,7 +9,7 @@ import pytest
 
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedReply
-from bt_agents.host.environment.goal import SECOND_POLL_S, GoalTrack
+from bt_agents.host.environment.goal import GRAPH_S, REPEATS, SECOND_POLL_S, GoalTrack
 from bt_agents_core.field_types import BindingKind
 from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from tree_harness import Stage
@@ -133,6 +133,45 @@ def test_what_the_server_says_is_confirmed(running: Followed, state: GoalState) 
     assert (running.track.state, running.cancels()) == (state, 0)
 
 
+@pytest.mark.parametrize("accepted", [False, True])
+def test_a_server_that_has_joined_is_asked_some_times(accepted: bool) -> None:
+    subject = Followed(timeouts=Timeouts(accept_s=60.0))
+    subject.track.sent(frozenset({"a"}))
+    if accepted:
+        subject.track.accepted()
+    assert not subject.track.take_look(), "it looks at the graph only now and then"
+    subject.clock.advance(GRAPH_S)
+    assert subject.track.take_look()
+    assert not subject.track.is_repeated(frozenset({"a"}))
+
+    asked = [subject.track.is_repeated(frozenset({"a", "b"})) for _ in range(REPEATS + 2)]
+
+    assert asked == [*[True] * REPEATS, False, False]
+    assert not subject.track.is_repeated(frozenset({"b"})), "the lease of the first has ended"
+    assert subject.track.is_repeated(frozenset({"b", "c"}))
+
+
+def test_several_servers_are_asked_again_as_one_may_be_dead_and_another_one_new() -> None:
+    subject = Followed()
+    subject.track.sent(frozenset({"a", "b"}))
+    assert [subject.track.is_repeated(frozenset({"a", "b"})) for _ in range(REPEATS + 1)] == [
+        *[True] * REPEATS,
+        False,
+    ]
+
+
+def test_nobody_looks_for_another_server_before_a_goal_is_sent_nor_after_its_end() -> None:
+    subject = Followed()
+    assert not subject.track.take_look()
+    subject.track.sent()
+    subject.track.accepted()
+    subject.clock.advance(GRAPH_S)
+    assert subject.track.take_look()
+    subject.clock.advance(GRAPH_S)
+    subject.track.ended(GoalState.SUCCEEDED)
+    assert not subject.track.take_look()
+
+
 def test_an_action_may_take_as_long_as_it_needs(running: Followed) -> None:
     assert running.after(1e6) is GoalState.ACTIVE
 
@@ -216,13 +255,15 @@ def test_a_process_that_was_held_up_hears_the_beats_of_meanwhile_first() -> None
 def test_it_is_due_when_its_next_limit_is() -> None:
     subject = Followed(heartbeat=BEAT, timeouts=Timeouts(accept_s=2.0, result_s=1.1))
     subject.track.sent()
-    assert subject.track.due == 2.0
+    assert subject.track.due == GRAPH_S
+    subject.after(1.9)
+    assert subject.track.due == pytest.approx(2.0)
     subject.track.accepted()
     subject.beat = subject.clock()
     subject.after(0.9)
-    assert subject.track.due == pytest.approx(1.0)
+    assert subject.track.due == pytest.approx(2.9)
     subject.beat = subject.clock()
-    assert subject.track.due == pytest.approx(1.1)
+    assert subject.track.due == pytest.approx(3.0)
     subject.after(0.2)
     assert subject.track.state is GoalState.TIMED_OUT
     assert subject.track.due == math.inf

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Behaviours of plug-ins as leaves: made anew at each start, kept apart, and never fatal."""
+"""Behaviours of plug-ins as leaves: one object a run, kept apart, and never fatal."""
 
 from __future__ import annotations
 
@@ -7,19 +7,22 @@ import asyncio
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import py_trees
 import pytest
 from py_trees.common import Status
 
+from bt_agents.engine.nodes import plugin
 from bt_agents_core.diagnostic import Position
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference
 from tree_harness import Stage, scene
 
 POSITION = Position(file="a.yaml", line=7, column=3)
+OWN_LIMIT_S = plugin.BLOCKS_S
 
 
 class Nod(py_trees.behaviour.Behaviour):
@@ -57,6 +60,18 @@ def no_nods() -> None:
     Nod.made = []
 
 
+@pytest.fixture(autouse=True)
+def long_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A limit of calls that is kept on a machine under load, too."""
+    monkeypatch.setattr(plugin, "BLOCKS_S", 30.0)
+
+
+@pytest.fixture
+def own_limit(long_limit: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit of calls on a robot, for behaviours that block."""
+    monkeypatch.setattr(plugin, "BLOCKS_S", OWN_LIMIT_S)
+
+
 def plugged(kind: type, path: str = "tree", **fields: object) -> NodeSpec:
     return NodeSpec(
         path=path,
@@ -89,7 +104,7 @@ def test_a_plug_in_is_set_up_ticked_and_shut_down() -> None:
     assert nod.calls == ["setup {}", "initialise", "terminate SUCCESS", "shutdown"]
 
 
-def test_each_start_makes_a_new_object_from_what_the_fields_mean_then() -> None:
+def test_fields_that_mean_something_else_at_a_start_make_a_new_object() -> None:
     stage = Stage(
         repeated(
             plugged(
@@ -107,13 +122,129 @@ def test_each_start_makes_a_new_object_from_what_the_fields_mean_then() -> None:
     ]
 
 
-def test_an_interrupted_plug_in_is_stopped_and_made_anew() -> None:
+def test_an_interrupted_plug_in_is_stopped_and_started_again() -> None:
     stage = Stage(plugged(Nod, times=Literal(value=3)))
     stage.tick()
     stage.interrupt()
-    assert Nod.made[0].calls[-2:] == ["terminate INVALID", "shutdown"]
-    assert stage.tick(3) == "succeeded"
-    assert len(Nod.made) == 2
+    assert Nod.made[0].calls == ["setup {}", "initialise", "terminate INVALID"]
+    assert stage.tick(2) == "succeeded"
+    [nod] = Nod.made
+    assert nod.calls[-3:] == ["initialise", "terminate SUCCESS", "shutdown"]
+
+
+def test_a_plug_in_is_set_up_once_a_run_and_started_as_often_as_its_turn_comes() -> None:
+    stage = Stage(repeated(plugged(Again), 300))
+    assert stage.tick(300) == "succeeded"
+    [nod] = Nod.made
+    assert [nod.calls.count(call) for call in ("setup {}", "initialise", "shutdown")] == [
+        1,
+        300,
+        1,
+    ]
+
+
+class Again(Nod):
+    def initialise(self) -> None:
+        super().initialise()
+        self.times = 1
+
+
+def test_after_an_error_a_plug_in_is_taken_down_and_made_anew() -> None:
+    class Unlucky(Again):
+        def update(self) -> Status:
+            if len(Nod.made) < 3:
+                raise RuntimeError("no luck")
+            return super().update()
+
+    spec = replace(plugged(Unlucky), path="tree")
+    retried = NodeSpec(
+        path="tree@retry",
+        position=POSITION,
+        kind="retry",
+        name="retry",
+        fields={"attempts": Literal(value=3)},
+        children=(spec,),
+    )
+    assert Stage(retried).tick(3) == "succeeded"
+    assert [nod.calls[-1] for nod in Nod.made] == ["shutdown"] * 3
+
+
+@pytest.mark.parametrize("place", ["setup", "update"])
+def test_of_several_errors_the_first_counts(place: str) -> None:
+    class Broken(broken(place, RuntimeError("the first"))):  # type: ignore[misc]
+        def shutdown(self) -> None:
+            raise RuntimeError("the second")
+
+        def terminate(self, new_status: Status) -> None:
+            raise RuntimeError("the third")
+
+    stage = Stage(plugged(Broken))
+    assert stage.tick() == "failed"
+    assert stage.message == "RuntimeError: the first (tree, a.yaml:7:3)"
+    assert stage.root.feedback_message == stage.message
+
+
+def test_keys_of_the_blackboard_are_fields_and_names_and_are_gone_after_the_run() -> None:
+    class Doubler(Nod):
+        reads: ClassVar = {"/their/mood": "mood"}
+
+        def __init__(self, name: str) -> None:
+            super().__init__(name)
+            board = self.board = self.attach_blackboard_client(namespace="their")
+            board.register_key("mood", py_trees.common.Access.READ)
+            board.register_key("twice", py_trees.common.Access.WRITE)
+            board.register_key("own", py_trees.common.Access.WRITE)
+
+        def update(self) -> Status:
+            self.board.twice = [2 * self.board.mood]
+            self.board.own = object()
+            return Status.RUNNING if self.board.mood < 4 else Status.SUCCESS
+
+    spec = replace(
+        plugged(Doubler, mood=Reference(name="live.mood")), outputs={"doubled": "/their/twice"}
+    )
+    stage = Stage(spec)
+    stage.tick()
+    assert stage.run.scope.lookup("doubled") == [6.0]
+    stage.set_mood(4.0)
+    assert stage.tick() == "succeeded"
+    assert stage.run.scope.lookup("doubled") == [8.0]
+    keys = py_trees.blackboard.Blackboard.keys()
+    assert not [key for key in keys if key.startswith("/their")]
+    assert not stage.environment.logged
+
+
+def test_two_names_of_a_client_for_one_key_are_removed_too() -> None:
+    class Renamer(Nod):
+        def __init__(self, name: str) -> None:
+            super().__init__(name)
+            self.board = self.attach_blackboard_client(name="renamer")
+            self.board.register_key("goal", py_trees.common.Access.READ, remap_to="/renamed")
+            self.board.register_key("/renamed", py_trees.common.Access.WRITE)
+            self.board.set("/renamed", 5)
+
+        def update(self) -> Status:
+            assert self.board.goal == 5
+            return Status.SUCCESS
+
+    stage = Stage(plugged(Renamer))
+    assert stage.tick() == "succeeded"
+    assert not stage.environment.logged
+    board = py_trees.blackboard.Blackboard
+    assert "/renamed" not in board.storage | board.metadata
+    assert "renamer" not in board.clients.values()
+
+
+def test_what_is_no_plain_data_does_not_leave_the_blackboard() -> None:
+    class Leaker(Nod):
+        def update(self) -> Status:
+            py_trees.blackboard.Blackboard.set("leak", object())
+            return Status.SUCCESS
+
+    stage = Stage(replace(plugged(Leaker), outputs={"leak": "leak"}))
+    assert stage.tick() == "failed"
+    assert "put a object on the blackboard as 'leak', expected a message" in stage.message
+    assert not py_trees.blackboard.Blackboard.exists("leak")
 
 
 def test_a_cancel_stops_a_plug_in() -> None:
@@ -194,6 +325,7 @@ def blocking(place: str) -> type:
     return Blocking
 
 
+@pytest.mark.usefixtures("own_limit")
 @pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
 def test_a_plug_in_that_blocks_is_a_failure_with_path_and_place(place: str) -> None:
     stage = Stage(plugged(blocking(place)))
@@ -208,9 +340,11 @@ def test_a_plug_in_that_blocks_is_a_failure_with_path_and_place(place: str) -> N
 def test_a_plug_in_that_blocks_at_its_end_does_not_hold_up_the_end(place: str) -> None:
     stage = Stage(plugged(blocking(place)))
     stage.tick()
+    stage.root._limit_s = OWN_LIMIT_S
     stage.run.cancel("enough")
     assert stage.outcome == "cancelled"
-    assert "blocked for more than 0.25 s (tree, a.yaml:7:3)" in stage.root.feedback_message
+    told = [stage.root.feedback_message, *(text for _, text in stage.environment.logged)]
+    assert any("blocked for more than 0.25 s (tree, a.yaml:7:3)" in text for text in told)
 
 
 def test_what_has_blocked_once_gets_less_time_to_block_again() -> None:
@@ -221,6 +355,7 @@ def test_what_has_blocked_once_gets_less_time_to_block_again() -> None:
 
     stage = Stage(plugged(Crowd))
     stage.tick()
+    stage.root._limit_s = OWN_LIMIT_S
     began = time.monotonic()
     stage.run.cancel("enough")
     assert stage.outcome == "cancelled"
@@ -250,7 +385,8 @@ def test_a_plug_in_that_raises_at_its_end_does_not_disturb_the_end(place: str) -
     stage.tick()
     stage.run.cancel("enough")
     assert stage.outcome == "cancelled"
-    assert stage.root.feedback_message == "RuntimeError: no nerve (tree, a.yaml:7:3)"
+    told = [stage.root.feedback_message, *(text for _, text in stage.environment.logged)]
+    assert any(text.endswith("RuntimeError: no nerve (tree, a.yaml:7:3)") for text in told)
 
 
 def test_a_plug_in_that_takes_other_fields_is_a_failure() -> None:

@@ -9,23 +9,27 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import py_trees
 import pytest
+from py_trees.common import Status
 
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents.recording.format import read_recording
 from bt_agents.recording.recorded_environment import RecordingEnvironment
 from bt_agents.recording.recorded_run import RecordingRun, ReplayedStep, replay
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.stop_cause import Cancellation
+from bt_agents_language.model.specs import NodeSpec, Reference, Text
 from tree_harness import SPACE, Stage, agent
 
 
 class Recorded(Stage):
     """A stage whose run is recorded."""
 
-    def __init__(self, tree: str, most: int = 10**6, **how: Any) -> None:
+    def __init__(self, tree: str | NodeSpec, most: int = 10**6, **how: Any) -> None:
         super().__init__(tree, **how)
         self.lines: list[str] = []
         self.run = self.recording = RecordingRun(
@@ -308,3 +312,70 @@ def test_the_local_time_is_recorded_when_it_changes() -> None:
     step = stage.again()[-1]
     assert step.result is not None
     assert step.result.outcome.value == "succeeded"
+
+
+class Sender(py_trees.behaviour.Behaviour):
+    """Gives a name a value, and has a goal that goes on for a while after its end."""
+
+    def update(self) -> Status:
+        py_trees.blackboard.Blackboard.set("answer", {"text": "yes"})
+        return Status.SUCCESS
+
+
+class OneGoal:
+    """A node for a plug-in with one goal."""
+
+    node = None
+
+    def __init__(self) -> None:
+        self.open = 1
+        self.closed = False
+
+    def open_goals(self) -> int:
+        return self.open
+
+    def lost(self) -> str:
+        return ""
+
+    def settle(self) -> None:
+        pass
+
+    def plain(self, value: object) -> Any:
+        return value
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_goals_and_names_of_a_plug_in_are_replayed_without_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    position = Position(file="a.yaml", line=7, column=3)
+    sender = NodeSpec(
+        path="tree/0.sender",
+        position=position,
+        kind="sender",
+        name="sender",
+        outputs={"answer": "answer"},
+        plugin=Sender,
+    )
+    line = Text(parts=("the answer is ", Reference(name="answer")))
+    log = NodeSpec(
+        path="tree/1.log", position=position, kind="log", name="log", fields={"message": line}
+    )
+    stage = Recorded(
+        NodeSpec(
+            path="tree", position=position, kind="sequence", name="both", children=(sender, log)
+        )
+    )
+    node = OneGoal()
+    monkeypatch.setattr(stage.environment, "open_plugin_node", lambda _path: node)
+    assert stage.tick() == "running"
+    assert stage.after(0.5) == "running"
+    node.open = 0
+    assert stage.after(0.1) == "succeeded"
+    assert node.closed
+    assert stage.environment.logged == [("info", "the answer is {'text': 'yes'}")]
+    again = stage.again()
+    assert again[-1].tick == stage.run.ticks
+    assert again[-1].result == stage.run.result

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import signal
@@ -375,6 +376,40 @@ def test_presets_are_kept_in_a_file_that_people_can_read(tmp_path):
     assert list(Presets(file).by_name) == ["care home"]
     again.forget("care home")
     assert Presets(file).by_name == {}
+
+
+def test_two_hosts_with_one_folder_keep_the_presets_of_both(tmp_path):
+    file = tmp_path / "presets.yaml"
+    one, other = Presets(file), Presets(file)
+    one.save("morning", {"a.patience": "12 s"})
+    other.save("evening", {"b.patience": "3 s"})
+    one.forget("evening")
+    other.save("night", {"b.loud": "false"})
+    assert list(Presets(file).by_name) == list(other.by_name) == ["morning", "night"]
+
+
+def test_what_an_author_writes_while_the_host_runs_is_not_overwritten(tmp_path):
+    file = tmp_path / "presets.yaml"
+    presets = Presets(file)
+    file.write_text("format: 1\npresets:\n  early: {a.patience: 12 s}\n")
+    presets.save("late", {"a.patience": "3 s"})
+    assert list(read_presets(file)) == ["early", "late"]
+    file.write_text("format: 1\npresets: [\n")
+    with pytest.raises(Refused, match="BROKEN_PRESETS"):
+        presets.save("later", {})
+    assert file.read_text() == "format: 1\npresets: [\n"
+
+
+def test_presets_are_refused_while_somebody_else_holds_their_folder(tmp_path):
+    file = tmp_path / "presets.yaml"
+    folder = os.open(tmp_path, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        with pytest.raises(Refused, match=r"NOT_KEPT: .*presets.yaml cannot be written"):
+            Presets(file).save("morning", {})
+    finally:
+        os.close(folder)
+    assert not file.exists()
 
 
 def test_an_empty_file_of_presets_holds_none(tmp_path):

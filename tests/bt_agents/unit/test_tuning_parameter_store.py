@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents.host.tuning.change_log import ChangeLog
-from bt_agents.host.tuning.history import TuningAction, TuningCause
+from bt_agents.host.tuning.history import MOST_SHOWN, TuningAction, TuningCause
 from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, checked_line
 from bt_agents.host.tuning.presets import Presets
 from bt_agents.host.tuning.tunable import TICK_RATE, TunableParameter, parameters_of
@@ -61,6 +61,45 @@ def test_the_same_value_again_is_no_revision():
     store = Host().store
     assert store.record({"a.patience": 8.0}, ANNA) is None
     assert store.history.revision == 0
+
+
+def test_a_value_that_was_not_changed_after_what_its_author_saw_may_be_set():
+    store = Host().store
+    store.check_unchanged({"a.patience"}, 0)
+    store.record({"a.patience": 12.0}, ANNA)
+    store.record({"a.attempts": 3}, ANNA)
+    store.check_unchanged({"a.patience"}, 1)
+    store.check_unchanged({"tick_rate"}, 0)
+
+
+def test_a_value_that_was_changed_meanwhile_is_refused_with_who_changed_it():
+    store = Host().store
+    store.record({"a.patience": 12.0}, ANNA)
+    with pytest.raises(Refused, match="CHANGED_MEANWHILE") as refused:
+        store.check_unchanged({"a.attempts", "a.patience"}, 0)
+    assert refused.value.reason == (
+        "a.patience was changed from 8 s to 12 s by anna (revision 1), expected no change after "
+        "revision 0; look at it, and set it again"
+    )
+
+
+def test_an_undo_is_a_change_that_others_have_to_see():
+    host = Host()
+    host.store.record({"a.patience": 12.0}, ANNA)
+    host.undo()
+    with pytest.raises(Refused, match="CHANGED_MEANWHILE"):
+        host.store.check_unchanged({"a.patience"}, 1)
+
+
+def test_a_revision_that_is_forgotten_or_of_another_start_counts_as_changed():
+    store = Host().store
+    with pytest.raises(Refused, match="revision 7 is not known here any more"):
+        store.check_unchanged({"a.patience"}, 7)
+    for number in range(MOST_SHOWN + 1):
+        store.record({"a.attempts": 3 + number % 2}, ANNA)
+    with pytest.raises(Refused, match="revision 0 is not known here any more"):
+        store.check_unchanged({"a.patience"}, 0)
+    store.check_unchanged({"a.patience"}, store.history.revision)
 
 
 def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):

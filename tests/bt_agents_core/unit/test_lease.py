@@ -14,10 +14,8 @@ BEGIN, HEARD, HELD_UP, END = "begin", "heard", "held up since", "end"
     ("events", "now", "silence"),
     [
         pytest.param([], 9.0, 0.0, id="without a run nobody is missed"),
-        pytest.param([(BEGIN, 0.0, "a")], 9.0, 0.0, id="an old market is not missed"),
-        pytest.param(
-            [(HEARD, 0.0, "a"), (BEGIN, 5.0, "a")], 5.9, 0.0, id="the goal is a sign of life"
-        ),
+        pytest.param([(BEGIN, 5.0, "a")], 5.9, 0.0, id="the goal is a sign of life"),
+        pytest.param([(BEGIN, 5.0, "a")], 6.0, 1.0, id="also of a market without a heartbeat"),
         pytest.param(
             [(HEARD, 0.0, "a"), (BEGIN, 5.0, "a")], 6.0, 1.0, id="silent from the start of the run"
         ),
@@ -34,7 +32,7 @@ BEGIN, HEARD, HELD_UP, END = "begin", "heard", "held up since", "end"
             id="another market says nothing about this one",
         ),
         pytest.param(
-            [(BEGIN, 0.0, "a"), (HEARD, 0.5, "b")], 9.0, 0.0, id="only the other one is known"
+            [(BEGIN, 0.0, "a"), (HEARD, 0.5, "b")], 1.0, 1.0, id="only the other one is known"
         ),
         pytest.param(
             [(HEARD, 0.0, "a"), (BEGIN, 0.0, "a"), (END, 1.0, "")], 9.0, 0.0, id="the run is over"

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -171,3 +172,13 @@ def test_a_mood_may_be_what_no_profile_has() -> None:
     values = space.scene([measured("mood", 4), measured("age", 2)])
     assert mood_of(Scene(scene_id="s", label="", person=True, values=values), space) == 4.0
     assert space.profiles.mood is None
+
+
+def test_two_missing_values_of_a_parameter_are_equal_wherever_their_nans_come_from() -> None:
+    missing = SceneValue.missing("age")
+    received = replace(missing, value=float("nan"), age_s=float("nan"), std=float("nan"))
+    assert received == missing
+    assert hash(received) == hash(missing)
+    assert received != SceneValue.missing("mood")
+    assert received != replace(missing, confidence=1.0)
+    assert received != "age"

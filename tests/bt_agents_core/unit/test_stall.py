@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.host.award_monitor import AwardMonitor, RunKey
+from bt_agents.host.award_monitor import AwardMonitor
 from bt_agents_core.liveness import StallDetector
+from bt_agents_core.run_key import RunKey
 
 
 @pytest.mark.parametrize(

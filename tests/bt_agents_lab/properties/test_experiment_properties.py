@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -114,3 +116,25 @@ def test_wrong_feedback_depends_on_its_number_alone(seed, given_before, every, s
     if every:
         wrong = [errors.instead(index) is not None for index in range(12)]
         assert wrong == [(index + 1) % every == 0 for index in range(12)]
+
+
+VECTORS = st.tuples(st.floats(1.0, 5.0), st.floats(1.0, 5.0))
+ROWS = st.lists(VECTORS, min_size=1, max_size=4).map(tuple)
+
+
+@given(
+    prepared=st.builds(
+        PreparedFeedback,
+        each=st.dictionaries(st.just("fixed"), VECTORS),
+        sequences=st.dictionaries(st.sampled_from(("one", "two")), ROWS),
+        sequence=ROWS | st.just(()),
+        repeat=st.booleans(),
+    ),
+    before=st.lists(st.sampled_from(("fixed", "one", "two", "three")), max_size=20),
+    after=st.lists(st.sampled_from(("fixed", "one", "two", "three")), max_size=20),
+)
+def test_a_restart_changes_nothing_in_whose_list_goes_on_where(prepared, before, after):
+    whole, rest = SimulatedFeedback(prepared), SimulatedFeedback(prepared)
+    given = Counter(agent for agent in before if whole.next(agent) is not None)
+    rest.resume(given)
+    assert [rest.next(agent) for agent in after] == [whole.next(agent) for agent in after]

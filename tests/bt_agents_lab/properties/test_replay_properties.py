@@ -30,14 +30,8 @@ from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
-from marketplace_node.round.decision import (
-    AcceptedBid,
-    AuctionOutcome,
-    ClosedBy,
-    Decision,
-    External,
-    Terms,
-)
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, External, Terms
 from marketplace_node.round.ranking import decide
 from marketplace_node.strategies import STRATEGIES
 from tree_harness import SPACE, scene

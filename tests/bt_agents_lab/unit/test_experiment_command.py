@@ -10,9 +10,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_lab.cli.through_ros import prepared_experiment
 from bt_agents_lab.experiments.core import through_core
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
 
@@ -87,3 +89,58 @@ def test_it_is_said_whether_there_is_a_closed_form(name: str, said: str, tmp_pat
     result = run(str(folder))
     assert result.exit_code == 0
     assert said in " ".join(result.output.split())
+
+
+@pytest.fixture
+def listed(tmp_path: Path) -> Path:
+    """Return the paper's third experiment, in which one agent has a list of feedback."""
+    folder = shutil.copytree(EXPERIMENTS / "3", tmp_path / "3")
+    file = folder / "experiment.yaml"
+    text = file.read_text()
+    own = "    agent_3: {age: 3, profession: 3, emotion: 3}\n"
+    assert own in text
+    rows = "[{age: 3, profession: 3, emotion: 3}, {age: 1, profession: 2, emotion: 5}]"
+    lists = f"  sequences:\n    agent_3: {rows}\n  repeat: true\n"
+    file.write_text(text.replace(own, "") + lists)
+    return folder
+
+
+def test_an_agent_with_a_list_is_taught_what_stands_there_run_by_run(listed):
+    folder = read_trees(listed)
+    spec = read_experiment(listed / "experiment.yaml", folder.scene.space)
+    rows = spec.feedback.sequences["agent_3"]
+    records = [one for one in through_core(folder, spec) if one.winner == "agent_3"]
+    assert len(records) > 10
+    for number, one in enumerate(records):
+        target = rows[number % 2]
+        moved = [b + 0.2 * (f - b) for b, f in zip(one.before, target, strict=True)]
+        assert one.after == pytest.approx(moved)
+
+
+def test_the_key_of_lists_is_explained():
+    told = " ".join(CliRunner().invoke(bt_agents, ["explain", "sequences"]).output.split())
+    assert "sequences key below 'feedback' of an experiment" in told
+    assert "Agent → its own feedback, run by run." in told
+
+
+def test_a_list_has_no_closed_form_and_the_command_says_so(listed):
+    result = run(str(listed))
+    assert result.exit_code == 0
+    assert "agent_3 does not get the same feedback after each run" in " ".join(
+        result.output.split()
+    )
+
+
+def test_a_list_that_is_used_up_is_said_with_what_to_write(listed):
+    file = listed / "experiment.yaml"
+    file.write_text(file.read_text().replace("repeat: true", "repeat: false"))
+    refusal = run(str(listed), "--seed", "3").exception
+    assert isinstance(refusal, BtAgentsError)
+    assert "let each list be long enough, or 'repeat: true'" in str(refusal)
+
+
+def test_the_feedback_node_is_given_the_same_lists(listed):
+    space = read_trees(listed).scene.space
+    spec = read_experiment(listed / "experiment.yaml", space)
+    again = read_experiment(Source("prepared.json", prepared_experiment(spec, space)), space)
+    assert again.feedback == spec.feedback

@@ -114,7 +114,7 @@ def test_the_journal_keeps_the_rounds_of_others_and_counts_what_is_gone(kept: St
     # Also what only belongs to the round of the person: ticks, and what its tree was told.
     decoded = [entry.decode() for entry in JournalReader([path]).entries()]
     assert 2 not in {getattr(message, "round", 0) for message in decoded}
-    assert after.lost["/auctions"] == 1
+    assert after.lost["/bt_agents/auctions"] == 1
     assert path.stat().st_mode & 0o777 == 0o600
     assert [one.name for one in kept.journal.iterdir()] == [path.name]
 
@@ -135,6 +135,16 @@ def test_a_journal_that_is_being_written_is_left_and_named(kept: StateFolder) ->
     assert result.exit_code == 1
     assert "journal-2026-05-04_001.mcap is being written; end that system" in result.stderr
     assert places(kept, "carla") == ["journal-2026-05-04_001.mcap"]
+
+
+def test_a_bag_beside_the_journals_is_left_and_named(kept: StateFolder) -> None:
+    bag = kept.journal / "rosbag2_2026"
+    bag.mkdir()
+    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+    result = forget(kept, "--yes")
+    assert result.exit_code == 1
+    assert "messages removed from 1 file" in result.stderr
+    assert "rosbag2_2026 is of 'ros2 bag' and left as it is; delete it" in result.stderr
 
 
 def test_a_ledger_that_a_node_has_open_is_left_and_the_rest_is_removed(kept: StateFolder) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tracemalloc
@@ -34,7 +35,10 @@ RECORD = "bt_agents_interfaces/msg/RunRecord"
 def begun(path: Path, *, records: int = 1, scenes: int = 0) -> JournalFile:
     """Return a journal that is still written, with messages of two topics."""
     file = JournalFile(path)
-    for kind, name, number in ((RunRecord, "/records", records), (Scene, "/scene/live", scenes)):
+    for kind, name, number in (
+        (RunRecord, "/records", records),
+        (Scene, "/bt_agents/scene/live", scenes),
+    ):
         topic, data = topic_of(kind, name), serialize_message(kind())
         for count in range(1, number + 1):
             file.add(
@@ -77,10 +81,10 @@ def test_what_is_not_asked_for_is_counted_and_not_kept(tmp_path: Path) -> None:
     tracemalloc.stop()
     assert first.type == RECORD
     assert left < 500_000
-    counted = reader.counted["/scene/live"]
+    counted = reader.counted["/bt_agents/scene/live"]
     assert (counted.messages, counted.first_ns, counted.last_ns) == (20_000, 1, 20_000)
     recording = read([file.path])
-    assert recording.counts == {"/records": 2, "/scene/live": 20_000}
+    assert recording.counts == {"/records": 2, "/bt_agents/scene/live": 20_000}
     assert (recording.first_ns, recording.last_ns) == (1, 20_000)
 
 
@@ -128,18 +132,54 @@ def test_a_compression_that_is_not_known_is_named(tmp_path: Path) -> None:
     assert "compressed by lz4, expected zstd" in reader.problems[0]
 
 
-def test_a_package_that_is_not_installed_is_named() -> None:
+WITHOUT_LAB = """
+import sys
+sys.modules.update(dict.fromkeys(("mcap", "mcap_ros2", "pyarrow", "zstandard")))
+from bt_agents_tools.cli.main import main
+sys.argv = ["bt-agents", *sys.argv[1:]]
+main()
+"""
+
+
+def without_lab(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", WITHOUT_LAB, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+
+
+def test_without_the_lab_the_help_of_its_commands_says_what_they_need() -> None:
+    done = without_lab("--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.search(r"^  replay +\w", done.stdout, re.MULTILINE)
+    assert "pip install mcap-ros2-support" in " ".join(without_lab("replay", "-h").stdout.split())
+
+
+@pytest.mark.parametrize("command", ["journal", "replay", "what-if"])
+def test_a_package_that_is_not_installed_is_named(command: str) -> None:
+    done = without_lab(command, "a.mcap", "--json")
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: this command needs the package mcap; install it with")
+    assert "pip install 'bt-agents[lab]'" in done.stderr
+
+
+def test_a_journal_node_without_its_packages_ends_with_a_sentence() -> None:
     program = (
         "import sys; sys.modules['mcap'] = None\n"
-        "from bt_agents_core.errors import BtAgentsError\n"
-        "try: import bt_agents_lab.cli.replay\n"
-        "except BtAgentsError as error: print(error)\n"
+        "from bt_agents_lab import run_journal\n"
+        "sys.exit(run_journal())"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60
     )
-    assert done.stdout.startswith("this command needs the package mcap")
-    assert "pip install 'bt-agents[lab]'" in done.stdout
+    assert done.returncode == 1
+    assert done.stderr == (
+        "error: a journal needs the package mcap; install it with pip install 'bt-agents[lab]', "
+        "or beside a workspace of colcon with pip install mcap-ros2-support\n"
+    )
 
 
 def test_flipped_bits_end_no_command_without_a_message(tmp_path: Path) -> None:

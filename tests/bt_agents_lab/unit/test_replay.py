@@ -425,7 +425,7 @@ def test_no_command_prints_raw_text_of_a_journal(town: Town, tmp_path: Path) -> 
         output = CliRunner().invoke(command, [str(path)]).output
         assert "title" in output
         assert not [one for one in output if not one.isprintable() and one != "\n"]
-    decision = recorded_rounds(tmp_path)[-1].auction
+    decision = recorded_rounds([path])[-1].auction
     assert decision.winner.isprintable()
     assert decision.scene.label.isprintable()
     assert len(decision.explanation.splitlines()) == 2

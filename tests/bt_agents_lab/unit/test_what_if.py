@@ -108,9 +108,11 @@ def _refused(auction: Auction) -> None:
 
 
 LEFT_OUT: dict[str, Callable[[Town], None]] = {
-    "pinned": lambda town: town.publish("/market", MarketStatus(epoch=EPOCH, pinned="bert")),
+    "pinned": lambda town: town.publish(
+        "/bt_agents/market", MarketStatus(epoch=EPOCH, pinned="bert")
+    ),
     "vetoed": lambda town: town.publish(
-        "/market", MarketStatus(epoch=EPOCH, vetoed=["anna", "carla"])
+        "/bt_agents/market", MarketStatus(epoch=EPOCH, vetoed=["anna", "carla"])
     ),
     "excluded": lambda town: setattr(_first(town, CallForBids), "excluded", ["anna", "carla"]),
     "not awarded": lambda town: _refused(_first(town, Auction)),
@@ -152,7 +154,7 @@ def test_what_the_author_writes_meanwhile_counts(tmp_path: Path) -> None:
     town.profiles["bert"] = (2.0, 2.0, 2.0)
     names = list(SPACE.names)
     town.publish(
-        "/profiles",
+        "/bt_agents/profiles",
         Profiles(
             parameters=names, agents=["bert"], layers=[""], revisions=[2], vectors=[2.0, 2.0, 2.0]
         ),

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import gc
 import re
 import time
 import tracemalloc
@@ -23,6 +22,7 @@ from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import FieldType
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.diagnostics.renderers import MAX_SHOWN
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
@@ -125,16 +125,14 @@ def check(kind: str, content: bytes, place: Path) -> None:
     note(content.decode("utf-8", "replace"))
     place.write_bytes(content)
     # The collector looks at all that thousands of other tests have left behind.
-    gc.disable()
-    start = time.process_time()
     refused: ReadError | None = None
-    try:
-        spec = READERS[kind](place)
-    except ReadError as error:
-        refused = error
-    finally:
+    with gc_paused():
+        start = time.process_time()
+        try:
+            spec = READERS[kind](place)
+        except ReadError as error:
+            refused = error
         took = time.process_time() - start
-        gc.enable()
     if refused is not None:
         check_refusal(refused, content, place)
     elif isinstance(spec, AgentSpec):

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import gc
 import re
 import shutil
 import time
@@ -17,6 +16,7 @@ import pytest
 import hostile_inputs
 from bt_agents_core.diagnostic import Diagnostic, Severity
 from bt_agents_core.errors import ReadError
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.libraries import FolderLibraries
@@ -118,13 +118,10 @@ def outcome(corpus: Path, file: str) -> tuple[str, ReadError | None]:
 @pytest.mark.parametrize("file", EXPECTED)
 def test_every_error_is_found_where_it_is(file, corpus):
     # The collector looks at all that thousands of other tests have left behind.
-    gc.disable()
-    start = time.process_time()
-    try:
+    with gc_paused():
+        start = time.process_time()
         found, error = outcome(corpus, file)
-    finally:
         took = time.process_time() - start
-        gc.enable()
     assert took < SLOWEST_S
     assert found == EXPECTED[file]
     if error is not None:

@@ -51,6 +51,16 @@ def test_an_experiment_is_read():
         assert math.isnan(mood)
 
 
+def test_each_agent_may_have_a_list_of_feedback_of_its_own():
+    sequences = "sequences: {lift: [{age: 1, mood: 2}, {age: 4, mood: 5}]}"
+    text = TEXT.replace("sequence: [{age: 3}]", sequences)
+    spec = read_experiment(Source("e.yaml", text), SPACE)
+    assert spec.feedback.sequences == {"lift": ((1.0, 2.0), (4.0, 5.0))}
+    simulated = SimulatedFeedback(replace(spec.feedback, errors=None))
+    ran = ("lift", "guide", "lift", "lift")
+    assert [simulated.next(agent) for agent in ran] == [(1, 2), (5, 4), (4, 5), (1, 2)]
+
+
 @pytest.mark.parametrize(
     "path", sorted(EXPERIMENTS.glob("*/experiment.yaml")), ids=lambda path: path.parent.name
 )
@@ -69,6 +79,11 @@ def test_shipped_experiments_are_read(path):
         ("seed: 7", "seed: -1", "4:7"),
         ("[{mood: 2, age: 1}]", "[]", "5:9"),
         ("{age: 3}", "{}", "8:14"),
+        ("sequence: [{age: 3}]", "sequences: {guide: [{age: 3}]}", "8:15"),
+        ("sequence: [{age: 3}]", "sequences: {lift: []}", "8:21"),
+        ("sequence: [{age: 3}]", "sequences: {lift: {age: 3}}", "8:21"),
+        ("sequence: [{age: 3}]", "sequences: {lift: [{age: 3}, {mood: 6}]}", "8:39"),
+        ("sequence: [{age: 3}]", "sequences: {Lift 1: [{age: 3}]}", "8:15"),
         ("guide:", "Guide 1:", "7:10"),
         ("age: 5", "age: 6", "7:23"),
         ("repeat: true", "repeat: yes", "9:11"),

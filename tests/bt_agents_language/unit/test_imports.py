@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_language.diagnostics.renderers import as_text
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_symbols, read_trees
@@ -239,7 +240,10 @@ def test_a_library_that_nobody_imports_is_read_all_the_same(folder):
 def test_a_tree_of_8000_nodes_is_checked_in_less_than_a_second_of_computing(folder):
     tree = "{sequence: [" + ", ".join(f"{{say: Word {number}.}}" for number in range(8000)) + "]}"
     (folder / "agents" / "a.yaml").write_text(AGENT.format(tree=tree, imports=""))
-    begin = time.process_time()
-    checked = check_folder(folder, None)
-    assert time.process_time() - begin < 1.0
+    # The collector looks at all that thousands of other tests have left behind.
+    with gc_paused():
+        begin = time.process_time()
+        checked = check_folder(folder, None)
+        took = time.process_time() - begin
+    assert took < 1.0
     assert checked.agents == ("a",)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_core.feedback import LearningRule, Share, Update
 from bt_agents_language.files.agent_reader import AGENT
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction
 from bt_agents_language.model.specs import AgentSpec
@@ -63,6 +63,7 @@ learning:
   weights: {button: 2, mood rule: 0.25, 1: 0}
   layers: [person, place, person]
   general: 0.4
+  share: place
 weights: {age: 2, mood: 0}
 """
     )
@@ -77,6 +78,7 @@ weights: {age: 2, mood: 0}
         weights={"button": 2.0, "mood rule": 0.25, "1": 0.0},
         layers=("person", "place"),
         general=0.4,
+        share=Share.PLACE,
     )
     assert spec.weights == {"age": 2.0, "mood": 0.0}
 
@@ -118,6 +120,10 @@ def test_freeze_all_stops_all_learning():
         (
             "learning: {general: 0.5}\n",
             "5:12: error[misplaced-key]: 'general' has nothing to act on here",
+        ),
+        (
+            "learning: {share: all}\n",
+            "5:19: error[bad-choice]: 'share' is 'all', expected everything, place or nothing",
         ),
         (
             "learning: {update: medium}\n",

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from bt_agents.engine import nodes
+from bt_agents.host.tree_streams import tree_snapshot
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot import tree_export
@@ -41,7 +42,7 @@ HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 ALL = {**NODE_TYPES, **DECORATORS, **BRANCHES}
 NODES_FOLDER = Path(catalogue.__file__).parent
 ENGINE_FOLDER = Path(nodes.__file__).parent
-FOREIGN_FORMATS = (Path(tree_export.__file__),)
+FOREIGN_FORMATS = (Path(tree_export.__file__), Path(tree_snapshot.__file__))
 OF_TEST_FILES = {"succeed", "fail"}
 """Words for what stands in for a node in a test file, which are those of two decorators."""
 

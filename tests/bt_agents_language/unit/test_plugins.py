@@ -48,6 +48,22 @@ class Blink(Behaviour):
 
 class NoBehaviour:
     pass
+
+
+class BadReads(Blink):
+    reads = {"key": "nobody"}
+
+
+class BadWrites(Blink):
+    writes = {"key": "name"}
+
+
+class Hears(Behaviour):
+    """Hears a word."""
+
+    reads = {"/wanted": "wanted"}
+    writes = {"/word": NodeField(name="word", type=FieldType.TEXT)}
+    fields = (NodeField(name="wanted", required=False),)
 '''
 
 
@@ -121,12 +137,41 @@ def test_its_fields_are_checked_like_those_of_any_node(package):
     assert codes == ["out-of-range", "bad-duration", "unknown-key"]
 
 
+def test_the_names_that_it_writes_are_known_and_have_a_type(package):
+    entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
+    entries.write_text(entries.read_text() + "hears = their_nodes:Hears\n")
+    script = PLAY + textwrap.dedent(
+        """
+        for tree in ("[{hears: {wanted: 3}}, {say: 'So ${word}.'}]", "[{say: 'So ${word}.'}]",
+                     "[hears: , check: word > 3]"):
+            try:
+                spec = tree_harness.agent("sequence: " + tree)
+                print(dict(spec.tree.children[0].outputs))
+            except ReadError as error:
+                print(error.lines[0])
+        """
+    )
+    known, unknown, misfit = run(package, script).splitlines()
+    assert known == "{'word': '/word'}"
+    assert "error[unknown-name]" in unknown
+    assert "error[" in misfit
+
+
+def test_explain_says_what_a_plugin_is_and_which_are_installed(package):
+    printed = command(package, "explain", "plugin", "--dir", "TREES")
+    assert "setup(node=…)" in printed
+    assert "CheckData and FromConstant" in printed
+    assert "Installed: blink" in printed
+
+
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
         ("Blink = their_nodes:Blink", "cannot be the key of a node"),
         ("say2 = their_nodes:Missing", "cannot be loaded"),
         ("sequence = their_nodes:Blink", "has the name of 'sequence', a word of the language"),
+        ("reader = their_nodes:BadReads", "'reads' must be a mapping from keys"),
+        ("writer = their_nodes:BadWrites", "'writes' must be a mapping from keys"),
         ("thing = their_nodes:NoBehaviour", "is no py_trees.behaviour.Behaviour class"),
     ],
 )

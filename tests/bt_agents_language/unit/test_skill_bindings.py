@@ -103,5 +103,6 @@ def test_the_shipped_words_can_be_said_by_a_ros4hri_robot():
     assert bound(skills["ask"]) == "/skill/ask"
     assert skills["ask"].binding is not None
     assert skills["ask"].binding.outputs == {"answer": "answers#answer"}
-    assert bound(skills["drive"]) == "drive"
+    assert bound(skills["drive"]) == "/skill/navigate_to_pose"
+    assert bound(skills["light"]) == "set_light"
     assert bound(read_skills(files)["say"]) == "say"

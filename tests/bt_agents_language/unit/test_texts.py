@@ -301,6 +301,18 @@ def test_a_case_speaks_the_language_that_it_names(folder):
     assert english.scenario.answers[0].answers[0].outputs == {"answer": "Hello."}
 
 
+def test_the_language_of_a_test_file_is_that_of_the_cases_that_name_none(folder):
+    text = TEST.replace("language: en", "language: de").replace(
+        '[Hello., "Ready, Ann?"]', '[Hallo., "Bereit, Ann?"]'
+    )
+    english, german = read_cases(folder, text.replace("cases:", "language: en\ncases:")).cases
+    (says,) = english.expectations
+    assert says.texts == ("Hello.",)
+    assert german.scenario.answers[0].answers[0].outputs == {"answer": "Hallo."}
+    problem = refusal(folder, TEST.replace("cases:", "language: eng\ncases:"))
+    assert problem.message == "there are no texts in the language 'eng'"
+
+
 def test_a_case_in_a_language_without_texts_is_refused(folder):
     problem = refusal(folder, TEST.replace("language: en", "language: eng"))
     assert problem.message == "there are no texts in the language 'eng'"

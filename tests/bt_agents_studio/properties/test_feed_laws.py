@@ -71,7 +71,7 @@ def test_a_page_that_reads_now_and_then_or_comes_back_shows_what_the_store_holds
 
 
 def _connected(store: Store, page: _Page) -> Feed:
-    feed = Feed(store, History(), "studio", lambda _source: History())
+    feed = Feed(store, History(), "studio", lambda _source, _at_s: History())
     feed.take(Resume(version=VERSION, studio="studio", sequence=page.sequence))
     return feed
 

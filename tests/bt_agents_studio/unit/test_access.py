@@ -3,16 +3,23 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import count
+from typing import Any
 
 import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_studio.access import (
+    ALL_ROLES,
+    LARGEST_STATE,
     MOST_SESSIONS,
+    OBSERVERS,
+    OPERATORS,
     SESSION_S,
+    TOKEN_S,
     AccessControl,
     SessionRole,
     WebRequest,
@@ -58,7 +65,7 @@ def test_a_token_gives_the_role_that_it_was_made_for(role: SessionRole) -> None:
     access = _access()
     session = access.log_in(access.token(role))
     assert len(access.token(role)) == 64
-    assert access.check(_request(session=session), SessionRole.VIEW) is role
+    assert access.check(_request(session=session), ALL_ROLES) is role
 
 
 @pytest.mark.parametrize("token", ["", "0" * 64, "ä" * 64, "\ud800"])
@@ -71,7 +78,7 @@ def test_a_session_id_is_no_token_and_a_token_no_session_id() -> None:
     token = access.token(SessionRole.OPERATE)
     session = access.log_in(token)
     assert _code(lambda: access.log_in(session)) == "BAD_TOKEN"
-    assert _code(lambda: access.check(_request(session=token), SessionRole.VIEW)) == "NO_SESSION"
+    assert _code(lambda: access.check(_request(session=token), ALL_ROLES)) == "NO_SESSION"
 
 
 def test_a_session_ends_when_it_is_left_or_not_used_for_long() -> None:
@@ -79,23 +86,23 @@ def test_a_session_ends_when_it_is_left_or_not_used_for_long() -> None:
     access = _access(clock)
     left = access.log_in(access.token(SessionRole.VIEW))
     access.log_out(left)
-    assert _code(lambda: access.check(_request(session=left), SessionRole.VIEW)) == "NO_SESSION"
+    assert _code(lambda: access.check(_request(session=left), ALL_ROLES)) == "NO_SESSION"
     used = access.log_in(access.token(SessionRole.VIEW))
     for _ in range(3):
         clock.now += SESSION_S - 1
-        access.check(_request(session=used), SessionRole.VIEW)
+        access.check(_request(session=used), ALL_ROLES)
     clock.now += SESSION_S + 1
-    assert _code(lambda: access.check(_request(session=used), SessionRole.VIEW)) == "NO_SESSION"
+    assert _code(lambda: access.check(_request(session=used), ALL_ROLES)) == "NO_SESSION"
 
 
 def test_of_too_many_sessions_the_one_used_longest_ago_is_forgotten() -> None:
     access = _access()
     first, second = (access.log_in(access.token(SessionRole.VIEW)) for _ in range(2))
-    access.check(_request(session=first), SessionRole.VIEW)
+    access.check(_request(session=first), ALL_ROLES)
     for _ in range(MOST_SESSIONS - 1):
         access.log_in(access.token(SessionRole.VIEW))
-    access.check(_request(session=first), SessionRole.VIEW)
-    assert _code(lambda: access.check(_request(session=second), SessionRole.VIEW)) == "NO_SESSION"
+    access.check(_request(session=first), ALL_ROLES)
+    assert _code(lambda: access.check(_request(session=second), ALL_ROLES)) == "NO_SESSION"
 
 
 @pytest.mark.parametrize(
@@ -121,8 +128,8 @@ def test_a_request_that_a_foreign_page_may_have_made_is_refused(
     access = _access()
     session = access.log_in(access.token(SessionRole.OPERATE))
     request = _request(session=session, **fields)
-    assert _code(lambda: access.check(request, SessionRole.VIEW)) == code
-    assert _code(lambda: access.check_socket(request)) == code
+    assert _code(lambda: access.check(request, ALL_ROLES)) == code
+    assert _code(lambda: access.check_sender(request)) == code
 
 
 @pytest.mark.parametrize(
@@ -138,29 +145,119 @@ def test_a_change_needs_an_origin_and_json(fields: dict[str, str], code: str) ->
     access = _access()
     session = access.log_in(access.token(SessionRole.OPERATE))
     request = _request(method="POST", session=session, **fields)
-    assert _code(lambda: access.check(request, SessionRole.OPERATE)) == code
+    assert _code(lambda: access.check(request, OPERATORS)) == code
+    assert _code(lambda: access.check_sender(request)) == code
     kind = "application/json; charset=utf-8"
     fitting = replace(request, origin=OWN, content_type=kind)
-    assert access.check(fitting, SessionRole.OPERATE) is SessionRole.OPERATE
+    assert access.check(fitting, OPERATORS) is SessionRole.OPERATE
 
 
-def test_a_role_may_do_what_the_lesser_ones_may_and_no_more() -> None:
+def test_a_change_without_a_body_needs_an_origin_only() -> None:
+    access = _access()
+    session = access.log_in(access.token(SessionRole.PERSON))
+    request = _request(method="DELETE", session=session)
+    assert _code(lambda: access.check(request, ALL_ROLES)) == "NO_ORIGIN"
+    assert access.check(replace(request, origin=OWN), ALL_ROLES) is SessionRole.PERSON
+
+
+@pytest.mark.parametrize("allowed", [ALL_ROLES, OBSERVERS, OPERATORS, {SessionRole.PERSON}])
+def test_what_some_roles_may_do_the_others_may_not(allowed: frozenset[SessionRole]) -> None:
     access = _access()
     for role in SessionRole:
         request = _request(session=access.log_in(access.token(role)))
-        for needed in SessionRole:
-            if needed <= role:
-                assert access.check(request, needed) is role
-            else:
-                assert _code(lambda r=request, n=needed: access.check(r, n)) == "FORBIDDEN"
+        if role in allowed:
+            assert access.check(request, allowed) is role
+        else:
+            assert _code(lambda r=request: access.check(r, allowed)) == "FORBIDDEN"
 
 
 def test_a_socket_needs_an_origin() -> None:
     access = _access()
     session = access.log_in(access.token(SessionRole.VIEW))
-    assert _code(lambda: access.check_socket(_request(session=session))) == "NO_ORIGIN"
-    role = access.check_socket(_request(session=session, origin=OWN))
-    assert role is SessionRole.VIEW
+    request = _request(session=session, opens_socket=True)
+    assert _code(lambda: access.check(request, ALL_ROLES)) == "NO_ORIGIN"
+    assert access.check(replace(request, origin=OWN), ALL_ROLES) is SessionRole.VIEW
+
+
+def _started_again(kept: str, clock: _Clock) -> AccessControl:
+    numbers = count(1000)
+    return AccessControl(
+        {HOST},
+        scheme="http",
+        random_bytes=lambda length: next(numbers).to_bytes(length, "big"),
+        clock=clock,
+        kept=kept,
+    )
+
+
+def test_tokens_and_sessions_survive_a_restart_and_end_in_their_time() -> None:
+    clock = _Clock()
+    access = _access(clock)
+    session = access.log_in(access.token(SessionRole.PERSON))
+    kept = access.text()
+    assert session not in kept
+    clock.now = SESSION_S - 1
+    again = _started_again(kept, clock)
+    assert again.check(_request(session=session), ALL_ROLES) is SessionRole.PERSON
+    assert again.token(SessionRole.VIEW) == access.token(SessionRole.VIEW)
+    clock.now = SESSION_S + 1
+    late = _started_again(kept, clock)
+    assert _code(lambda: late.check(_request(session=session), ALL_ROLES)) == "NO_SESSION"
+    clock.now = TOKEN_S + 1
+    later = _started_again(kept, clock)
+    assert later.token(SessionRole.VIEW) != access.token(SessionRole.VIEW)
+
+
+def test_what_changes_is_kept_and_the_use_of_a_session_once_an_hour() -> None:
+    clock, kept = _Clock(), list[str]()
+    access = AccessControl(
+        {HOST}, scheme="http", random_bytes=_bytes(), clock=clock, keep=kept.append
+    )
+    session = access.log_in(access.token(SessionRole.VIEW))
+    for _ in range(100):
+        access.check(_request(session=session), ALL_ROLES)
+    assert len(kept) == 2
+    clock.now = 3601.0
+    access.check(_request(session=session), ALL_ROLES)
+    access.log_out(session)
+    assert len(kept) == 4
+    assert kept[-1] == access.text()
+
+
+def _changed(change: Callable[[dict[str, Any]], object]) -> str:
+    found = json.loads(_access().text())
+    change(found)
+    return json.dumps(found)
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        "{",
+        "[]",
+        "null",
+        "{}",
+        "[" * 100_000,
+        " " * (LARGEST_STATE + 1),
+        _changed(lambda found: found.pop("tokens")),
+        _changed(lambda found: found["tokens"].update(view="0")),
+        _changed(lambda found: found["tokens"].update(view=found["tokens"]["author"])),
+        _changed(lambda found: found["tokens"].update(view=None)),
+        _changed(lambda found: found.update(made_at=float("nan"))),
+        _changed(lambda found: found.update(made_at="x")),
+        _changed(lambda found: found.update(made_at=1e9)),
+        _changed(lambda found: found.update(sessions=[["0" * 64, "owner", 0]])),
+        _changed(lambda found: found.update(sessions=[[1, "view", 0]])),
+        _changed(lambda found: found.update(sessions=[["0" * 64]])),
+        _changed(lambda found: found.update(sessions={"a": 1})),
+    ],
+)
+def test_kept_access_that_is_damaged_is_replaced(kept: str) -> None:
+    access = _started_again(kept, _Clock())
+    old = _access()
+    assert len({access.token(role) for role in SessionRole}) == len(SessionRole)
+    assert all(access.token(role) != old.token(role) for role in SessionRole)
+    assert json.loads(access.text())["sessions"] == []
 
 
 def test_addresses_of_this_machine_are_told_from_others() -> None:

@@ -10,7 +10,18 @@ import pytest
 import bt_agents_interfaces.srv as services
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Feedback, Run
-from bt_agents_studio.operations import LONGEST_TEXT, MOST_VALUES, OPERATIONS, read_request
+from bt_agents_studio.access import SessionRole
+from bt_agents_studio.operations import (
+    LONGEST_TEXT,
+    MOST_VALUES,
+    OPERATIONS,
+    OWN_OPERATIONS,
+    read_request,
+)
+
+
+def _read(name: str, body: object, role: SessionRole = SessionRole.OPERATE):
+    return read_request(OPERATIONS[name], body, role)
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
@@ -18,6 +29,7 @@ def test_each_operation_names_fields_and_constants_of_its_service(name: str) -> 
     operation = OPERATIONS[name]
     request = getattr(services, operation.kind).Request
     fields = request.get_fields_and_field_types()
+    assert operation.person_fields.keys() <= operation.fields.keys()
     for field, kind in operation.fields.items():
         assert field in fields
         if not isinstance(kind, str):
@@ -29,14 +41,14 @@ def test_each_operation_names_fields_and_constants_of_its_service(name: str) -> 
 
 def test_a_host_is_part_of_the_service_and_no_field() -> None:
     body = {"host": "/robot_1/agents", "action": "SET", "names": ["a.b"], "values": ["2 s"]}
-    assert read_request(OPERATIONS["tune"], body) == (
+    assert _read("tune", body) == (
         "/robot_1/agents/tune",
         {"action": 0, "names": ["a.b"], "values": ["2 s"]},
     )
 
 
 def test_null_says_that_there_is_no_opinion() -> None:
-    _, fields = read_request(OPERATIONS["feedback"], {"kind": "DIRECT", "values": [1, None]})
+    _, fields = _read("feedback", {"kind": "DIRECT", "values": [1, None]})
     assert fields["values"][0] == 1.0
     assert math.isnan(fields["values"][1])
 
@@ -69,5 +81,36 @@ def test_null_says_that_there_is_no_opinion() -> None:
 )
 def test_a_malformed_request_is_refused(name: str, body: object) -> None:
     with pytest.raises(Refused) as refused:
-        read_request(OPERATIONS[name], body)
+        _read(name, body)
     assert refused.value.code == "BAD_FIELD"
+
+
+def test_a_person_may_answer_stop_judge_and_come_and_nothing_else() -> None:
+    every = {**OPERATIONS, **OWN_OPERATIONS}
+    allowed = {name for name, one in every.items() if SessionRole.PERSON in one.roles}
+    assert allowed == {"answer", "cancel", "feedback", "scene"}
+    assert not any(SessionRole.VIEW in one.roles for one in every.values())
+
+
+def test_only_an_author_writes_files() -> None:
+    assert OWN_OPERATIONS["keep"].roles == {SessionRole.AUTHOR}
+
+
+def test_feedback_of_a_person_says_so() -> None:
+    _, fields = _read("feedback", {"kind": "POSITIVE"}, SessionRole.PERSON)
+    assert fields == {"kind": 1, "source": "person"}
+
+
+@pytest.mark.parametrize(
+    ("name", "body"),
+    [
+        ("feedback", {"kind": "SET", "values": [1]}),
+        ("feedback", {"kind": "POSITIVE", "agent": "attentive_guide"}),
+        ("feedback", {"kind": "POSITIVE", "source": "operator"}),
+        ("scene", {"names": ["age"], "values": [1], "urgent": True}),
+    ],
+)
+def test_a_person_names_less_than_an_operator(name: str, body: object) -> None:
+    _read(name, body)
+    with pytest.raises(Refused, match=r"BAD_FIELD|expected"):
+        _read(name, body, SessionRole.PERSON)

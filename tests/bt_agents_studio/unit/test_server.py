@@ -8,13 +8,13 @@ import json
 from typing import Any
 
 import pytest
-from aiohttp import ClientWebSocketResponse, WSMsgType
+from aiohttp import ClientSession, ClientWebSocketResponse, CookieJar, WSMsgType
 
-from bt_agents_studio.access import LARGEST_BODY, SessionRole
+from bt_agents_studio.access import LARGEST_BODY, SessionRole, cookie_name
 from bt_agents_studio.protocol import VERSION
-from bt_agents_studio.records import MoodRecord
+from bt_agents_studio.records import MoodRecord, RobotActRecord, RobotRecord
 from bt_agents_studio.server import MOST_CLIENTS
-from studio_harness import ServedStudio, served
+from studio_harness import ServedStudio, served, serving
 
 RESUME = {"type": "resume", "version": VERSION, "studio": "", "sequence": 0}
 
@@ -124,6 +124,34 @@ def test_a_change_goes_to_its_service_and_the_answer_comes_back() -> None:
     served(test)
 
 
+def test_a_person_is_shown_the_robot_as_it_is_now_and_nothing_else() -> None:
+    async def test(one: ServedStudio) -> None:
+        one.put("robot", "", _robot("Hello"))
+        one.put("moods", "1", MoodRecord(at_s=1.0, mood=3.0))
+        async with one.client(SessionRole.PERSON) as client:
+            state = await (await client.get("/api/state")).json()
+            assert state.keys() == {"sequence", "robot"}
+            async with client.ws_connect("/api/socket") as socket:
+                assert (await _next(socket))["role"] == "person"
+                await socket.send_json(RESUME)
+                assert (await _next(socket))["entries"].keys() == {"robot"}
+                one.put("moods", "2", MoodRecord(at_s=2.0, mood=4.0))
+                await socket.send_json({"type": "seek", "source": "", "at_s": 1})
+                assert (await _next(socket))["code"] == "FORBIDDEN"
+                one.put("robot", "", _robot("Goodbye"))
+                changes = (await _next(socket))["changes"]
+                assert [one[0] for one in changes] == ["robot"]
+
+    served(test)
+
+
+def _robot(words: str) -> RobotRecord:
+    act = RobotActRecord(
+        at_s=1.0, number=1, kind="SAY", text=words, clip="", choices=(), rate=1.0, waiting=False
+    )
+    return RobotRecord(acts=(act,), light="off", light_blinks=False, sound="", sounds=0)
+
+
 def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_do_not_get() -> None:
     async def test(one: ServedStudio) -> None:
         token = one.access.token(SessionRole.OPERATE)
@@ -139,6 +167,23 @@ def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_do_not_get() -> N
     served(test)
 
 
+def test_two_studios_of_one_address_leave_each_other_their_sessions_in_a_browser() -> None:
+    async def test(one: ServedStudio) -> None:
+        jar = CookieJar(unsafe=True)
+        async with serving() as other, ClientSession(cookie_jar=jar) as browser:
+            for studio in (one, other):
+                answer = await browser.post(
+                    f"{studio.origin}/api/session",
+                    json={"token": studio.access.token(SessionRole.VIEW)},
+                    headers={"Origin": studio.origin},
+                )
+                assert answer.status == 200
+            for studio in (one, other, one):
+                assert (await browser.get(f"{studio.origin}/api/state")).status == 200
+
+    served(test)
+
+
 def test_every_answer_forbids_foreign_content_and_frames() -> None:
     async def test(one: ServedStudio) -> None:
         async with one.client() as client:
@@ -150,6 +195,22 @@ def test_every_answer_forbids_foreign_content_and_frames() -> None:
                 assert "unsafe" not in policy
                 assert headers["X-Content-Type-Options"] == "nosniff"
                 assert headers["Cache-Control"] == "no-store"
+
+    served(test)
+
+
+def test_the_page_is_sent_packed_to_whoever_can_unpack_it() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client() as client:
+            bodies = {}
+            for coding in ("gzip, br", "identity"):
+                headers = {"Accept-Encoding": coding}
+                async with client.get("/studio.js", headers=headers) as answer:
+                    bodies[answer.headers.get("Content-Encoding", "")] = await answer.read()
+                    length = int(answer.headers["Content-Length"])
+                    assert answer.headers["Vary"] == "Accept-Encoding"
+                    assert (length < 150_000) == (coding != "identity")
+            assert bodies["gzip"] == bodies[""]  # the client has unpacked it
 
     served(test)
 
@@ -170,7 +231,26 @@ def test_one_page_too_many_is_refused_and_the_others_go_on() -> None:
     served(test)
 
 
+def test_the_studio_hears_whether_any_page_is_open() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.VIEW) as client:
+            first = await client.ws_connect("/api/socket")
+            second = await client.ws_connect("/api/socket")
+            assert one.watched[-1]
+            await first.close()
+            while len(one.watched) < 3:
+                await asyncio.sleep(0.01)
+            assert one.watched[-1]
+            await second.close()
+            while one.watched[-1]:
+                await asyncio.sleep(0.01)
+
+    served(test)
+
+
 _STOP = '{"reason":"x"}'
+_PERSON: dict[str, str | None] = {"Cookie": "{cookie}={person}"}
+_VIEWER: dict[str, str | None] = {"Cookie": "{cookie}={viewer}"}
 _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
     # Name, request line, headers over those of a page that is signed in, body.
     ("rebound name", "POST /api/do/cancel", {"Host": "evil.example"}, _STOP),
@@ -217,11 +297,11 @@ _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
         _STOP,
     ),
     ("no cookie", "POST /api/do/cancel", {"Cookie": None}, _STOP),
-    ("made-up cookie", "POST /api/do/cancel", {"Cookie": "bt_agents_studio=" + "0" * 64}, _STOP),
-    ("token as cookie", "POST /api/do/cancel", {"Cookie": "bt_agents_studio={token}"}, _STOP),
-    ("replayed cookie", "POST /api/do/cancel", {"Cookie": "bt_agents_studio={ended}"}, _STOP),
-    ("cookie of a viewer", "POST /api/do/cancel", {"Cookie": "bt_agents_studio={viewer}"}, _STOP),
-    ("huge cookie", "POST /api/do/cancel", {"Cookie": "bt_agents_studio=" + "a" * 20000}, _STOP),
+    ("made-up cookie", "POST /api/do/cancel", {"Cookie": "{cookie}=" + "0" * 64}, _STOP),
+    ("token as cookie", "POST /api/do/cancel", {"Cookie": "{cookie}={token}"}, _STOP),
+    ("replayed cookie", "POST /api/do/cancel", {"Cookie": "{cookie}={ended}"}, _STOP),
+    ("cookie of a viewer", "POST /api/do/cancel", {"Cookie": "{cookie}={viewer}"}, _STOP),
+    ("huge cookie", "POST /api/do/cancel", {"Cookie": "{cookie}=" + "a" * 20000}, _STOP),
     ("token in the address", "POST /api/do/cancel?token={token}", {"Cookie": None}, _STOP),
     (
         "token as bearer",
@@ -285,6 +365,28 @@ _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
         '{"token":"{token}"}',
     ),
     ("no HTTP", "HELLO", {}, ""),
+    ("person tunes", "POST /api/do/tune", _PERSON, '{"host":"/agents"}'),
+    ("person pins", "POST /api/do/operate", _PERSON, '{"action":"PIN","agent":"x"}'),
+    ("person undoes", "POST /api/do/profiles", _PERSON, '{"action":"RESET"}'),
+    ("person sets", "POST /api/do/feedback", _PERSON, '{"kind":"SET","values":[1]}'),
+    ("person of another name", "POST /api/do/feedback", _PERSON, '{"source":"operator"}'),
+    ("person is urgent", "POST /api/do/scene", _PERSON, '{"urgent":true}'),
+    ("person looks back", "GET /api/journals", _PERSON, ""),
+    ("answer of a viewer", "POST /api/do/answer", _VIEWER, '{"text":"yes"}'),
+    ("answer that is no text", "POST /api/do/answer", _PERSON, '{"text":["yes"]}'),
+    ("huge answer", "POST /api/do/answer", _PERSON, '{"text":"' + "a" * 2000 + '"}'),
+    ("answer as a form", "POST /api/do/answer", {"Content-Type": "text/plain"}, "yes"),
+    ("leaving for others", "DELETE /api/session", {"Origin": "http://evil.example"}, ""),
+    ("leaving without origin", "DELETE /api/session", {"Origin": None}, ""),
+    ("leaving by GET", "GET /api/session", {}, ""),
+    ("session by PUT", "PUT /api/session", {"Cookie": None}, '{"token":"{token}"}'),
+    (
+        "session as a form",
+        "POST /api/session",
+        {"Content-Type": "text/plain"},
+        '{"token":"{token}"}',
+    ),
+    ("file of the sessions", "GET /studio-8770.json", {}, ""),
 ]
 
 
@@ -315,8 +417,10 @@ async def _sent(one: ServedStudio, line: str, headers: dict[str, str | None], bo
         "port": str(one.port),
         "host": one.host,
         "token": one.access.token(SessionRole.OPERATE),
+        "cookie": cookie_name(one.host),
         "ended": ended,
         "viewer": one.session(SessionRole.VIEW),
+        "person": one.session(SessionRole.PERSON),
     }
 
     def filled(text: str) -> str:
@@ -328,7 +432,7 @@ async def _sent(one: ServedStudio, line: str, headers: dict[str, str | None], bo
     wanted: dict[str, str | None] = {
         "Host": one.host,
         "Origin": one.origin,
-        "Cookie": f"bt_agents_studio={one.session(SessionRole.OPERATE)}",
+        "Cookie": f"{cookie_name(one.host)}={one.session(SessionRole.OPERATE)}",
         "Content-Type": "application/json",
         "Content-Length": str(len(data)),
         "Connection": "close",

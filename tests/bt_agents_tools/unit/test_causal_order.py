@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bt_agents_interfaces.msg import Auction, Feedback, Run, Scene, SceneEnd, TreeStatus
-from bt_agents_ros.messages import to_time
+from bt_agents_ros.messages import header_at, to_time
 from bt_agents_tools.client.causal_order import (
     LONGEST_WAIT_S,
     MOST_FACTS,
@@ -113,8 +113,10 @@ def test_rounds_and_ticks_count_from_their_stamps_unless_these_are_of_another_cl
     stamp_s, expected_s
 ):
     for kind in (Auction, TreeStatus):
-        assert happened_s(kind(stamp=to_time(stamp_s)), 100.0) == pytest.approx(expected_s)
-    assert happened_s(Run(stamp=to_time(stamp_s)), 100.0) == 100.0
+        assert happened_s(kind(header=header_at(to_time(stamp_s))), 100.0) == pytest.approx(
+            expected_s
+        )
+    assert happened_s(Run(header=header_at(to_time(stamp_s))), 100.0) == 100.0
 
 
 def test_facts_are_remembered_up_to_a_bound():

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -33,6 +34,29 @@ def test_the_help_lists_every_command() -> None:
     assert result.exit_code == 0
     for name in all_commands():
         assert f"\n  {name} " in result.output
+
+
+def test_the_help_says_of_each_command_what_that_says_itself() -> None:
+    context = click.Context(bt_agents)
+    formatter = click.HelpFormatter(width=1000)
+    bt_agents.format_commands(context, formatter)
+    _, *lines = formatter.getvalue().splitlines()
+    shown = dict(line.split(maxsplit=1) for line in lines)
+    assert shown.keys() == all_commands().keys()
+    for name, text in shown.items():
+        command = bt_agents.get_command(context, name)
+        assert command is not None
+        assert text == command.get_short_help_str(1000)
+
+
+def test_the_help_is_told_without_loading_any_command() -> None:
+    code = LOADED.format(arguments=["--help"])
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    ).stdout
+    loaded = ast.literal_eval(said.splitlines()[-1])
+    assert not {entry.module for entry in all_commands().values()} & {*loaded}
+    assert "bt_agents_tools.cli.main" in loaded
 
 
 def test_an_unknown_command_is_refused_by_its_name() -> None:
@@ -82,6 +106,8 @@ def test_the_version_is_told_without_loading_any_command() -> None:
         [
             "bt_agents_core.diagnostic",
             "bt_agents_core.errors",
+            "bt_agents_core.gc_pause",
+            "bt_agents_core.optional_packages",
             "bt_agents_core.text",
             "bt_agents_ros.signals",
             "bt_agents_tools.cli",
@@ -110,3 +136,16 @@ def test_no_command_loads_ros_before_it_is_called():
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("without", ["--no-studio", "--no-robot"])
+def test_a_robot_in_the_browser_needs_the_studio_and_the_robot(without: str) -> None:
+    result = CliRunner().invoke(bt_agents, ["up", "--robot", "browser", without])
+    assert result.exit_code == 2
+    assert "--robot browser needs the robot and the studio" in result.output
+
+
+def test_who_is_the_visitor_is_not_said_twice() -> None:
+    result = CliRunner().invoke(bt_agents, ["demo", "--browser", "--script", "a.yaml"])
+    assert result.exit_code == 2
+    assert "who is the visitor?" in result.output

@@ -132,7 +132,7 @@ def test_where_nothing_runs_that_is_said_soon() -> None:
     graph = Graph(heard_after_s=9.5)
     assert words(graph) == (
         "no running system on ROS domain 7; start one with 'bt-agents up', or set ROS_DOMAIN_ID "
-        "to its domain"
+        "to its domain; for one on other machines set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
     )
     assert graph.now == 3.0
 
@@ -141,7 +141,7 @@ def test_a_system_that_stays_silent_is_not_said_to_be_none(holds: Callable[[str]
     holds(UP)
     assert words(Graph()) == (
         f"{UP} is on ROS domain 7, but its marketplace has not been heard for 10 s: it is being "
-        "started, or the machine is very busy; try again"
+        "started, was told to leave, or the machine is very busy; try again"
     )
 
 

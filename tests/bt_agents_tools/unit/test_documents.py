@@ -15,8 +15,9 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from bag_fixture import write_bag
 from bt_agents_lab.experiments.sweep_reader import SWEEP, read_sweep
-from bt_agents_language.files.experiment_reader import EXPERIMENT
+from bt_agents_language.files.experiment_reader import EXPERIMENT, read_experiment
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
@@ -58,6 +59,9 @@ OFFLINE = {
 RUN_AS_A_WHOLE = ("tutorial.md",)
 """Documents whose commands need each other; tests/e2e/test_tutorial.py runs them."""
 
+WITH_A_PACKAGE = "py_trees_ros.md"
+"""Document whose tree needs the package beside it; tests/ros/test_plugin_nodes.py runs both."""
+
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 AGENT = """
 format: 1
@@ -94,7 +98,8 @@ TRANSCRIPTS = [
 
 
 @pytest.mark.parametrize(
-    ("document", "text"), [block for block in blocks("yaml") if block[0] not in RUN_AS_A_WHOLE]
+    ("document", "text"),
+    [block for block in blocks("yaml") if block[0] not in (*RUN_AS_A_WHOLE, WITH_A_PACKAGE)],
 )
 def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path) -> None:
     keys = yaml.safe_load(text)
@@ -113,6 +118,9 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
     if "rules" in keys:
         assert read_market(Source(document, text), SPACE)
         return
+    if "scenes" in keys:
+        assert read_experiment(Source(document, text), SPACE).scenes
+        return
     if "strategies" in keys:
         (tmp_path / "persons").symlink_to(ROOT / "experiments" / "persons")
         (tmp_path / "sweeps").mkdir()
@@ -120,7 +128,7 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
         path.write_text(text)
         assert read_sweep(path).selections
         return
-    if {"skills", "bindings"} & keys.keys():
+    if {"skills", "bindings", "places"} & keys.keys():
         path = tmp_path / "their.yaml"
         path.write_text(text)
         assert read_skills([TREES / "skills" / "robot.yaml", path])
@@ -196,16 +204,20 @@ def test_every_command_exists_with_its_options(document: str, text: str) -> None
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small journal."""
+    """A folder with a small journal, and a bag of the same system."""
     folder = tmp_path_factory.mktemp("kept")
-    return morning(folder / "trees").write(folder / "morning.mcap")
+    town = morning(folder / "trees")
+    town.write(folder / "morning.mcap")
+    write_bag(folder / "morning", town.published)
+    return folder
 
 
 @pytest.fixture
 def here(tmp_path: Path, kept: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder to work in, with the trees, as the documents suppose it."""
     shutil.copytree(TREES, tmp_path / "trees")
-    shutil.copy(kept, tmp_path)
+    shutil.copy(kept / "morning.mcap", tmp_path)
+    shutil.copytree(kept / "morning", tmp_path / "morning")
     (tmp_path / "patrol.xml").write_text(PATROL)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -315,3 +327,16 @@ def test_a_launched_system_keeps_a_journal_only_where_it_is_told_to(folder: str)
     assert {"name": "folder", "value": "$(var journal)", "type": "str"} in node["param"]
     [condition] = re.findall(r'^\$\(eval "(.*)"\)$', node["if"])
     assert eval(condition.replace("$(var journal)", folder)) is bool(folder)
+
+
+def test_the_demo_is_told_all_that_the_system_is_told_and_stays_in_its_namespace() -> None:
+    folder = ROOT / "bt_agents_bringup" / "launch"
+    entries = yaml.safe_load((folder / "demo.launch.yaml").read_text())["launch"]
+    system = yaml.safe_load((folder / "system.launch.yaml").read_text())["launch"]
+    arguments = {entry["arg"]["name"] for entry in system if "arg" in entry}
+    assert {"tags", "robot", "tick_rate", "live_rate", "log_level", "respawn"} <= arguments
+    own = {entry["arg"]["name"]: entry["arg"]["default"] for entry in entries if "arg" in entry}
+    assert own["tags"] == "airport"
+    nodes = [entry["node"] for entry in entries + system if "node" in entry]
+    assert {node["namespace"] for node in nodes} == {"$(var namespace)"}
+    assert {node["ros_args"] for node in nodes} == {"--log-level $(var log_level)"}

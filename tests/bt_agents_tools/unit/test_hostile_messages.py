@@ -18,13 +18,9 @@ import bt_agents_interfaces.msg
 import bt_agents_interfaces.srv
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_interfaces.msg import Auction, HostCard, Run, Scene, StatusChange, TreeStatus
-from bt_agents_interfaces.srv import (
-    ListVersions,
-    ManageProfiles,
-    PreviewAuction,
-    ReloadAgents,
-    RollBack,
-)
+from bt_agents_interfaces.srv import ManageProfiles, PreviewAuction, ReloadAgents, RollBack
+from bt_agents_ros.system_topics import HOST, TOPICS
+from bt_agents_ros.types import load_type
 from bt_agents_tools.cli import connection
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.main import bt_agents
@@ -48,7 +44,7 @@ OF_SEVERAL_LINES = {
 KINDS = {
     *(kind for kind in vars(bt_agents_interfaces.msg).values() if isinstance(kind, type)),
     *(one.Response for one in vars(bt_agents_interfaces.srv).values() if hasattr(one, "Response")),
-    *(kind for kind, _ in observer._TOPICS.values()),
+    *(load_type(topic.type) for topic in TOPICS),
     *(kind.Response for kind in observer._SERVICES.values()),
 }
 
@@ -75,16 +71,10 @@ class FakeNode:
             callback(hostile(kind), *info)
 
     def create_client(self, kind: Any, *_: Any, **__: Any) -> Any:
-        def call_async(_: Any) -> Any:
-            answer = hostile(kind.Response)
-            if hasattr(answer, "accepted"):
-                answer.accepted = True
-            return SimpleNamespace(done=lambda: True, result=lambda: answer)
-
-        return SimpleNamespace(service_is_ready=lambda: True, call_async=call_async)
+        return SimpleNamespace(kind=kind, service_is_ready=lambda: True)
 
     def get_topic_names_and_types(self) -> list[Any]:
-        return [("/market", ["bt_agents_interfaces/msg/MarketStatus"])]
+        return [("/bt_agents/market", ["bt_agents_interfaces/msg/MarketStatus"])]
 
     def get_publishers_info_by_topic(self, _: str) -> list[Any]:
         return [SimpleNamespace(node_namespace=HOSTILE)]
@@ -97,18 +87,28 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
     fake = SimpleNamespace(
         init=lambda **_: None, create_node=lambda *_, **__: FakeNode(), try_shutdown=lambda: None
     )
+
+    def added_timer(_node: Any, _period_s: float, call: Callable[[], None], running: bool) -> Any:
+        timers.append(call)
+        return SimpleNamespace(is_canceled=lambda: not running, reset=list, cancel=list)
+
     spinner = SimpleNamespace(spin_until=lambda done, _: done(), close=lambda: None)
     monkeypatch.setattr(observer, "rclpy", fake)
     monkeypatch.setattr(observer, "Spinner", lambda _: spinner)
-    monkeypatch.setattr(observer, "steady_timer", lambda _, __, call: timers.append(call))
+    monkeypatch.setattr(observer, "steady_timer", added_timer)
     monkeypatch.setattr(observer, "Calls", lambda _: SimpleNamespace(call=answered_call))
-    monkeypatch.setattr(connection, "set_local_discovery", lambda _: None)
+    monkeypatch.setattr(connection, "set_discovery", lambda _: None)
     return timers
 
 
-def answered_call(*_: Any, on_answer: Callable[[Any], None], **__: Any) -> None:
-    answer = hostile(ListVersions.Response)
-    answer.versions[0].current = True
+def answered_call(
+    client: Any, _request: Any, *, on_answer: Callable[[Any], None], **_: Any
+) -> None:
+    answer = hostile(client.kind.Response)
+    if hasattr(answer, "accepted"):
+        answer.accepted = True
+    if hasattr(answer, "versions"):
+        answer.versions[0].current = True
     on_answer(answer)
 
 
@@ -134,10 +134,10 @@ def test_the_observer_hands_out_printable_messages_and_answers_only(
     one._on_card(make_printable(hostile(HostCard)))
     kept = [one.market, one.profiles, *one.cards, *one.cards.values(), *told]
     kept += one.namespaces_of_markets()
-    for topic in observer._TOPICS:
-        kept += one.received(topic)
+    for topic in TOPICS:
+        kept += one.received(topic.name.replace(HOST, "/agents"))
     kept += [one.ask(service) for service in observer._SERVICES]
-    assert len(kept) > len(observer._TOPICS) + len(observer._SERVICES) + len(LISTENED)
+    assert len(kept) > len(TOPICS) + len(observer._SERVICES) + len(LISTENED)
     found = [text for part in kept for text in texts(part)]
     assert "".join(map(raw, found)) == ""
 

@@ -15,6 +15,7 @@ from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.commands import keep as keeping
+from bt_agents_tools.client.file_edits import FileEdit
 from bt_agents_tools.rehearsal.suite import broken_by, find_tests
 from checkout import ROOT
 
@@ -57,9 +58,9 @@ def trees(tmp_path: Path) -> Path:
     return folder
 
 
-def edit(trees: Path, after: str) -> keeping._Edit:
+def edit(trees: Path, after: str) -> FileEdit:
     path = trees / "agents" / "waiter.yaml"
-    return keeping._Edit(
+    return FileEdit(
         trees=trees,
         path=path,
         before=AGENT,

@@ -36,5 +36,7 @@ def test_a_long_script_is_played_to_its_end(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(time, "monotonic", lambda: float(next(minutes)))
     crowd: Any = Crowd()
     never: Any = False
-    _print_events(Console(), crowd, crowd, never, Component(name="visitors", module=""))
+    _print_events(
+        Console(), crowd, crowd, never, Component(name="visitors", module=""), None, None
+    )
     assert crowd.visits_done

@@ -31,7 +31,9 @@ def scene(*values: SimpleNamespace, **more: Any) -> SimpleNamespace:
     who = {"label": "", "person": True, "person_id": "", "place": "", "persons": 0}
     fields = who | {"visits": 0, "remembered": []} | more
     stamp = SimpleNamespace(sec=0, nanosec=0)
-    return SimpleNamespace(stamp=stamp, scene_id="s", values=values, **fields)
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=stamp), scene_id="s", values=values, **fields
+    )
 
 
 MISSING = value("hurry", math.nan, Origin.MISSING, age_s=math.nan, std=math.nan, confidence=0.0)

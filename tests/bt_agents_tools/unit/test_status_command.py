@@ -8,7 +8,7 @@ import time
 import pytest
 
 from bt_agents_interfaces.msg import MarketStatus, Scene, SceneValue, Tree, TreeNode, Trees
-from bt_agents_ros.messages import to_time
+from bt_agents_ros.messages import header_at, to_time
 from bt_agents_tools.cli.commands.status import market_text
 from bt_agents_tools.cli.formatting import SceneLabels, node_names, since_text
 
@@ -22,7 +22,7 @@ def text_of(status: MarketStatus, names: SceneLabels | None = None, **more: bool
 
 def test_a_run_says_since_when_it_is_under_way_and_for_which_scene():
     status = MarketStatus(
-        stamp=to_time(SINCE_S),
+        header=header_at(to_time(SINCE_S)),
         state=MarketStatus.RUNNING,
         scene_id="scene-7",
         scene_label="an elderly lady",
@@ -37,7 +37,7 @@ def test_a_scene_without_a_label_is_named_by_its_values_and_never_by_an_id_that_
     names = SceneLabels()
     names.add(Scene(scene_id="scene-7", person=True, values=[SceneValue(name="age", value=4.5)]))
     running = MarketStatus(
-        stamp=to_time(SINCE_S),
+        header=header_at(to_time(SINCE_S)),
         state=MarketStatus.COLLECTING,
         scene_id="scene-7",
         message="scene 'scene-7' has ended; collecting feedback",
@@ -56,7 +56,9 @@ def test_what_an_operator_awards_has_the_name_of_its_scene():
 
 
 def test_a_market_whose_scenes_wait_says_for_whom_whatever_is_shown_below():
-    waits = MarketStatus(stamp=to_time(SINCE_S), queued=2, message="waiting for /agents")
+    waits = MarketStatus(
+        header=header_at(to_time(SINCE_S)), queued=2, message="waiting for /agents"
+    )
     assert text_of(waits, is_end_shown=True).endswith("for 1 min 15 s: waiting for /agents")
 
 
@@ -74,7 +76,9 @@ def test_a_follow_up_round_has_the_name_of_its_own_scene(follow_up_is_first):
 
 
 def test_an_idle_market_says_what_was_last_unless_its_end_is_shown_below():
-    idle = MarketStatus(stamp=to_time(SINCE_S), message="scene 'lady' is over: succeeded")
+    idle = MarketStatus(
+        header=header_at(to_time(SINCE_S)), message="scene 'lady' is over: succeeded"
+    )
     assert text_of(idle).endswith("for 1 min 15 s: scene 'lady' is over: succeeded")
     assert text_of(idle, is_end_shown=True) == "idle since 10:11:12, for 1 min 15 s"
 

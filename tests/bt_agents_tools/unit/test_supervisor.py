@@ -16,12 +16,13 @@ import pytest
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.launcher.supervisor import (
+    LAN_PROFILE,
     LOOPBACK_PROFILE,
     Backoff,
     Component,
     Supervisor,
     discovery_text,
-    set_local_discovery,
+    set_discovery,
 )
 
 HANG_S = 30.0
@@ -169,6 +170,54 @@ def test_a_component_that_falls_silent_is_killed_after_ten_seconds_and_started_a
     assert "--- start" not in watched.said("robot")
 
 
+def test_a_node_that_was_told_to_leave_may_be_silent_until_it_is_active_again(
+    watched: Watched,
+) -> None:
+    supervisor = watched.supervisor
+    supervisor.start(watched.write("agents", UP_FOR_EVER))
+    watched.up("agents")
+    supervisor.poll()
+    supervisor.on_heartbeat("agents")
+
+    supervisor.on_state("agents", "inactive")
+    supervisor.on_heartbeat("agents")  # late, from when it was active
+    assert supervisor.poll() == ["agents was told to leave: it is inactive"]
+    for _ in range(60):
+        watched.now += 0.5
+        assert supervisor.poll() == []
+    supervisor.on_state("agents", "active")
+    assert supervisor.poll() == ["agents is active again"]
+
+    supervisor.on_heartbeat("agents")
+    for _ in range(20):
+        watched.now += 0.5
+        events = supervisor.poll()
+    assert events == ["agents hangs (no heartbeat for 10 s): killing it"]
+
+
+def test_states_at_the_start_of_a_node_are_no_news(watched: Watched) -> None:
+    watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
+    watched.up("agents")
+    watched.supervisor.on_state("agents", "active")
+    assert watched.supervisor.poll() == []
+
+
+def test_heartbeats_of_nodes_that_share_a_process_are_those_of_the_process(
+    watched: Watched,
+) -> None:
+    supervisor = watched.supervisor
+    shared = replace(watched.write("system", UP_FOR_EVER), parts={"agents": "a", "robot": "b"})
+    supervisor.start(shared)
+    watched.up("system")
+    supervisor.poll()
+    for heard in [*["agents", "robot"] * 20, *["somebody else"] * 20]:
+        watched.now += 0.5
+        supervisor.on_heartbeat(heard)
+        events = supervisor.poll()
+        assert not events or heard == "somebody else"
+    assert events[0] == "system hangs (no heartbeat for 10 s): killing it"
+
+
 def test_a_heartbeat_before_the_first_poll_counts(watched: Watched) -> None:
     supervisor = watched.supervisor
     supervisor.start(watched.write("agents", UP_FOR_EVER))
@@ -304,6 +353,20 @@ def test_a_component_that_does_not_restart_is_an_error_when_it_ends(watched: Wat
         watched.end("visitors", pid)
 
 
+def test_the_system_goes_on_without_a_component_that_it_does_not_need(watched: Watched) -> None:
+    component = watched.write("studio", BROKEN)
+    watched.supervisor.start(replace(component, needed=False))
+    for wait in ("0.5", "1"):
+        events = watched.until(lambda events: bool(events))
+        assert f"studio ended with exit code 1: starting it again in {wait} s" in events[0]
+        assert not watched.supervisor.has_been_up("studio")
+        watched.now += 30.0
+    watched.write("studio", UP_FOR_EVER)
+    [back] = watched.until(lambda events: events and "is back" in events[-1])[-1:]
+    assert "studio is back" in back
+    assert watched.supervisor.has_been_up("studio")
+
+
 def test_a_process_that_ends_by_itself_is_named_with_the_end_of_its_log(tmp_path: Path) -> None:
     supervisor = Supervisor(tmp_path / "logs")
     supervisor.start(Component(name="broken", module="no_such_module"))
@@ -332,6 +395,14 @@ def test_parameters_are_handed_over_with_their_types() -> None:
     assert component.command()[:4] == [sys.executable, "-m", "bt_agents_ros.node_main", "m"]
 
 
+def test_arguments_of_the_module_come_before_those_of_ros() -> None:
+    command = Component(
+        name="n", module="m", arguments=("a b", "c"), parameters={"x": 1}
+    ).command()
+    module = command.index("m")
+    assert command[module : module + 4] == ["m", "a b", "c", "--ros-args"]
+
+
 def test_parameters_win_over_those_of_a_file_which_comes_before_them() -> None:
     component = Component(name="n", module="m", parameters={"x": 1}, file=Path("/f.yaml"))
     assert component.command()[6:] == ["--params-file", "/f.yaml", "-p", "x:=1"]
@@ -339,20 +410,23 @@ def test_parameters_win_over_those_of_a_file_which_comes_before_them() -> None:
 
 def test_traffic_stays_on_this_machine_unless_the_user_has_said_otherwise() -> None:
     environment: dict[str, str] = {}
-    set_local_discovery(environment)
+    set_discovery(environment)
     whitelisted = {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(LOOPBACK_PROFILE),
     }
     assert environment == whitelisted
     assert "<address>127.0.0.1</address>" in LOOPBACK_PROFILE.read_text()
-    set_local_discovery(environment)
+    set_discovery(environment)
     assert environment == whitelisted
     assert discovery_text(environment) == "this machine only"
     own = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-    set_local_discovery(own)
-    assert own == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-    assert discovery_text(own) == "discovery range SUBNET"
+    set_discovery(own)
+    assert own == {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(LAN_PROFILE),
+    }
+    assert discovery_text(own) == "open to everybody on this network"
 
 
 @pytest.mark.parametrize(
@@ -366,7 +440,7 @@ def test_without_our_whitelist_the_range_keeps_traffic_on_this_machine(
     own: dict[str, str],
 ) -> None:
     environment = dict(own)
-    set_local_discovery(environment)
+    set_discovery(environment)
     assert environment == {**own, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     assert discovery_text(environment) == "this machine only"
 
@@ -411,7 +485,7 @@ def test_a_process_that_needs_some_seconds_to_end_is_not_killed(
 
 def test_every_process_is_put_into_the_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_NAMESPACE", "robot1")
-    set_local_discovery(dict(os.environ))
+    set_discovery(dict(os.environ))
     assert "-r __ns:=/robot1" in " ".join(Component(name="a", module="b").command())
 
 
@@ -429,7 +503,7 @@ def test_every_process_is_put_into_the_namespace(monkeypatch: pytest.MonkeyPatch
 def test_an_environment_that_ros_does_not_know_is_refused_in_words(wrong: dict[str, str]) -> None:
     name, value = next(iter(wrong.items()))
     with pytest.raises(BtAgentsError, match=f"{name} is '{value}', expected"):
-        set_local_discovery(dict(wrong))
+        set_discovery(dict(wrong))
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
@@ -440,4 +514,4 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 def test_a_discovery_range_in_which_nobody_is_found_is_refused_in_words() -> None:
     with pytest.raises(BtAgentsError, match="no process of the system finds another; unset it"):
-        set_local_discovery({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"})
+        set_discovery({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"})

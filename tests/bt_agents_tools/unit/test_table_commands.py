@@ -17,7 +17,9 @@ from bt_agents_tools.cli.main import bt_agents
 
 WITHOUT_TABLE = {
     *("allow", "answer", "award", "cancel", "check", "demo", "experiment plot", "explain"),
-    *("export groot", "export groot-model", "feedback", "fmt", "import groot", "journal"),
+    *("export groot", "export groot-model", "feedback", "fleet join", "fleet leave", "fleet run"),
+    *("host", "robot"),
+    *("fmt", "import groot", "journal"),
     *("keep", "new", "pin", "profile", "preset apply", "preset forget", "preset save", "press"),
     *(
         "profile check",
@@ -28,8 +30,10 @@ WITHOUT_TABLE = {
         "forget",
     ),
     *("profile recover", "profile reset", "profile undo", "publish", "rehearse", "reload"),
+    *("record mark", "record start", "record stop"),
     *("replay", "roll-back", "scene", "schema", "sense", "show", "test", "trigger", "unpin"),
     *("security policies", "security tls", "studio", "up", "veto", "visit", "watch"),
+    *("pause", "resume", "step"),
 }
 """Commands whose output is no table: words, a document, a picture, a file.
 

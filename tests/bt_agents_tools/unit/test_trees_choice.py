@@ -191,7 +191,7 @@ def test_a_decision_is_read_from_the_journal_without_a_system(
     kept.journal.mkdir()
     town = morning(tmp_path / "town")
     stop = {"event": RunMsg.CANCELLING, "stopped_by": RunMsg.OPERATOR, "stop_reason": "it is late"}
-    town.publish("/runs", RunMsg(epoch=EPOCH, round=4, agent="attentive_guide", **stop))
+    town.publish("/bt_agents/runs", RunMsg(epoch=EPOCH, round=4, agent="attentive_guide", **stop))
     town.write(kept.journal / "journal-2026-05-04_001.mcap")
     last = run("why")
     assert last.exit_code == 0

@@ -132,6 +132,21 @@ def test_the_next_best_agent_may_run_in_the_round_of_a_lost_one():
     assert runs.started(run(1, "express"))
 
 
+def test_the_market_is_expected_to_ask_for_feedback_on_the_last_run_and_asks_once():
+    runs = AnnouncedRuns()
+    assert not runs.collecting
+    runs.started(run())
+    assert runs.collecting
+    runs.ended(run())
+    assert not runs.collecting
+    runs.expect(run())
+    assert runs.collecting
+    runs.collected(run())
+    assert not runs.collecting
+    runs.expect(run())
+    assert not runs.collecting, "the request was quicker than the news"
+
+
 # --- mood rules ---------------------------------------------------------------------------
 
 

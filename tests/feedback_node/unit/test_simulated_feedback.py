@@ -8,6 +8,7 @@ from bt_agents_language.model.experiment import FeedbackErrors, PreparedFeedback
 from feedback_node.simulated_feedback import SimulatedFeedback
 
 A, B = (1.0, 1.0), (5.0, 5.0)
+C = (3.0, 3.0)
 WRONG = (2.0, 2.0)
 SPACE = SceneSpace(
     parameters=tuple(
@@ -29,6 +30,20 @@ def test_a_repeated_sequence_starts_again():
 def test_an_agent_with_its_own_vector_always_gets_it_and_uses_up_no_row():
     simulated = SimulatedFeedback(PreparedFeedback(each={"one": B}, sequence=(A,)))
     assert [simulated.next(agent) for agent in ("one", "one", "two", "one")] == [B, B, A, B]
+
+
+def test_an_agent_with_a_list_of_its_own_uses_up_that_alone():
+    simulated = SimulatedFeedback(PreparedFeedback(sequences={"one": (A, B)}, sequence=(C,)))
+    ran = ("one", "two", "one", "one", "two")
+    assert [simulated.next(agent) for agent in ran] == [A, C, B, None, None]
+
+
+def test_each_repeated_list_starts_again_by_itself():
+    simulated = SimulatedFeedback(
+        PreparedFeedback(sequences={"one": (A, B), "two": (C,)}, repeat=True)
+    )
+    ran = ("one", "two", "one", "two", "one", "three")
+    assert [simulated.next(agent) for agent in ran] == [A, C, B, C, A, None]
 
 
 def test_a_list_goes_on_after_what_was_given_before_a_restart():

@@ -16,15 +16,14 @@ from marketplace_node.effects import (
     AnnounceRun,
     EarlierRun,
     PublishAuction,
-    RunEventKind,
     RunGoal,
-    RunOutcome,
     SendGoal,
     State,
 )
 from marketplace_node.interaction.scene_admission import ROUNDS_IN_VAIN
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 from marketplace_node.market import Market
+from marketplace_node.outcomes import RunEventKind, RunOutcome
 from marketplace_node.settings import Settings
 
 HOST = "/agents"
@@ -168,7 +167,8 @@ class AnyLine(RuleBasedStateMachine):
                 self.running = None
         for effect in news:
             scene_id = getattr(effect, "code", None) and effect.scene_id
-            if not scene_id:
+            if not scene_id or (effect.epoch and scene_id in self.ends):
+                assert not scene_id or self.codes[scene_id] == effect.code
                 continue
             self.ends[scene_id] += 1
             self.codes[scene_id] = effect.code

@@ -16,11 +16,11 @@ from marketplace_node.effects import (
     Collect,
     Effect,
     OpenCall,
-    RunEventKind,
     RunGoal,
     SendGoal,
     State,
 )
+from marketplace_node.outcomes import RunEventKind
 
 AGENTS = {"/a": ("ann", "abe"), "/b": ("bob", "bea"), "/c": ("cat", "cem")}
 SCENES = 1000

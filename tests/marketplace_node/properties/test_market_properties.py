@@ -22,7 +22,6 @@ from marketplace_node.effects import (
     PreviewEnded,
     PublishAuction,
     RequestRanking,
-    RunEventKind,
     RunGoal,
     SendGoal,
     State,
@@ -30,7 +29,8 @@ from marketplace_node.effects import (
 from marketplace_node.market_state import PREVIEWS
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators import MOST_PREVIEWS
-from marketplace_node.round.decision import AuctionOutcome, External
+from marketplace_node.outcomes import AuctionOutcome, RunEventKind
+from marketplace_node.round.decision import External
 from marketplace_node.settings import ON_NEW_SCENE
 
 AGENTS = {"/a": ("ann", "abe"), "/b": ("bob", "bea")}

@@ -15,14 +15,8 @@ from bt_agents_language.files.market_reader import market_of
 from bt_agents_language.files.scene_reader import read_scene
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason_of
-from marketplace_node.round.decision import (
-    AuctionOutcome,
-    ClosedBy,
-    Decision,
-    External,
-    RefusedBid,
-    RoundKind,
-)
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import ClosedBy, Decision, External, RefusedBid, RoundKind
 from ranked_rounds import bids, decided, terms
 
 ROOT = Path(__file__).parents[3]

@@ -23,7 +23,8 @@ from marketplace_node.effects import (
     State,
     StatusChanged,
 )
-from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import ClosedBy
 from marketplace_node.settings import RANGES, Settings
 
 ROOT = Path(__file__).parents[3]

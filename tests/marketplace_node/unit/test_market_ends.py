@@ -10,7 +10,8 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import AnnounceRun as Announced
-from marketplace_node.effects import CancelGoal, RunEventKind, SceneEnded, State
+from marketplace_node.effects import CancelGoal, Note, SceneEnded, State
+from marketplace_node.outcomes import RunEventKind
 
 
 def nobody(market: Driver) -> None:
@@ -108,6 +109,16 @@ def test_a_scene_that_cannot_be_read_ends_with_the_code_of_its_refusal() -> None
 
     assert market.all(SceneEnded) == [
         SceneEnded(scene_id="bad", code="NOT_FINITE", message="age is nan")
+    ]
+
+
+def test_a_scene_without_an_id_is_noted_and_has_no_end_that_would_push_others_out() -> None:
+    market = Driver()
+    market.do(market.market.malformed("", Refused("EMPTY", "scene: no scene_id"), market.now))
+
+    assert market.all(SceneEnded) == []
+    assert [note.message for note in market.all(Note)] == [
+        "EMPTY: scene: no scene_id; no end is announced"
     ]
 
 

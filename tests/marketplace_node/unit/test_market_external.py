@@ -9,7 +9,8 @@ from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import Note, OpenCall, PublishAuction, SendGoal, State
 from marketplace_node.formatting import shown
-from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import ClosedBy
 from marketplace_node.round.precedence import check_ranking
 from marketplace_node.settings import Settings
 

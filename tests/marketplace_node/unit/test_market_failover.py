@@ -14,10 +14,10 @@ from marketplace_node.effects import (
     EarlierRun,
     Note,
     RunGoal,
-    RunOutcome,
     SceneEnded,
     State,
 )
+from marketplace_node.outcomes import RunOutcome
 
 
 def run(**changes: Any) -> EarlierRun:

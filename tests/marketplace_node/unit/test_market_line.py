@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
-from marketplace_node.effects import EarlierRun, RunEventKind, RunGoal, RunOutcome, State
-from marketplace_node.interaction.market_failover import KEPT_S
+from marketplace_node.effects import EarlierRun, RunGoal, SceneEnded, State
+from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S
 from marketplace_node.interaction.scene_admission import ROUNDS_IN_VAIN
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes, read_scenes
 from marketplace_node.operator_overrides import OperatorAction
+from marketplace_node.outcomes import RunEventKind, RunOutcome
 
 CROWD = tuple(f"s{number}" for number in range(1, 11))
 
@@ -301,8 +304,15 @@ def test_a_scene_is_not_asked_about_while_the_run_of_its_host_has_not_ended(
 # The market is started again.
 
 
-def restarted(market: Driver, away_s: float = 1.0, *, host: bool = True) -> Driver:
-    """Return the next start of a killed market, with what it has stored."""
+def restarted(
+    market: Driver, away_s: float = 1.0, *, host: bool = True, at_once: bool = False
+) -> Driver:
+    """Return the next start of a killed market, with what it has stored.
+
+    It was killed ``at_once`` after its last event, or has stored that all ends were announced.
+    """
+    if not at_once:
+        market.do(market.market.tick(market.now))
     after = Driver()
     after.now = market.now + away_s
     stored = market.all(StoreScenes)[-1]
@@ -337,12 +347,48 @@ def report(market: Driver, goal: RunGoal, outcome: RunOutcome) -> None:
     market.do(market.market.unreported("/agents", [run], market.now))
 
 
+def test_the_line_is_asked_about_as_soon_as_all_hosts_of_the_earlier_market_are_back(
+    market: Driver,
+) -> None:
+    market.register("/b", "other")
+    market.scene("s1")
+    after = restarted(market)
+    assert after.status.state is State.IDLE, "the other host is still to come"
+    after.register("/b", "other")
+    assert (after.status.state, after.status.scene_id) == (State.BIDDING, "s1")
+
+
+def test_the_line_waits_for_a_host_that_does_not_come_back_for_a_moment_only(
+    market: Driver,
+) -> None:
+    market.register("/b", "other")
+    market.scene("s1")
+    after = restarted(market)
+    after.wait(GATHER_S - 0.1)
+    assert after.status.state is State.IDLE
+    after.wait(0.2)
+    assert after.status.state is State.BIDDING
+
+
+def test_a_scene_that_was_refused_and_comes_in_again_has_had_its_end() -> None:
+    market = Driver(queue_limit=0)
+    market.register()
+    market.run()
+    market.scene("s2")
+    market.scene("s2")
+    assert market.ends == [("s2", "QUEUE_FULL"), ("s2", "DUPLICATE")]
+    after = restarted(market)
+    after.scene("s2")
+    assert after.ends == [("s2", "DUPLICATE")]
+
+
 def test_the_line_outlives_the_market(market: Driver) -> None:
     market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("first", urgent=True))
     market.scene("s2")
     market.scene("s3", float("nan"), 2.0, 3.0)
-    after = restarted(market)
+    after = restarted(market, host=False)
     assert after.status.waiting == ("first", "s2", "s3")
+    after.register()
     serve_next(after)
 
     assert after.ends == [(name, "SUCCEEDED") for name in ("first", "s2", "s3")]
@@ -494,7 +540,9 @@ def test_a_market_that_shuts_down_ends_the_runs_that_are_not_reported(market: Dr
 
 def test_a_scene_is_stored_before_and_removed_before_anybody_hears_of_it(market: Driver) -> None:
     market.scene("s1")
-    first = next(i for i, e in enumerate(market.effects) if isinstance(e, StoreScenes))
+    first = next(
+        i for i, e in enumerate(market.effects) if isinstance(e, StoreScenes) and e.scenes
+    )
     assert [one.scene.scene_id for one in market.effects[first].scenes] == ["s1"]
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "is tired"))
     kinds = [type(effect).__name__ for effect in market.effects]
@@ -502,6 +550,34 @@ def test_a_scene_is_stored_before_and_removed_before_anybody_hears_of_it(market:
 
     assert market.effects[last].scenes == ()
     assert last < kinds.index("SceneEnded")
+
+
+def test_an_end_whose_announcement_is_not_stored_is_announced_by_the_next_market(
+    market: Driver,
+) -> None:
+    market.run()
+    market.scene("s2")
+    market.end()
+    market.collect()
+    once = restarted(market, host=False, at_once=True)
+    again = restarted(once, at_once=True)
+    later = restarted(once)
+
+    first = market.all(SceneEnded)[0]
+    for after in (once, again):
+        assert after.all(SceneEnded)[0] == replace(first, epoch=market.market.epoch)
+        assert after.ends.count(("s1", "SUCCEEDED")) == 1
+    assert "s1" not in later.over
+
+
+def test_an_end_is_announced_again_however_long_there_was_no_market(market: Driver) -> None:
+    market.run()
+    market.end()
+    market.collect()
+    after = restarted(market, away_s=KEPT_S + 1, at_once=True)
+
+    assert after.ends == [("s1", "SUCCEEDED")]
+    assert after.all(StoreScenes)[-1].ends == ()
 
 
 def test_without_a_change_nothing_is_stored(market: Driver) -> None:

@@ -12,7 +12,7 @@ from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver, scene
 from marketplace_node.effects import AnnounceRun, CancelGoal, SendGoal, State, StoreOverrides
 from marketplace_node.operator_overrides import OperatorAction
-from marketplace_node.round.decision import AuctionOutcome
+from marketplace_node.outcomes import AuctionOutcome
 
 
 @pytest.fixture

@@ -18,7 +18,8 @@ from marketplace_node.effects import (
     PublishAuction,
     State,
 )
-from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import ClosedBy
 from marketplace_node.settings import Settings
 
 # The scene of the tests is [5, 1, 3].

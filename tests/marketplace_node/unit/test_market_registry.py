@@ -104,6 +104,27 @@ def test_a_living_host_cannot_be_replaced_but_a_dead_one_can(registry: Registry)
     assert late.accepted
 
 
+def test_a_living_host_is_replaced_by_its_next_start_in_the_same_process_only(
+    registry: Registry,
+) -> None:
+    def second(earlier: str, participant: str) -> str:
+        answer = registry.register(
+            registration(instance="second", earlier_instance=earlier, participant=participant), 1.0
+        )
+        return "" if answer.accepted else answer.message
+
+    registry.register(registration(participant="a"), 0.0)
+    registry.heartbeat("/agents", "first", 0.9, "a")
+    assert "OTHER_PARTICIPANT" in second("first", "b")
+    assert "HOST_EXISTS" in second("", "a")
+    assert "HOST_EXISTS" in second("zeroth", "a")
+
+    assert not second("first", "a")
+    entry = registry.get("/agents")
+    assert entry is not None
+    assert entry.instance == "second"
+
+
 def test_heartbeats_of_strangers_and_earlier_starts_count_for_nothing(registry: Registry) -> None:
     registry.register(registration(), 0.0)
     registry.heartbeat("/agents", "first", 0.0)

@@ -8,7 +8,8 @@ import pytest
 from bt_agents_core.stop_cause import StoppedBy
 from market_harness import EXPRESS, GUIDE, Driver, scene
 from marketplace_node.effects import AnnounceRun, CancelGoal, Collect, SendGoal, State
-from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+from marketplace_node.outcomes import AuctionOutcome
+from marketplace_node.round.decision import ClosedBy
 
 
 @pytest.fixture
@@ -209,8 +210,8 @@ def test_scenes_wait_in_order_up_to_the_limit() -> None:
     market.collect()
 
     assert (market.status.scene_id, market.status.finished_scene_id) == ("s2", "s1")
-    market.scene("s4")
-    assert market.status.queued == 2, "a refused scene may come again"
+    market.scene("s5")
+    assert market.status.queued == 2, "there is room again"
 
 
 def test_a_waiting_crowd_ends_scene_by_scene_without_agents() -> None:

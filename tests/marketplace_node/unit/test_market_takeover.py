@@ -8,7 +8,8 @@ import pytest
 from bt_agents_core.open_goals import OpenGoal
 from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import Alarm, AnnounceRun, CancelOpenGoals, SendGoal, State
-from marketplace_node.goal_takeover import MOST_STARTS, GoalTakeover
+from marketplace_node.goal_takeover import MOST_STARTS, GoalTakeover, StoredGoals
+from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes
 
 A, B = "/a", "/b"
 DRIVE = OpenGoal(path="tree/1.drive", action="/drive", goal_id=b"1" * 16)
@@ -162,11 +163,11 @@ def test_goals_of_a_start_that_was_never_registered_are_nobodys_to_cancel(two: D
 def test_strangers_are_bounded_and_push_out_nobody_who_is_registered():
     takeover = GoalTakeover()
     takeover.store(A, "first", (DRIVE,))
-    assert takeover.lost(lambda host, _instance: host == A, 1.0) == []
+    assert takeover.lost(lambda host, _instance: host == A, 1.0, 0.0) == []
     for number in range(3 * MOST_STARTS):
         takeover.store(f"/h{number}", "first", (SAY,))
     assert len(takeover._open) == MOST_STARTS
-    [lost] = takeover.lost(lambda _host, _instance: False, 1.0)
+    [lost] = takeover.lost(lambda _host, _instance: False, 1.0, 0.0)
     assert (lost.host, lost.goals) == (A, (DRIVE,))
 
 
@@ -179,3 +180,72 @@ def test_a_market_that_was_held_up_itself_takes_nothing_over_from_a_host_that_li
     two.wait(1.0)
     assert two.all(CancelOpenGoals) == []
     assert two.status.message == f"{GUIDE} is running"
+
+
+def next_market(market: Driver) -> Driver:
+    """Return the next start of a market that was killed, which has read what that had stored."""
+    after = Driver()
+    text = format_scenes(market.all(StoreScenes)[-1])
+    after.do(after.market.restore_scenes(text, 1.0, after.now)[1])
+    return after
+
+
+def test_what_a_host_had_open_that_died_with_the_market_is_cancelled_by_the_next_one(two: Driver):
+    two.end()
+    two.collect()
+    after = next_market(two)
+    after.register(B, EXPRESS)
+    after.scene("s2")
+    bid_of_b(after)
+    assert starts(after) == []
+    assert f"{A} may have open goals of an earlier run: /drive (tree/1.drive)" in (
+        after.status.message
+    )
+    after.wait(1.6)
+    assert [(one.host, one.goals) for one in after.all(CancelOpenGoals)] == [(A, (DRIVE,))]
+    assert starts(after) == []
+    goals_end(after)
+    assert starts(after) == [EXPRESS]
+
+
+def test_what_a_host_has_open_that_outlives_the_market_is_its_own(two: Driver):
+    after = next_market(two)
+    after.register(A, GUIDE)
+    after.wait(10.0)
+    assert after.all(CancelOpenGoals) == []
+    after.die(A)
+    after.wait(0.9)
+    assert [one.goals for one in after.all(CancelOpenGoals)] == [(DRIVE,)]
+
+
+def test_a_host_that_had_nothing_open_is_not_waited_for_by_the_next_market(two: Driver):
+    opens(two, A)
+    two.end()
+    two.collect()
+    after = next_market(two)
+    after.register(B, EXPRESS)
+    after.scene("s2")
+    bid_of_b(after)
+    assert starts(after) == [EXPRESS]
+
+
+def test_goals_that_are_being_cancelled_when_the_market_dies_are_cancelled_by_the_next_one(
+    two: Driver,
+):
+    two.die(A)
+    two.wait(0.9)
+    assert two.all(StoreScenes)[-1].open_goals == (
+        StoredGoals(host=A, instance="first", goals=(DRIVE,)),
+    )
+    after = next_market(two)
+    after.wait(1.6)
+    assert [one.goals for one in after.all(CancelOpenGoals)] == [(DRIVE,)]
+
+
+def test_a_market_that_was_held_up_waits_longer_for_the_hosts_of_the_earlier_one(two: Driver):
+    after = next_market(two)
+    since, after.now = after.now, after.now + 5.0
+    after.do(after.market.extend_after_stall(since, after.now))
+    after.register(A, GUIDE)
+    after.wait(1.0)
+    assert after.all(CancelOpenGoals) == []

@@ -140,6 +140,21 @@ def test_changes_come_once_at_their_time_after_the_run_started():
     assert performance.due(300.0) == []
 
 
+def test_a_start_that_is_received_before_its_scene_counts():
+    change = SceneChange(after_s=3.0, values={"mood": 2.0})
+    performance = play(visit("a", changes=(change,)), visit("b", changes=(change,)))
+    performance.market(market(), 0.0)
+    performance.next(0.0)
+    performance.started("s1", 1.0)
+    performance.announced("s1")
+    assert performance.due(3.9) == []
+    assert performance.due(4.0) == [change]
+    performance.market(market("s1"), 5.0)
+    assert performance.over()
+    begin(performance, "s2", 6.0)
+    assert performance.due(20.0) == [], "the start of the visit before is none of this one"
+
+
 def test_a_faster_pace_brings_changes_sooner():
     change = SceneChange(after_s=10.0, values={"mood": 2.0})
     performance = play(visit("a", changes=(change,)), pace=5.0)

@@ -16,6 +16,7 @@ from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from file_texts import read_scene_text
 from plain_message import message_of
 from scene_layer.fusion import Reading
+from scene_layer.health import Standing
 from scene_layer.sources import Sources
 
 SPACE = SceneSpace(
@@ -212,6 +213,15 @@ def test_a_word_is_looked_up_and_an_unknown_one_refused_with_what_is_known():
     assert refused.value.code == "UNKNOWN_WORD"
 
 
+def test_a_field_that_is_nan_has_no_value_where_an_expression_says_what_to_take():
+    source = topic("msg.data else 2", "confidence: msg.sure else 0.5")
+    assert after(source, {"data": math.nan, "sure": math.nan}).value == 2.0
+    assert after(source, {"data": math.nan, "sure": math.nan}).confidence == 0.5
+    assert after(source, {"data": 4.0, "sure": 1.0}).value == 4.0
+    with pytest.raises(Refused, match="NOT_COMPUTABLE"):
+        after(topic("msg.data + 1"), {"data": math.nan})
+
+
 def test_without_confidence_nothing_was_measured():
     source = topic("data", "confidence: sure")
     assert after(source, {"data": math.nan, "sure": 0.0}) is None
@@ -348,3 +358,12 @@ def test_a_place_that_is_no_short_text_is_refused(text, code):
         read(sources, spec.place, text, 0.0)
     assert refused.value.code == code
     assert sources.place(0.0) == ""
+
+
+def test_a_topic_is_unread_then_its_reading_holds_then_it_is_stale():
+    sources = Sources(SPEC)
+    assert set(sources.standings(now=0.0).values()) == {Standing.UNREAD}
+    sources.read(AGE, message_of({"data": 20.0}), now=1.0)
+    assert sources.standings(now=3.0)["sensors/age"] is Standing.FRESH
+    assert sources.standings(now=3.0)["sensors/person"] is Standing.UNREAD
+    assert sources.standings(now=3.1)["sensors/age"] is Standing.STALE

@@ -14,6 +14,17 @@ class Cooldown(Skip):
 
     _ended_at: float | None = None
 
+    @property
+    def over_at(self) -> float | None:
+        """When the child may start again, on the trees' clock [s]; None while nobody knows.
+
+        Nobody knows it of a duration that is no constant, unless the child was just skipped.
+        """
+        duration = self.fields.constant("duration")
+        if self._ended_at is None or not isinstance(duration, int | float):
+            return None
+        return self._ended_at + duration
+
     def skip_reason(self) -> str:
         if self._ended_at is None:
             return ""

@@ -4,19 +4,24 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
 from typing import TypeVar
 
 from py_trees.behaviour import Behaviour
+from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
 from bt_agents.engine.call_limit import bounded
-from bt_agents.engine.context import NodeMaker
+from bt_agents.engine.context import BuildChild, NodeMaker, RunContext
+from bt_agents.engine.environment import PluginNode
 from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.node_errors import reason_of, with_location
+from bt_agents.engine.scope import Scope
 from bt_agents_core.errors import LONGEST_REASON, Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.model.specs import NodeSpec
 
 BLOCKS_S = 0.25
 """How long a call into a plug-in may take [s], well below what the market waits for a host."""
@@ -30,25 +35,50 @@ T = TypeVar("T")
 
 
 class PluginLeaf(Leaf):
-    """Makes a new behaviour at every start, sets it up, and ticks it to its end.
+    """Makes one behaviour for the run, sets it up once, and starts and ticks it as py_trees does.
 
-    The behaviour is no part of the tree: it gets its name and copies of its fields, nothing else.
-    Whatever it raises, and a call of it that blocks, is a FAILURE.
+    The behaviour is no part of the tree: it gets its name and copies of its fields, the keys of
+    the blackboard that its class declares, and in ``setup`` a ROS node where there is one. Fields
+    with other values than at its last start, and an error, make a new one. What it has set up is
+    taken down after the run. Whatever it raises, and a call of it that blocks, is a FAILURE.
+
+    Attributes:
+        written: Names that it has given a value in the last tick.
     """
 
     has_side_effects = True
     _behaviour: Behaviour | None = None
+    _node: PluginNode | None = None
+    _made_of: Mapping[str, Plain] | None = None
+    _follows_run = False
     _limit_s = BLOCKS_S
+
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, _build: BuildChild | None = None
+    ) -> None:
+        super().__init__(spec, context, scope, _build)
+        self.written: dict[str, Plain] = {}
+        self._reads: Mapping[str, str] = getattr(spec.plugin, "reads", {})
 
     def begin(self) -> None:
         self._limit_s = BLOCKS_S
-        fields = {name: copy.deepcopy(self._field(name)) for name in self.spec.fields}
-        behaviour = self._behaviour = self._contained(lambda: self._made(fields))
-        self._contained(behaviour.setup_with_descendants)
+        shared = self._reads.values()
+        fields = {
+            name: copy.deepcopy(self._field(name))
+            for name in self.spec.fields
+            if name not in shared
+        }
+        if self._behaviour is not None and fields != self._made_of:
+            self._close()
+        if self._behaviour is None:
+            self._set_up(fields)
 
     def step(self) -> Status:
+        self.written.clear()
         behaviour = self._behaviour
         assert behaviour is not None
+        for key, name in self._reads.items():
+            Blackboard.set(key, copy.deepcopy(self._field(name)))
         self._contained(behaviour.tick_once)
         status, message = behaviour.status, behaviour.feedback_message
         if not isinstance(status, Status) or status is Status.INVALID:
@@ -57,19 +87,102 @@ class PluginLeaf(Leaf):
                 f"{self.spec.kind} ended its tick as {status}, expected RUNNING, SUCCESS or "
                 "FAILURE",
             )
+        self._write()
+        lost = self._node.lost() if self._node is not None else ""
+        if lost and status is Status.RUNNING:
+            raise Refused("LOST_GOAL", lost)
         self.feedback_message = str(message)[:LONGEST_REASON]
         return status
 
     def end(self) -> None:
-        """Stop it unless it has ended by itself, and let it take down what it has set up."""
-        behaviour, self._behaviour = self._behaviour, None
+        """Stop it unless it has ended by itself; one that has raised is taken down."""
+        behaviour = self._behaviour
         if behaviour is None:
             return
         with ExitStack() as rest:
-            for node in behaviour.iterate():
-                rest.callback(self._contained, node.shutdown)
+            if self._error:
+                rest.callback(self._close)
+            if self._node is not None:
+                rest.callback(self._node.settle)
             if behaviour.status not in (Status.SUCCESS, Status.FAILURE):
                 self._contained(lambda: behaviour.stop(Status.INVALID))
+
+    def _set_up(self, fields: Mapping[str, Plain]) -> None:
+        behaviour = self._behaviour = self._contained(lambda: self._made(fields))
+        self._made_of = fields
+        if not self._follows_run:
+            self._follows_run = True
+            self.context.on_close(self._end_run)
+        self._node = self.context.open_plugin_node(self.spec.path)
+        shared = {} if self._node is None else {"node": self._node.node}
+
+        def set_up() -> None:
+            for node in behaviour.iterate():
+                node.setup(**shared)
+
+        try:
+            self._contained(set_up)
+        except Exception:
+            # The first error counts.
+            with suppress(Exception):
+                self._close()
+            raise
+
+    def _end_run(self) -> None:
+        try:
+            self._close()
+        except Exception as error:
+            text = with_location(reason_of(error), self.spec)
+            self.context.environment.log("warning", f"at the end of the run: {text}")
+
+    def _close(self) -> None:
+        """Take down what it has set up, and remove its keys from the blackboard."""
+        behaviour, self._behaviour = self._behaviour, None
+        plugin_node, self._node = self._node, None
+        if behaviour is None:
+            return
+        with ExitStack() as rest:
+            if plugin_node is not None:
+                rest.callback(self.context.forget_plugin_node, plugin_node)
+                rest.callback(plugin_node.close)
+            rest.callback(self._remove_keys, behaviour)
+            for node in behaviour.iterate():
+                rest.callback(self._contained, node.shutdown)
+
+    def _remove_keys(self, behaviour: Behaviour) -> None:
+        """Remove keys that no other node of the run uses."""
+        clients = [client for node in behaviour.iterate() for client in node.blackboards]
+        keys = {key for client in clients for key in client.remappings.values()}
+        for client in clients:
+            # Not by ``unregister``, which fails where two names of a client are one key.
+            Blackboard.clients.pop(client.id(), None)
+            for key in client.remappings.values():
+                users = Blackboard.metadata[key]
+                for of_kind in (users.read, users.write, users.exclusive):
+                    of_kind.discard(client.id())
+        keys.update(map(_absolute, (*self._reads, *self.spec.outputs.values())))
+        for key in keys:
+            users = Blackboard.metadata.get(key)
+            if users is None or not (users.read or users.write or users.exclusive):
+                Blackboard.metadata.pop(key, None)
+                Blackboard.unset(key)
+
+    def _write(self) -> None:
+        """Give the names values that the behaviour has put on the blackboard."""
+        for name, key in self.spec.outputs.items():
+            if Blackboard.exists(key):
+                value = Blackboard.get(key)
+                if self._node is not None:
+                    value = self._node.plain(value)
+                if not _is_plain(value):
+                    raise Refused(
+                        "NOT_PLAIN",
+                        f"{self.spec.kind} has put a {type(value).__name__} on the blackboard as "
+                        f"'{key}', expected a message, or texts, numbers, lists and mappings",
+                    )
+                value = copy.deepcopy(value)
+                self.scope.write(name, value)
+                self.written[name] = value
 
     def _field(self, name: str) -> Plain:
         value = self.spec.fields[name]
@@ -77,9 +190,9 @@ class PluginLeaf(Leaf):
             return self.fields.is_true(name)
         return self.fields.value(name)
 
-    def _made(self, fields: dict[str, Plain]) -> Behaviour:
+    def _made(self, fields: Mapping[str, Plain]) -> Behaviour:
         assert self.spec.plugin is not None
-        made = self.spec.plugin(name=self.spec.name, **fields)
+        made = self.spec.plugin(name=self.spec.name, **copy.deepcopy(dict(fields)))
         if not isinstance(made, Behaviour):
             raise Refused(
                 "NO_BEHAVIOUR",
@@ -107,6 +220,24 @@ class PluginLeaf(Leaf):
             ) from None
         except BaseException as error:
             raise Refused("EXIT", f"the plug-in raised {type(error).__name__}: {error}") from None
+
+
+def _absolute(key: str) -> str:
+    return str(Blackboard.absolute_name(Blackboard.separator, key))
+
+
+def _is_plain(value: object, levels: int = 20) -> bool:
+    """Return whether a value is of texts, numbers, lists and mappings, not nested too deeply."""
+    match value:
+        case None | bool() | int() | float() | str():
+            return True
+        case Mapping():
+            return levels > 0 and all(
+                isinstance(key, str) and _is_plain(one, levels - 1) for key, one in value.items()
+            )
+        case tuple() | list():
+            return levels > 0 and all(_is_plain(one, levels - 1) for one in value)
+    return False
 
 
 BEHAVIOURS: dict[str, NodeMaker] = {}

@@ -16,6 +16,8 @@ class Repeat(Loop):
     A FAILURE of the child ends it. A condition with a missing value is not true yet.
     """
 
+    limit_field = "times"
+
     def ended(self, status: Status) -> Status:
         if status is not SUCCESS:
             return status

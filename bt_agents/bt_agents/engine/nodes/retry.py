@@ -12,6 +12,8 @@ from bt_agents.engine.loops import Loop
 class Retry(Loop):
     """SUCCESS with the first SUCCESS of the child, FAILURE after so many attempts in all."""
 
+    limit_field = "attempts"
+
     def ended(self, status: Status) -> Status:
         if status is not FAILURE:
             return status

@@ -24,9 +24,9 @@ from bt_agents.engine.scope import (
 from bt_agents.engine.variant_picker import VariantPicker
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind, Plain
-from bt_agents_core.text import ellipsize
+from bt_agents_core.text import ellipsize, join_first, quote
 from bt_agents_language.expression.expressions import Expression, MissingValue
-from bt_agents_language.model.specs import Binding, Literal, NodeSpec
+from bt_agents_language.model.specs import Binding, Literal, NodeSpec, Place
 
 _WHY = {
     GoalState.REJECTED: "its server did not take the goal and says nothing about why",
@@ -34,6 +34,9 @@ _WHY = {
     GoalState.CANCELLED: "somebody else has stopped it",
 }
 """Reasons for failures where the server gives none."""
+
+_NO_PLACES = "no skills file has the key 'places'"
+"""Reason that a place is not known where none is."""
 
 _LONGEST_REASON = 300
 """Most characters of a server's message that are passed on."""
@@ -64,7 +67,7 @@ class SkillLeaf(Leaf):
         binding = self._binding()
         inputs = {one.name: self._input(one.name) for one in skill.inputs}
         self._main_text = self._format_main_input(inputs)
-        names = BindingNames(inputs=inputs, around=self.scope)
+        names = BindingNames(inputs=inputs, around=self.scope, place=_place(binding, inputs))
         goal = SkillGoal(
             kind=binding.kind,
             name=binding.name,
@@ -90,7 +93,9 @@ class SkillLeaf(Leaf):
             return Status.RUNNING
         if state is GoalState.SUCCEEDED:
             return self._succeeded(self._run.result)
-        reason = self._run.message or _result_message(self._run.result) or _WHY.get(state, "")
+        result = self._run.result
+        reason = self._run.message or self._error_in(result) or _result_message(result)
+        reason = reason or _WHY.get(state, "")
         self.feedback_message = f"{self._binding().name} {state.value}" + (
             f": {ellipsize(reason, _LONGEST_REASON)}" if reason else ""
         )
@@ -115,6 +120,10 @@ class SkillLeaf(Leaf):
 
     def _succeeded(self, result: Mapping[str, Plain]) -> Status:
         binding = self._binding()
+        error = self._error_in(result)
+        if error:
+            self.feedback_message = f"{binding.name} failed: {error}"
+            return Status.FAILURE
         if binding.succeed_when is not None:
             names = MessageNames(prefix="result", message=result, around=self.scope)
             if not is_true(binding.succeed_when, names):
@@ -130,6 +139,21 @@ class SkillLeaf(Leaf):
         for name, value in found.items():
             self.scope.write(name, value)
         return Status.SUCCESS
+
+    def _error_in(self, result: Mapping[str, Plain]) -> str:
+        """Return code and reason of a result that says that it failed; empty for all others."""
+        declared = self._binding().error_code
+        if declared is None or not result:
+            return ""
+        code = field_of(result, declared.field, f"result.{declared.field}")
+        if code in declared.success:
+            return ""
+        message: Plain = None
+        if declared.message:
+            # Without the reason the code is still a failure.
+            with suppress(MissingValue, Refused):
+                message = field_of(result, declared.message, f"result.{declared.message}")
+        return ellipsize(f"code {code}: {message}" if message else f"code {code}", _LONGEST_REASON)
 
     def _store_feedback(self, feedback: Mapping[str, Plain] | None) -> None:
         """Write the names that the latest feedback of the action gives values to."""
@@ -149,6 +173,18 @@ class SkillLeaf(Leaf):
             return ""
         [main] = (one for one in skill.inputs if one.name == skill.main)
         return format_value(inputs[skill.main], main.type)
+
+
+def _place(binding: Binding, inputs: Mapping[str, Plain]) -> Place | None:
+    """Return the place that an input names; None where none does."""
+    if not binding.place:
+        return None
+    name = str(inputs[binding.place])
+    place = binding.places.get(name)
+    if place is None:
+        known = f"there are {join_first(binding.places)}" if binding.places else _NO_PLACES
+        raise Refused("UNKNOWN_PLACE", f"there is no place {quote(name)}; {known}")
+    return place
 
 
 def _result_message(result: Mapping[str, Plain]) -> str:

@@ -22,7 +22,7 @@ class Subtree(Decorator):
     def __init__(
         self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
     ) -> None:
-        self._caller = scope
+        self.scope = scope
         self._inside = SubtreeScope(
             inputs={k: v for k, v in spec.fields.items() if not isinstance(v, Expression)},
             caller=scope,
@@ -38,7 +38,7 @@ class Subtree(Decorator):
         if status is not RUNNING:
             for name, inner in self.spec.outputs.items():
                 if inner in self._inside.written:
-                    self._caller.write(name, self._inside.written[inner])
+                    self.scope.write(name, self._inside.written[inner])
         return status
 
 

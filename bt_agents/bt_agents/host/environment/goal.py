@@ -39,9 +39,19 @@ A process that was stalled itself finds its timers before the messages that came
 MOST_UNCONFIRMED = 100
 """Most goals that were given up and are still remembered; then the oldest are abandoned."""
 
+REPEATS = 4
+"""How often a server that has joined is asked, one :data:`GRAPH_S` apart.
+
+It may not be matched yet when it is seen, and then a request or its answer is lost.
+"""
+
+GRAPH_S = 0.25
+"""Time between two looks at the graph while a goal is under way [s]."""
+
 _SEARCH_S = 0.02
-_GRAPH_S = 0.25
 _SHORTEST_S = 0.001
+
+_UNKNOWN = "its server knows nothing of the goal any more; was it started anew?"
 
 _ENDS = {
     GoalStatus.STATUS_SUCCEEDED: GoalState.SUCCEEDED,
@@ -66,9 +76,12 @@ class GoalTrack:
     PENDING             accepted                             ACTIVE
     PENDING             rejected                             REJECTED, confirmed
     PENDING             no acceptance in time                UNREACHABLE
+    PENDING             a server has joined                  the same, and it is sent again
     ACTIVE              result                               as it says, confirmed
     ACTIVE              no result in time                    TIMED_OUT
     ACTIVE              no heartbeat, server not on graph    UNREACHABLE
+    ACTIVE              unknown to a server that has joined  UNREACHABLE
+    ACTIVE              cancel, unknown to its server        UNREACHABLE
     PENDING, ACTIVE     cancel of an action                  the same until its server answers
     PENDING, ACTIVE     cancel of a service                  CANCELLED, confirmed
     =================== ==================================== ============================
@@ -78,10 +91,15 @@ class GoalTrack:
         steady: A clock that never stands still [s].
         last_heartbeat: Returns the time of the server's last heartbeat [s], minus infinity for
             none so far; None where it has no heartbeat.
+        on_end: Called with state and message when it has ended for its leaf.
     """
 
     def __init__(
-        self, goal: SkillGoal, steady: Clock, last_heartbeat: Callable[[], float] | None = None
+        self,
+        goal: SkillGoal,
+        steady: Clock,
+        last_heartbeat: Callable[[], float] | None = None,
+        on_end: Callable[[GoalState, str], None] = lambda _state, _message: None,
     ) -> None:
         self.state = GoalState.PENDING
         self.message = ""
@@ -92,6 +110,7 @@ class GoalTrack:
         self._heartbeat_topic = goal.heartbeat.topic if goal.heartbeat is not None else ""
         self._steady = steady
         self._last_heartbeat = last_heartbeat
+        self._on_end = on_end
         self._made_at = steady()
         self._sent_at: float | None = None
         self._accepted_at: float | None = None
@@ -99,15 +118,24 @@ class GoalTrack:
         self._silent_since: float | None = None
         self._cancel_asked = False
         self._cancel_sent = False
+        self._servers: frozenset[str] = frozenset()
+        self._look_at = 0.0
+        self._repeats = 0
 
     @property
     def unsent(self) -> bool:
         """True while it waits for its server to be found."""
         return self._sent_at is None and not self.state.ended
 
-    def sent(self) -> None:
-        """Handle that it was sent; a service accepts every request."""
+    def sent(self, servers: frozenset[str] = frozenset()) -> None:
+        """Handle that it was sent to the servers that the graph shows.
+
+        A service accepts every request.
+        """
         self._sent_at = self._steady()
+        self._servers = servers
+        self._repeats = REPEATS if len(servers) > 1 else 0
+        self._look_at = self._sent_at + GRAPH_S
         if self._kind is not BindingKind.ACTION:
             self.accepted()
 
@@ -147,6 +175,30 @@ class GoalTrack:
         self._cancel_sent = self._cancel_sent or due
         return due
 
+    def take_look(self) -> bool:
+        """Return whether to look now which servers there are; True once in :data:`GRAPH_S`."""
+        now = self._steady()
+        due = self._sent_at is not None and not self.state.ended and now >= self._look_at
+        if due:
+            self._look_at = now + GRAPH_S
+        return due
+
+    def is_repeated(self, servers: frozenset[str]) -> bool:
+        """Return whether to ask again, with all servers that the graph shows.
+
+        A server that has joined may be the next start of the one that was asked: the graph shows a
+        server that was killed until its lease ends, and its heartbeat goes on. Before acceptance
+        the goal is sent again, which no server takes twice; after that the result is asked for
+        again, and the answer tells whether the goal is unknown. Where the graph shows several at
+        once, one of them may be dead and another one new.
+        """
+        if not servers <= self._servers:
+            self._repeats = REPEATS
+        self._servers |= servers
+        due = self._repeats > 0
+        self._repeats -= due
+        return due
+
     def poll(self, server_there: bool) -> None:
         """Compare it with the clock, and with whether its server is on the graph."""
         if self.state.ended:
@@ -169,12 +221,12 @@ class GoalTrack:
         if self._sent_at is None:
             return self._steady() + _SEARCH_S
         if self._accepted_at is None:
-            return self._sent_at + self._timeouts.accept_s
+            return min(self._sent_at + self._timeouts.accept_s, self._steady() + GRAPH_S)
         heartbeat_by = self._last_sign_of_life(self._accepted_at) + self._within_s
         if self._silent_since is not None:
             heartbeat_by = self._silent_since + SECOND_POLL_S
         answered_by = self._accepted_at + result_limit_s(self._kind, self._timeouts)
-        return min(heartbeat_by, answered_by, self._steady() + _GRAPH_S)
+        return min(heartbeat_by, answered_by, self._steady() + GRAPH_S)
 
     def _poll_server(self, now: float, accepted_at: float, server_there: bool) -> None:
         limit_s = result_limit_s(self._kind, self._timeouts)
@@ -217,6 +269,7 @@ class GoalTrack:
         if not self.state.ended:
             self.state = state
             self.message = message
+            self._on_end(state, message)
 
 
 class SentGoal:
@@ -297,7 +350,7 @@ class SentGoal:
         except Exception as error:
             self._track.ended(GoalState.UNREACHABLE, f"it cannot be sent: {error}")
         else:
-            self._track.sent()
+            self._track.sent(self._servers())
             self._expect(future, self._answered)
 
     @contextmanager
@@ -312,6 +365,10 @@ class SentGoal:
 
     def _server_ready(self) -> bool:
         raise NotImplementedError
+
+    def _servers(self) -> frozenset[str]:
+        """Return who serves it, as the graph shows it; nobody where it is sent once only."""
+        return frozenset()
 
     def _send(self) -> Any:
         """Send it; return the future of the answer."""
@@ -347,6 +404,11 @@ class RosGoalRun(SentGoal):
 
     It is in the list of open goals from before it is sent until its end is confirmed. It may
     subscribe to feedback, and warns when its server refuses a cancel.
+
+    Args:
+        servers: Returns who serves the action, as the graph shows it.
+        pursue: Has a goal that was given up cancelled until its server, or the next start of that,
+            does nothing for it; then it calls back.
     """
 
     def __init__(
@@ -359,18 +421,26 @@ class RosGoalRun(SentGoal):
         wake: Callable[[], None],
         identity: OpenGoal,
         open_goals: OpenGoalList,
+        servers: Callable[[], frozenset[str]],
+        pursue: Callable[[OpenGoal, Callable[[], None]], None],
         feedback: bool,
         warn: Callable[[str], None],
     ) -> None:
         self._handle: Any = None
         self._identity = identity
         self._open_goals = open_goals
+        self._find_servers = servers
+        self._pursue = pursue
+        self._is_pursued = False
         self._wants_feedback = feedback
         self._warn = warn
         super().__init__(client, message, track, reschedule=reschedule, wake=wake)
 
     def _server_ready(self) -> bool:
         return bool(self.client.server_is_ready())
+
+    def _servers(self) -> frozenset[str]:
+        return self._find_servers()
 
     def _send(self) -> Any:
         callback = _feedback_callback(self) if self._wants_feedback else None
@@ -381,6 +451,15 @@ class RosGoalRun(SentGoal):
             self._message, feedback_callback=callback, goal_uuid=goal_id
         )
 
+    def poll(self) -> None:
+        super().poll()
+        if not (self._track.take_look() and self._track.is_repeated(self._servers())):
+            return
+        if self._handle is None:
+            self._expect(self._send(), self._answered)
+        else:
+            self._expect(self._handle.get_result_async(), self._ended)
+
     def abandon(self) -> None:
         super().abandon()
         self._open_goals.remove(self._identity.goal_id)
@@ -388,10 +467,15 @@ class RosGoalRun(SentGoal):
     def _follow_up(self) -> None:
         if self._track.confirmed:
             self._open_goals.remove(self._identity.goal_id)
+        elif self._track.state.ended and not self._is_pursued:
+            self._is_pursued = True
+            self._pursue(self._identity, self._is_gone)
         if self._track.take_cancel():
             self._expect(self._handle.cancel_goal_async(), self._cancel_answered)
 
     def _answered(self, handle: Any) -> None:
+        if self._handle is not None:
+            return  # a server takes a goal that is sent again only once
         if not handle.accepted:
             self._track.ended(GoalState.REJECTED)
             return
@@ -399,7 +483,14 @@ class RosGoalRun(SentGoal):
         self._track.accepted()
         self._expect(handle.get_result_async(), self._ended)
 
+    def _is_gone(self) -> None:
+        with self._transition():
+            self._track.ended(self._track.state)
+
     def _cancel_answered(self, response: Any) -> None:
+        if response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
+            self._track.lost(_UNKNOWN)
+            return
         over = response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
         if not response.goals_canceling and not over and not self._track.confirmed:
             self._warn(f"the server refuses to stop (code {response.return_code})")
@@ -407,7 +498,7 @@ class RosGoalRun(SentGoal):
     def _ended(self, response: Any) -> None:
         state = _ENDS.get(response.status)
         if state is None:
-            self._track.lost("its server knows nothing of the goal any more; was it started anew?")
+            self._track.lost(_UNKNOWN)
             return
         self._result = MessageView(response.result)
         self._track.ended(state)

@@ -18,7 +18,7 @@ _LOG_PERIOD_S = 30.0
 
 
 class OpenGoalList:
-    """Topic ``open_goals`` of a host, and the file in which its list outlives it.
+    """Topic ``bt_agents/open_goals`` of a host, and the file in which its list outlives it.
 
     A goal is in the list before it is sent, so that whoever kills the host in between leaves at
     worst the id of a goal that no server knows.
@@ -42,7 +42,7 @@ class OpenGoalList:
             host_instance=instance,
             heartbeat=node.resolve_topic_name("~/heartbeat"),
         )
-        self._publisher = node.create_publisher(OpenGoals, "open_goals", qos.FACT)
+        self._publisher = node.create_publisher(OpenGoals, "bt_agents/open_goals", qos.FACT)
         self._publisher.publish(self._message)
 
     def add(self, goal: OpenGoal) -> None:

@@ -6,28 +6,42 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from enum import Enum
+from functools import partial
 from typing import Any
 
 from rclpy.action import ActionClient
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
+from rclpy.task import Future
 
 from bt_agents.engine.environment import GoalRun, Inbox, SkillGoal
 from bt_agents.host.environment.feedback_requests import FeedbackRequests
 from bt_agents.host.environment.goal import GoalDeadlines, GoalTrack, RosGoalRun, RosRequest
 from bt_agents.host.environment.open_goal_list import OpenGoalList
+from bt_agents.host.environment.plugin_node import PluginGoal, RosPluginNode
+from bt_agents.host.environment.silent_servers import SilentServers
 from bt_agents.host.environment.subscriptions import Heartbeats, LatchedTopic, open_inbox
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.local_time import LocalTime, local_time
 from bt_agents_core.open_goals import OpenGoal
+from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import SceneSpace
+from bt_agents_interfaces.msg import RunKey as RunKeyMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import Binding, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
+from bt_agents_ros.discovery import participants
+from bt_agents_ros.goal_cancellation import GoalCanceller
 from bt_agents_ros.types import fill, load_type
+
+PURSUED_S = 10.0
+"""Time in which the server of a goal that was given up may come back, to end it surely [s]."""
+
+_RUN_TYPE = "bt_agents_interfaces/RunKey"
 
 
 class _Source(Enum):
@@ -49,14 +63,34 @@ class TreeClock:
         self._source = _Source.STEADY
         self._last = time.monotonic()
         self._offset = 0.0
+        self._stopped = False
 
     def __call__(self) -> float:
+        if self._stopped:
+            return self._last
         source, raw = self._read()
         if source is not self._source or raw + self._offset < self._last:
             self._source = source
             self._offset = self._last - raw
         self._last = raw + self._offset
         return self._last
+
+    def stop(self) -> None:
+        """Let time stand still from now on."""
+        self()
+        self._stopped = True
+
+    def advance(self, seconds: float) -> None:
+        """Let a time pass at once, while time stands still [s]."""
+        if self._stopped:
+            self._last += seconds
+
+    def go_on(self) -> None:
+        """Let time pass again, from where it was stopped."""
+        if self._stopped:
+            self._stopped = False
+            self._source, raw = self._read()
+            self._offset = self._last - raw
 
     def obstacle(self) -> str:
         """Return why time stands still; empty when it passes."""
@@ -84,6 +118,12 @@ class RosEnvironment:
         space: The scene parameters.
         agent: Returns the name of the agent whose tree is running.
         scene: Returns the scene of its run as awarded.
+        run: Returns that run, which goals and requests carry where their type has a place for it;
+            None without one.
+        slowness: Factor for how long a server may take to be found, to accept and to be silent.
+
+    Attributes:
+        silent_servers: Those that have not answered the last goal.
     """
 
     def __init__(
@@ -95,15 +135,21 @@ class RosEnvironment:
         space: SceneSpace,
         agent: Callable[[], str],
         scene: Callable[[], SceneMsg] = SceneMsg,
+        run: Callable[[], RunKey | None] = lambda: None,
+        slowness: float = 1.0,
     ) -> None:
         self.clock = TreeClock(node)
+        self.silent_servers = SilentServers()
         self._node = node
         self._wake = wake
         self._open_goals = open_goals
         self._space = space
         self._agent = agent
         self._scene = scene
+        self._run = run
+        self._slowness = slowness
         self._deadlines = GoalDeadlines(node)
+        self._canceller = GoalCanceller(node)
         self._heartbeats = Heartbeats(node)
         self._clients: dict[tuple[BindingKind, str, str], Any] = {}
         self._publishers: dict[tuple[str, str], Any] = {}
@@ -167,15 +213,18 @@ class RosEnvironment:
         Raises:
             Refused: The fields do not fit the type, or there is no such type.
         """
+        goal = _prolonged(goal, self._slowness)
         client = self._client(goal.kind, goal.name, goal.type)
         kind = load_type(goal.type, goal.kind)
         is_action = goal.kind is BindingKind.ACTION
         message = kind.Goal() if is_action else kind.Request()
         fill(message, goal.fields)
+        self._name_run(message)
         last_heartbeat = (
             self._heartbeats.subscribe(goal.heartbeat) if goal.heartbeat is not None else None
         )
-        track = GoalTrack(goal, time.monotonic, last_heartbeat)
+        on_end = partial(self.silent_servers.ended, goal.name)
+        track = GoalTrack(goal, time.monotonic, last_heartbeat, on_end)
         reschedule = self._deadlines.reschedule
         run: RosGoalRun | RosRequest
         if is_action:
@@ -183,12 +232,8 @@ class RosEnvironment:
                 client,
                 message,
                 track,
-                reschedule=reschedule,
-                wake=self._wake,
-                identity=self._identify(goal),
-                open_goals=self._open_goals,
+                **self._following(goal, uuid.uuid4().bytes),
                 feedback=goal.feedback,
-                warn=lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
             )
         else:
             run = RosRequest(client, message, track, reschedule=reschedule, wake=self._wake)
@@ -214,6 +259,27 @@ class RosEnvironment:
         if latched:
             return self._latched_topic(topic, type_name).open()
         return open_inbox(self._node, topic, load_type(type_name, BindingKind.TOPIC), self._wake)
+
+    def open_plugin_node(self, path: str) -> RosPluginNode:
+        """Return the host's node for the plug-in at a path."""
+
+        def send(
+            client: Any, message: Any, goal_id: bytes, name: str, answer: Future, on_feedback: Any
+        ) -> PluginGoal:
+            self._name_run(message)
+            goal = SkillGoal(kind=BindingKind.ACTION, name=name, type="", fields={}, sender=path)
+            run = PluginGoal(
+                client,
+                message,
+                GoalTrack(goal, time.monotonic),
+                **self._following(goal, goal_id),
+                answer=answer,
+                on_feedback=on_feedback,
+            )
+            self._deadlines.add(run)
+            return run
+
+        return RosPluginNode(self._node, send)
 
     def log(self, level: str, text: str) -> None:
         """Write a line into the log, under the name of the running agent."""
@@ -242,6 +308,12 @@ class RosEnvironment:
         if self._feedback is not None:
             self._feedback.outbox.close()
 
+    def _name_run(self, message: Any) -> None:
+        """Fill in the run that a goal or a request belongs to, where its type has a place."""
+        run = self._run()
+        if run is not None and message.get_fields_and_field_types().get("run") == _RUN_TYPE:
+            message.run = RunKeyMsg(epoch=run.epoch, round=run.round, agent=run.agent)
+
     def _prepare_binding(self, binding: Binding) -> None:
         if binding.kind is BindingKind.TOPIC:
             self._publisher(binding.name, binding.type)
@@ -250,12 +322,33 @@ class RosEnvironment:
         if binding.heartbeat is not None:
             self._heartbeats.subscribe(binding.heartbeat)
 
-    def _identify(self, goal: SkillGoal) -> OpenGoal:
+    def _pursue(self, goal: OpenGoal, on_end: Callable[[], None]) -> None:
+        def report(unconfirmed: tuple[OpenGoal, ...]) -> None:
+            if not unconfirmed:
+                on_end()
+
+        self._canceller.cancel([goal], within_s=PURSUED_S, on_end=report)
+
+    def _following(self, goal: SkillGoal, goal_id: bytes) -> dict[str, Any]:
+        """Return what it takes to follow a goal of an action to its end."""
+        identity = self._identify(goal, goal_id)
+        states = f"{identity.action}/_action/status"
+        return {
+            "reschedule": self._deadlines.reschedule,
+            "wake": self._wake,
+            "identity": identity,
+            "open_goals": self._open_goals,
+            "servers": lambda: participants(self._node.get_publishers_info_by_topic(states)),
+            "pursue": self._pursue,
+            "warn": lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
+        }
+
+    def _identify(self, goal: SkillGoal, goal_id: bytes) -> OpenGoal:
         """Return what others have to know of a goal to cancel it."""
         node = self._node
         # rclpy does not remap actions.
         action = expand_topic_name(goal.name, node.get_name(), node.get_namespace())
-        return OpenGoal(path=goal.sender, action=action, goal_id=uuid.uuid4().bytes)
+        return OpenGoal(path=goal.sender, action=action, goal_id=goal_id)
 
     def _client(self, kind: BindingKind, name: str, type_name: str) -> Any:
         key = (kind, name, type_name)
@@ -296,3 +389,17 @@ class RosEnvironment:
                 self._node, self._wake, space=self._space, agent=self._agent, scene=self._scene
             )
         return self._feedback
+
+
+def _prolonged(goal: SkillGoal, factor: float) -> SkillGoal:
+    """Return a goal with the patience that a slow network needs; its result has its own limit."""
+    heartbeat, timeouts = goal.heartbeat, goal.timeouts
+    if heartbeat is not None:
+        heartbeat = replace(heartbeat, within_s=heartbeat.within_s * factor)
+    return replace(
+        goal,
+        heartbeat=heartbeat,
+        timeouts=replace(
+            timeouts, server_s=timeouts.server_s * factor, accept_s=timeouts.accept_s * factor
+        ),
+    )

@@ -21,6 +21,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.parameters import declare_live_lease
 from bt_agents_ros.types import MessageView, load_type
+from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 
 DEPTH = 100
 """Most messages of an inbox; then the oldest are dropped."""
@@ -99,6 +100,7 @@ class Heartbeats:
 
     def __init__(self, node: Node) -> None:
         self._node = node
+        self._group = PolledGroup()
         self._last: dict[tuple[str, str], float] = {}
         self._subscriptions: dict[tuple[str, str], Any] = {}
 
@@ -117,7 +119,7 @@ class Heartbeats:
 
             # Its content does not matter, so it is not even decoded.
             self._subscriptions[key] = self._node.create_subscription(
-                kind, spec.topic, receive, qos.SENSOR, raw=True
+                kind, spec.topic, receive, qos.SENSOR, raw=True, callback_group=self._group
             )
         return lambda: self._last.get(key, -math.inf)
 
@@ -136,7 +138,7 @@ class LiveScene:
         self._space = space
         self._view: LiveSceneView | None = None
         self._lease_s = declare_live_lease(node, self._set_lease)
-        node.create_subscription(SceneMsg, "scene/live", self._on_live_scene, qos.SENSOR)
+        node.create_subscription(SceneMsg, "bt_agents/scene/live", self._on_live_scene, qos.SENSOR)
 
     def begin_run(self, awarded: Scene) -> Callable[[], Scene]:
         """Begin with the scene of a run; return a function that returns it as it is now."""

@@ -9,6 +9,7 @@ from concurrent.futures import Future as Job
 
 from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import (
+    MOST_SHOWN,
     FoundRevision,
     TuningAction,
     TuningCause,
@@ -170,6 +171,32 @@ class ParameterStore:
                 raise Refused("DUPLICATE", f"{name} stands twice; give it one value")
             values[name] = self.parameter(name).read(text)
         return values
+
+    def check_unchanged(self, names: Collection[str], seen: int) -> None:
+        """Check that no value was changed after a revision.
+
+        Raises:
+            Refused: ``CHANGED_MEANWHILE``, with who changed it last.
+        """
+        for revision, change in reversed(self.history.shown):
+            if change.name in names and revision.number > seen:
+                before, after = (
+                    self.format_value(change.name, one) for one in (change.before, change.after)
+                )
+                raise Refused(
+                    "CHANGED_MEANWHILE",
+                    f"{change.name} was changed from {before} to {after} by "
+                    f"{revision.cause.author} (revision {revision.number}), expected no change "
+                    f"after revision {seen}; look at it, and set it again",
+                )
+        newest = self.history.revision
+        shown = len(self.history.shown) < MOST_SHOWN or self.history.shown[0][0].number <= seen
+        if seen > newest or not shown:
+            raise Refused(
+                "CHANGED_MEANWHILE",
+                f"revision {seen} is not known here any more, the last one is {newest}; look at "
+                "the values, and set them again",
+            )
 
     def record(
         self, values: Mapping[str, Setting], cause: TuningCause, *, must_be_stored: bool = True

@@ -3,8 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import fcntl
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import ReadError, Refused
@@ -24,6 +29,11 @@ MOST_PRESETS = 100
 MOST_VALUES = 10_000
 """Values of all presets together: a file of them can be read."""
 
+_LOCKED_S = 1.0
+"""How long a change waits for another process that changes presets in the same folder [s]."""
+
+_LOCK_AGAIN_S = 0.01
+
 _PRESETS = KeyTable(
     what="a file of presets", fields=(FieldDecl("presets", FIELDS, required=True),)
 )
@@ -35,7 +45,8 @@ Preset = Mapping[str, str]
 class Presets:
     """Presets of a host, stored on the disk before they count; in memory without a file.
 
-    One thread may change them, and others read them meanwhile.
+    One thread may change them, and others read them meanwhile. What somebody else has written to
+    the file, such as a host with the same folder, is taken in before the next change.
 
     Attributes:
         problem: Report of what is wrong with the file; empty when it can be used.
@@ -46,11 +57,8 @@ class Presets:
         self.problem = ""
         self._file = file
         self.by_name: Mapping[str, Preset] = {}
-        if file is not None and file.exists() and file.stat().st_size:
-            try:
-                self.by_name = dict(sorted(read_presets(file).items()))
-            except ReadError as error:
-                self.problem = error.report
+        self._read: _Written | None = None
+        self._take_in()
 
     def get(self, name: str) -> Preset:
         """Return a preset.
@@ -72,16 +80,18 @@ class Presets:
             Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``BROKEN_PRESETS`` or ``NOT_KEPT``; nothing is
                 changed.
         """
-        self._refuse_broken()
-        presets = {**self.by_name, check_name(name): dict(values)}
-        many = sum(map(len, presets.values()))
-        if len(presets) > MOST_PRESETS or many > MOST_VALUES:
-            raise Refused(
-                "TOO_MANY",
-                f"{len(presets)} presets with {many} values, expected at most {MOST_PRESETS} with "
-                f"{MOST_VALUES}; forget one, or save fewer agents",
-            )
-        self._write(presets)
+        check_name(name)
+        with self._locked():
+            self._refuse_broken()
+            presets = {**self.by_name, name: dict(values)}
+            many = sum(map(len, presets.values()))
+            if len(presets) > MOST_PRESETS or many > MOST_VALUES:
+                raise Refused(
+                    "TOO_MANY",
+                    f"{len(presets)} presets with {many} values, expected at most {MOST_PRESETS} "
+                    f"with {MOST_VALUES}; forget one, or save fewer agents",
+                )
+            self._write(presets)
 
     def forget(self, name: str) -> None:
         """Remove a preset.
@@ -89,8 +99,52 @@ class Presets:
         Raises:
             Refused: As in :meth:`get` and :meth:`save`; nothing is changed.
         """
-        self.get(name)
-        self._write({one: values for one, values in self.by_name.items() if one != name})
+        with self._locked():
+            self.get(name)
+            self._refuse_broken()
+            self._write({one: values for one, values in self.by_name.items() if one != name})
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Keep all others who change presets from the folder of the file, and take them in."""
+        if self._file is None:
+            yield
+            return
+        try:
+            folder = os.open(self._file.parent, os.O_RDONLY)
+        except OSError as error:
+            raise self._not_kept(error) from error
+        try:
+            self._lock(folder)
+            self._take_in()
+            yield
+        finally:
+            os.close(folder)
+
+    def _lock(self, folder: int) -> None:
+        until = time.monotonic() + _LOCKED_S
+        while True:
+            try:
+                return fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                if time.monotonic() >= until:
+                    raise self._not_kept(error) from error
+            time.sleep(_LOCK_AGAIN_S)
+
+    def _take_in(self) -> None:
+        """Read the file unless it is as it was read or written last."""
+        found = _written(self._file)
+        if found == self._read:
+            return
+        self._read = found
+        self.problem = ""
+        presets: Mapping[str, Preset] = {}
+        if self._file is not None and found is not None and found.size:
+            try:
+                presets = read_presets(self._file)
+            except ReadError as error:
+                self.problem = error.report
+        self.by_name = dict(sorted(presets.items()))
 
     def _refuse_broken(self) -> None:
         if self.problem:
@@ -107,12 +161,34 @@ class Presets:
                 make_private_file(self._file)
                 write_atomically(self._file, presets_text(presets))
             except OSError as error:
-                raise Refused(
-                    "NOT_KEPT",
-                    f"{self._file} cannot be written: {error.strerror or error}; nothing is "
-                    "changed",
-                ) from error
+                raise self._not_kept(error) from error
+            self._read = _written(self._file)
         self.by_name = dict(sorted(presets.items()))
+
+    def _not_kept(self, error: OSError) -> Refused:
+        return Refused(
+            "NOT_KEPT",
+            f"{self._file} cannot be written: {error.strerror or error}; nothing is changed",
+        )
+
+
+class _Written(NamedTuple):
+    """One state of a file, which each atomic write changes."""
+
+    number: int
+    time_ns: int
+    size: int
+
+
+def _written(file: Path | None) -> _Written | None:
+    """Return the state of a file; None without one."""
+    if file is None:
+        return None
+    try:
+        found = file.stat()
+    except OSError:
+        return None
+    return _Written(found.st_ino, found.st_mtime_ns, found.st_size)
 
 
 def check_name(name: str) -> str:

@@ -100,6 +100,10 @@ class TunableParameters:
                     log.error(f"there are no presets, their file is broken:\n{presets.problem}")
         return ParameterStore(changes, presets, self._disk, time.time, log.error)
 
+    def __contains__(self, name: str) -> bool:
+        """Return whether a parameter of the node is a tunable."""
+        return self._store.has(name)
+
     def add(self, member: HostedAgent) -> None:
         """Declare the parameters of an agent, with what was tuned before."""
         self._declare_together(parameters_of(member.spec))

@@ -136,6 +136,11 @@ class TuneServer:
         )
 
     async def _tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
+        response = await self._answer(request, response)
+        response.revision = self._store.history.revision
+        return response
+
+    async def _answer(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
         try:
             done = self._act(request)
             if done.job is not None:
@@ -191,6 +196,8 @@ class TuneServer:
 
     def _set(self, request: Any, author: str, reason: str) -> _ActionResult:
         values = self._store.read(request.names, request.values)
+        if request.compare:
+            self._store.check_unchanged(values.keys(), request.seen)
         revision = self._set_together(values, TuningCause(author=author, reason=reason))
         return _ActionResult(message=self._summary(revision), revision=revision)
 

@@ -116,8 +116,7 @@ _CASE = KeyTable(
         FieldDecl(
             "language",
             NAME,
-            "What the agent speaks in this case: texts/<language>.yaml; without it what is spoken "
-            "where nothing else is said.",
+            "What the agent speaks in this case: texts/<language>.yaml; without it the file's.",
         ),
         *SCENARIO.fields,
         FieldDecl("expect", _EXPECT, "What must come out.", required=True),
@@ -131,6 +130,12 @@ TEST = FileKind(
     fields=(
         FieldDecl(
             "test", TEXT, "The agent: its name, or its file beside this one.", required=True
+        ),
+        FieldDecl(
+            "language",
+            NAME,
+            "What the agent speaks in all cases that name no language; without it what is spoken "
+            "where nothing else is said.",
         ),
         FieldDecl(
             "cases",
@@ -150,7 +155,7 @@ def read_test(file: Path | Source, agents: Iterable[AgentSpec], symbols: SymbolT
     nodes = fields.items("cases")
     cases: dict[str, AgentTestCase] = {}
     if agent is not None:
-        languages = _Languages(reading, agent, symbols)
+        languages = _Languages(reading, agent, symbols, fields)
         for node in nodes:
             _case(reading, node, languages, cases)
     reading.problems.raise_if_any()
@@ -226,14 +231,17 @@ def _case(
 
 
 class _Languages:
-    """The agent of a test in each language that a case names."""
+    """The agent of a test in each language that the file or a case names."""
 
-    def __init__(self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable) -> None:
+    def __init__(
+        self, reading: TypedReader, agent: AgentSpec, symbols: SymbolTable, file: MappingReader
+    ) -> None:
         self._reading = reading
         self._agent = agent
         self._symbols = symbols
         self._usual = ScenarioReader(reading, agent, symbols)
         self._readers: dict[str, ScenarioReader] = {}
+        self._usual = self.scenarios(file)
 
     def scenarios(self, fields: MappingReader) -> ScenarioReader:
         """Return the reader of a case, in its language; what is wrong about that is reported."""

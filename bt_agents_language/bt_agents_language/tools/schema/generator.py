@@ -35,6 +35,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 _SINGLE: Mapping[Form, Schema] = {
     Form.ANY: {},
     Form.AMOUNT: {"type": ["number", "string"]},
+    Form.ANGLE: value_schemas.quantity(FieldType.ANGLE),
     Form.BOOLEAN: value_schemas.BOOLEAN,
     Form.CONDITION: value_schemas.CONDITION,
     Form.DURATION: value_schemas.quantity(FieldType.DURATION),

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.fields.bindings import HEARTBEAT, TIMEOUTS
+from bt_agents_language.fields.bindings import ERROR_CODE, HEARTBEAT, TIMEOUTS
 from bt_agents_language.fields.values import EXPECTED, ONE_OF
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
@@ -26,6 +26,7 @@ _CONTENT: Mapping[Content, Schema] = {
     Content.MAP: {"type": "object"},
     Content.OUTPUTS: value_schemas.names(value_schemas.TEXT),
     Content.HEARTBEAT: table_schema(HEARTBEAT),
+    Content.ERROR_CODE: table_schema(ERROR_CODE),
     Content.NODE: NODE,
 }
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from pathlib import Path
 
@@ -12,7 +13,12 @@ import click
 from bt_agents_core.state_folder import find_state
 from bt_agents_core.trees_folder import SHIPPED, NoTreesFolderError, find_trees
 from bt_agents_ros.signals import Interrupt
-from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
+from bt_agents_tools.cli.run_system import (
+    journal_components,
+    journal_option,
+    run_system,
+    studio_plan,
+)
 from bt_agents_tools.cli.trees_choice import say_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
@@ -28,9 +34,15 @@ _MORNING = Path("scripts") / "airport_morning.yaml"
     help="Another list of visits than the morning at the airport.",
 )
 @click.option("--tags", default="airport", show_default=True, help="Agents with these tags.")
+@click.option("--browser", is_flag=True, help="Be the visitor yourself, in a browser.")
 @journal_option
-def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> None:
-    """Show a morning at an airport, in a minute; or the visits of another script, to its end."""
+def demo(voice: bool, script: Path | None, tags: str, browser: bool, journal: str | None) -> None:
+    """Show a morning at an airport, in a minute; or the visits of another script, to its end.
+
+    With --browser you are the visitor, until Ctrl-C.
+    """
+    if browser and script:
+        raise click.UsageError("--browser and --script exclude each other: who is the visitor?")
     interrupt = Interrupt()
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
@@ -38,16 +50,29 @@ def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> No
     say_trees(trees)
     script = script or trees / _MORNING
     with tempfile.TemporaryDirectory(prefix="bt-agents-demo-") as folder:
+        state = find_state(trees)
         processes = [
-            components.robot(pace=1.0, voice="auto" if voice else "off"),
+            components.robot(pace=1.0, voice="auto" if voice and not browser else "off"),
             components.market(trees),
             components.scene_layer(trees),
             components.host(trees, tags),
             components.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
-            *journal_components(journal, find_state(trees)),
+            *journal_components(journal, state),
         ]
-        visitors = components.visitors(trees, script, pace=1.0)
-        run_system("demo", processes, trees, tags, interrupt, visitors)
+        if browser:
+            recordings = Path(journal).resolve() if journal else state.journal
+            plan = studio_plan(
+                trees, Path(folder), recordings, browser_robot=True, opens=_has_display()
+            )
+            run_system("demo", processes, trees, tags, interrupt, studio=plan)
+        else:
+            visitors = components.visitors(trees, script, pace=1.0)
+            run_system("demo", processes, trees, tags, interrupt, visitors)
+
+
+def _has_display() -> bool:
+    """Return whether a browser would open a window; some open in the terminal without one."""
+    return sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
 
 
 def _folder(script: Path | None) -> Path:

@@ -12,9 +12,11 @@ from typing import Any
 import click
 
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.person_mention import PersonMention
 from bt_agents_core.profile_layers import PERSON, checked_layer
 from bt_agents_core.state_folder import StateFolder
+from bt_agents_core.text import join_first
 from bt_agents_tools.cli.commands.tune import user
 from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.formatting import counted
@@ -117,16 +119,13 @@ def _from_memory(file: Path, person: str) -> str:
 
 
 def _from_journals(folder: Path, person: PersonMention) -> str:
-    if not any(folder.glob("*.mcap")):
+    if not any(any(folder.glob(one)) for one in ("*.mcap", "*.mcap.zstd", "*/metadata.yaml")):
         return f"there is none in {folder}"
     try:
         # The journal is an extra that need not be installed.
         lab = import_module("bt_agents_lab.recorder.erasure")
     except ModuleNotFoundError as error:
-        raise BtAgentsError(
-            f"a journal needs the package {error.name}; install it with "
-            "pip install 'bt-agents[lab]'"
-        ) from None
+        raise BtAgentsError(journal_needs(error.name)) from None
     found = lab.erase_from_journals(folder, person)
     for problem in found.problems:
         click.echo(f"journals: {problem}", err=True)
@@ -137,6 +136,12 @@ def _from_journals(folder: Path, person: PersonMention) -> str:
     if found.in_use is not None:
         raise BtAgentsError(
             f"{done}, but {found.in_use.name} is being written; end that system and try again"
+        )
+    if found.bags:
+        names = join_first(one.name for one in found.bags)
+        raise BtAgentsError(
+            f"{done}, but {names} is of 'ros2 bag' and left as it is; delete it if it may name "
+            "the person"
         )
     return done
 

@@ -29,7 +29,7 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
     Without an AGENT it is the last run of all.
     """
     with connect() as observer:
-        traces = observer.received("mood_traces")
+        traces = observer.received("bt_agents/mood_traces")
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         trees = [observer.received(f"{host}/trees") for host in observer.cards]
 
@@ -56,7 +56,7 @@ def moods(agent: str, round_number: int, form: TableForm) -> None:
             ]
             print_table([Column(key=key) for key in _KEYS], rows, form)
             return
-        when = time.strftime("%H:%M:%S", time.localtime(trace.stamp.sec))
+        when = time.strftime("%H:%M:%S", time.localtime(trace.header.stamp.sec))
         who = f" with {trace.person_id}" if trace.person_id else ""
         click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
         fitted_console().print(mood_table(trace, node_names(trees, trace.agent)))

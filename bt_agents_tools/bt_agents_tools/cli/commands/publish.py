@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.connection import connect, find_hosts
 
@@ -64,10 +62,10 @@ def _heard(observer: Observer, topic: str, *, sensors: bool) -> Mapping[str, str
         nodes = [*nodes, f"{observer.namespace.rstrip('/')}/scene_layer"]
 
     def found() -> bool:
-        return bool(topic) and topic in heard_topics(observer, nodes)
+        return bool(topic) and topic in heard_topics(observer.node, nodes)
 
     observer.spin_until(found, _DISCOVERY_S)
-    return heard_topics(observer, nodes)
+    return heard_topics(observer.node, nodes)
 
 
 def _show(heard: Mapping[str, str], nothing: str) -> None:
@@ -79,9 +77,6 @@ def _publish(
 ) -> None:
     from bt_agents_tools.client import publication
 
-    if topic not in heard:
-        hint = did_you_mean(topic, sorted(heard)) or "a tree listens while its wait_for runs"
-        raise Refused("NOBODY_LISTENS", f"nobody listens to '{topic}' now; {hint}")
-    message = publication.typed_message(heard[topic], values)
+    message = publication.heard_message(heard, topic, values)
     if not publication.publish(observer, topic, message):
-        raise BtAgentsError(f"nobody has taken the message on {topic}; the tree has gone on")
+        raise publication.not_taken(topic)

@@ -97,7 +97,7 @@ def _labels(trees: Path) -> Labels:
 
 def _poll(observer: Observer) -> Iterator[tuple[Any, Any]]:
     """Yield the present scene and the persons; None where persons are not tracked."""
-    received = observer.received("scene/persons")
+    received = observer.received("bt_agents/scene/persons")
     while True:
         message = accepted(observer.ask("scene_layer/analyze"), "the scene layer").scene
         observer.spin_until(lambda: bool(received), _COLLECT_S)
@@ -127,7 +127,7 @@ def _heading(message: Any) -> str:
         there = f"{who} is not there any more"
     visit = message.visits and f"visit {message.visits}"
     parts = [message.label, there, visit, message.place and f"in {message.place}"]
-    when = time.strftime("%H:%M:%S", time.localtime(message.stamp.sec))
+    when = time.strftime("%H:%M:%S", time.localtime(message.header.stamp.sec))
     return f"{', '.join(part for part in parts if part)} ({when})"
 
 
@@ -216,8 +216,9 @@ def as_document(message: Any, persons: Any) -> dict[str, Any]:
 
 
 def _plain(message: Any) -> dict[str, Any]:
+    stamp = message.header.stamp
     return {
-        "stamp": message.stamp.sec + message.stamp.nanosec * 1e-9,
+        "stamp": stamp.sec + stamp.nanosec * 1e-9,
         **{name: getattr(message, name) for name in _FIELDS},
         "remembered": _remembered(message),
         "values": {

@@ -10,9 +10,10 @@ from pathlib import Path
 import click
 
 from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_ros.signals import loading
 from bt_agents_tools.cli.trees_choice import take_trees
-from bt_agents_tools.launcher.supervisor import set_local_discovery
+from bt_agents_tools.launcher.supervisor import set_discovery
 from bt_agents_tools.security.access_table import access_table
 from bt_agents_tools.security.dds_policies import governance_xml, permissions_xml, policy_xml
 from bt_agents_tools.security.tls_profile import Credentials, tls_profile
@@ -49,7 +50,7 @@ def policies(
     """Write policies of SROS2 for a trees folder: every node, and the roles of the commands."""
     trees = take_trees(directory)
     environment = dict(os.environ)
-    set_local_discovery(environment)
+    set_discovery(environment)
     number = int(environment.get("ROS_DOMAIN_ID") or 0) if domain is None else domain
     with loading():
         from bt_agents_ros.installed import InstalledInterfaces
@@ -88,7 +89,7 @@ def tls(
     credentials = Credentials(authority=authority, certificate=certificate, key=key)
     credentials.check()
     _write(output, tls_profile(credentials, listen, peers))
-    click.echo(f"export FASTRTPS_DEFAULT_PROFILES_FILE={output.resolve()}")
+    click.echo(f"export {PROFILE}={output.resolve()}")
     click.echo("export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT")
 
 

@@ -12,6 +12,7 @@ import click
 from rich.markup import escape
 
 from bt_agents.host.reload.host_card_diff import degraded_reason, problem_text
+from bt_agents.host.run_control import pause_text
 from bt_agents_core.text import format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import (
@@ -30,7 +31,6 @@ from bt_agents_tools.cli.formatting import (
     constant_text,
     counted,
     fitted_console,
-    node_names,
     print_line,
     since_text,
 )
@@ -51,10 +51,14 @@ _DIFFERS = (
 def status(form: TableForm) -> None:
     """Show what runs, all agents, and every problem."""
     with connect() as observer:
-        scenes, ends = observer.received("scene"), observer.received("scene_ends")
+        scenes, ends = (
+            observer.received("bt_agents/scene"),
+            observer.received("bt_agents/scene_ends"),
+        )
         auctions = last_decisions(observer)
         observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         at = _node_at_work(observer)
+        pause = _pause(observer)
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         observer.spin_until(lambda: observer.profiles is not None, SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
@@ -68,6 +72,7 @@ def status(form: TableForm) -> None:
                 "ended": ends[-_ENDS_SHOWN:],
                 "rule_problems": rule_problems(market, observer.profiles),
                 "differing": differing_agents(observer.profiles),
+                "pauses": [] if pause is None else [pause],
             }
             print_json({name: as_plain_data(one) for name, one in found.items()})
             return
@@ -77,6 +82,9 @@ def status(form: TableForm) -> None:
         _print = partial(print_line, fitted_console(form))
         known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
         _print("market    ", market_text(market, names, time.time(), is_end_shown=known))
+        if pause is not None:
+            by = pause_text(pause.paused_at, pause.author)
+            _print("          ", f"{by}, until 'bt-agents resume'")
         if at:
             _print("          ", f"at {at}")
         for host in market.awaited_hosts:
@@ -94,7 +102,7 @@ def status(form: TableForm) -> None:
         for problem in rule_problems(market, observer.profiles):
             _print("  problem: ", problem_text(problem))
         for host, card in sorted(observer.cards.items()):
-            click.echo(f"host      {host}")
+            _print("host      ", host_text(host, card))
             for agent in card.agents:
                 values = zip(card.parameters, agent.current, strict=True)
                 profile = ", ".join(f"{name} {format_known(value)}" for name, value in values)
@@ -108,7 +116,7 @@ def status(form: TableForm) -> None:
             for problem in card.problems:
                 _print("  problem: ", problem_text(problem))
         for end in ends[-_ENDS_SHOWN:]:
-            when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
+            when = time.strftime("%H:%M:%S", time.localtime(end.header.stamp.sec))
             place = f"round {end.round}, " if end.round else ""
             _print(
                 "ended     ",
@@ -129,12 +137,17 @@ def differing_agents(profiles: Any) -> Sequence[str]:
     return profiles.differing if profiles is not None else ()
 
 
+def host_text(name: str, card: Any) -> str:
+    """Return the name of a host, with the machine that it runs on where its card says so."""
+    return f"{name}, on {card.machine}" if card.machine else name
+
+
 def market_text(market: Any, names: SceneLabels, now: float, *, is_end_shown: bool) -> str:
     """Return what a market does, since when and for which scene, as text.
 
     Of one that is idle it says what was last, unless that is shown elsewhere.
     """
-    text = f"{constant_text(market, market.state, STATES)} {since_text(market.stamp, now)}"
+    text = f"{constant_text(market, market.state, STATES)} {since_text(market.header.stamp, now)}"
     if market.scene_id:
         scene = market.scene_label or names.name_of(market.scene_id)
         return f"{text}: '{scene}', {names.with_names(market.message)}"
@@ -151,16 +164,30 @@ def _node_at_work(observer: Observer) -> str:
     if market.state not in (market.RUNNING, market.CANCELLING):
         return ""
     beats = observer.received(f"{market.host}/heartbeat")
-    trees = observer.received(f"{market.host}/trees")
+    run = (market.epoch, market.round)
 
-    def tip() -> str:
-        run = (market.epoch, market.round)
-        return next((b.tip for b in reversed(beats) if (b.epoch, b.round) == run), "")
+    def of_run() -> Any:
+        return next((b for b in reversed(beats) if (b.epoch, b.round) == run and b.tip), None)
 
-    observer.spin_until(lambda: bool(tip() and trees), SOON_S)
-    path = tip()
-    name = node_names([trees], market.agent).get(path, "")
+    observer.spin_until(lambda: of_run() is not None, SOON_S)
+    beat = of_run()
+    return "" if beat is None else tip_text(beat.tip, beat.tip_name)
+
+
+def tip_text(path: str, name: str) -> str:
+    """Return the name of a node with its path; the path alone of one without a name."""
     return f"{name} ({path})" if name else path
+
+
+def _pause(observer: Observer) -> Any:
+    """Return the ``RunControl.msg`` of the run under way if that is paused, else None."""
+    market = observer.market
+    if market.state not in (market.RUNNING, market.CANCELLING):
+        return None
+    received = observer.received(f"{market.host}/run_control")
+    observer.spin_until(lambda: bool(received), SOON_S)
+    control = received[-1] if received else None
+    return control if control is not None and control.paused else None
 
 
 def _ranking_lines(market: Any, last: Any) -> Iterator[str]:
@@ -193,7 +220,8 @@ def _print_agents(cards: Sequence[Any]) -> None:
     for card in cards:
         for agent in card.agents:
             profile = dict(zip(card.parameters, agent.current, strict=True))
-            state = (agent.revision, agent.version, agent.waiting, degraded_reason(agent))
+            version = (agent.revision, agent.version, agent.waiting)
+            state = (*version, degraded_reason(agent), card.machine)
             rows.append((agent.name, card.host, *map(profile.get, parameters), *state))
-    keys = ("agent", "host", *parameters, "revision", "version", "waiting", "degraded")
+    keys = ("agent", "host", *parameters, "revision", "version", "waiting", "degraded", "machine")
     print_table([Column(key=key) for key in keys], rows, TableForm.CSV)

@@ -30,7 +30,10 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
     For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
     """
     with connect() as observer:
-        auctions, ends = observer.received("auctions"), observer.received("scene_ends")
+        auctions, ends = (
+            observer.received("bt_agents/auctions"),
+            observer.received("bt_agents/scene_ends"),
+        )
         answer = _analyze(observer, values, person, label=label, urgent=urgent, announce=True)
         mine = answer.scene.scene_id
         if answer.kept:

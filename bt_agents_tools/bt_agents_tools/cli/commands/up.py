@@ -12,8 +12,15 @@ import click
 from bt_agents_core.state_folder import claim_state, state_home
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt
-from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
-from bt_agents_tools.cli.trees_choice import state_option, take_trees
+from bt_agents_tools.cli.fleet_plan import fleet_plan
+from bt_agents_tools.cli.run_parts import PARTS, join_network, lan_options, named_parts, run_parts
+from bt_agents_tools.cli.run_system import (
+    journal_components,
+    journal_option,
+    run_system,
+    studio_plan,
+)
+from bt_agents_tools.cli.trees_choice import params_option, state_option, take_trees
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.former_state import adopt_former_state
 from bt_agents_tools.launcher.log_files import new_log_folder
@@ -21,10 +28,20 @@ from bt_agents_tools.launcher.log_files import new_log_folder
 
 @click.command()
 @click.argument("directory", required=False, default="")
-@click.option("--robot/--no-robot", default=True, help="Start the simulated robot.")
+@click.option(
+    "--robot",
+    type=click.Choice(["simulated", "browser"]),
+    default="simulated",
+    show_default=True,
+    help="Which robot is started; that in the browser you meet on the page Person.",
+)
+@click.option("--no-robot", is_flag=True, help="Start no robot, as one is there already.")
+@click.option("--studio/--no-studio", default=True, help="Show the system in a browser.")
 @click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
 @click.option("--language", default="", help="Language of the texts; else that of scene.yaml.")
-@click.option("--bindings", default="", help="Robot whose bindings of skills are preferred.")
+@click.option(
+    "--bindings", default="", help="Robots whose bindings of skills are preferred: ros4hri,nav2."
+)
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @state_option
 @click.option("--ledger", default="", help="Another file of the learned profiles.")
@@ -51,15 +68,26 @@ from bt_agents_tools.launcher.log_files import new_log_folder
 @click.option(
     "--key-variable", default="", help="Environment variable with the key of that server."
 )
+@params_option
 @click.option(
-    "--params",
-    type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),
-    help="ROS parameter file for all nodes; what 'up' sets by itself wins.",
+    "--one-process",
+    is_flag=True,
+    help="Run all nodes in one process, for a small robot: less memory and time, no isolation.",
 )
+@click.option(
+    "--only",
+    default="",
+    metavar="PARTS",
+    help="Some of market, scene, agents, feedback, robot; the others run elsewhere.",
+)
+@lan_options
 @journal_option
+@click.option("--no-fleet", is_flag=True, help="Do not learn together with the fleet joined.")
 def up(
     directory: str,
-    robot: bool,
+    robot: str,
+    no_robot: bool,
+    studio: bool,
     tags: str,
     language: str,
     bindings: str,
@@ -73,7 +101,12 @@ def up(
     model: str,
     key_variable: str,
     params: Path | None,
+    one_process: bool,
+    only: str,
+    lan: bool,
+    slow_network: float,
     journal: str | None,
+    no_fleet: bool,
 ) -> None:
     """Keep the agents of a trees DIRECTORY running.
 
@@ -81,6 +114,18 @@ def up(
     """
     if bool(selector) != bool(model):
         raise click.UsageError("--selector and --model go together: the server, and its model")
+    in_browser = robot == "browser"
+    if in_browser and (no_robot or not studio):
+        raise click.UsageError("--robot browser needs the robot and the studio")
+    if in_browser and only:
+        raise click.UsageError("--robot browser needs the whole system; leave --only out")
+    parts = named_parts(only)
+    if no_robot:
+        parts -= {"robot"}
+    if selector and "market" not in parts:
+        raise click.UsageError("--selector ranks for the market; name it in --only, too")
+    if not parts:
+        raise click.UsageError("--only robot and --no-robot leave nothing to run")
     interrupt = Interrupt()
     trees = take_trees(directory)
     kept = claim_state(trees, state)
@@ -93,6 +138,7 @@ def up(
     if memory and Path(memory).resolve() == Path(profiles).resolve():
         raise click.UsageError("--memory names the ledger; it needs a file of its own")
     logs = new_log_folder(state)
+    join_network(lan, slow_network)
     processes = [
         components.market(
             trees,
@@ -104,18 +150,31 @@ def up(
         components.scene_layer(trees, memory=memory),
         components.host(trees, tags, bindings, str(kept.tunings), language, str(kept.open_goals)),
         components.feedback(trees, ledger=profiles),
+        # In the browser it speaks with the voice of the browser.
+        components.robot(pace=1.0, voice="auto" if voice and not in_browser else "off"),
     ]
+    wanted = {PARTS[part] for part in parts}
+    processes = [one for one in processes if one.name in wanted]
+    if slow_network != 1.0:
+        processes = [components.on_slow_network(one, slow_network) for one in processes]
+    if one_process:
+        processes = [components.one_process(processes)]
     if selector:
         # The other processes inherit the environment of this one.
         key = os.environ.pop(key_variable, "")
         processes.append(components.selector(trees, selector, model, key_variable, key))
         if strategy not in ("", "external"):
             click.echo(f"{strategy} ranks; 'bt-agents strategy external' has the selector asked")
-    if robot:
-        processes.append(components.robot(pace=1.0, voice="auto" if voice else "off"))
     processes += journal_components(journal, kept)
     processes = [replace(component, file=params) for component in processes]
-    run_system("up", processes, trees, tags, interrupt, logs=logs)
+    learns_together = "feedback" in parts and not no_fleet
+    fleet = fleet_plan(trees, kept.path, profiles) if learns_together else None
+    if only:
+        run_parts(f"up --only {only}", processes, interrupt, logs, fleet)
+        return
+    recordings = Path(journal).resolve() if journal else kept.journal
+    plan = studio_plan(trees, kept.path, recordings, browser_robot=in_browser) if studio else None
+    run_system("up", processes, trees, tags, interrupt, logs=logs, studio=plan, fleet=fleet)
 
 
 def _agents(trees: Path) -> set[str]:

@@ -35,7 +35,10 @@ def visit(script: Path) -> None:
         if observer.is_visited():
             raise BtAgentsError("visitors of a script are there already; wait until they are gone")
         visitors, done = observer.received("visitors/current"), observer.received("visitors/done")
-        ends, auctions = observer.received("scene_ends"), observer.received("auctions")
+        ends, auctions = (
+            observer.received("bt_agents/scene_ends"),
+            observer.received("bt_agents/auctions"),
+        )
         observer.spin_until(lambda: False, SOON_S)
         came, ended = 0, len(ends)
         supervisor = Supervisor(new_log_folder())

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import click
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.optional_packages import journal_needs
 from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.decisions import (
     SOON_S,
@@ -30,27 +32,32 @@ from bt_agents_tools.cli.trees_choice import kept_state, state_option
 @click.command()
 @click.argument("round_number", metavar="[ROUND]", required=False, type=int)
 @state_option
+@click.option(
+    "--journal",
+    type=click.Path(path_type=Path),
+    help="Read it from this journal, or bag of 'ros2 bag record'.",
+)
 @table_options
-def why(round_number: int | None, state: str, form: TableForm) -> None:
+def why(round_number: int | None, state: str, journal: Path | None, form: TableForm) -> None:
     """Say why an agent won, last or in a ROUND.
 
     Without a running system it is read from the journal of the newest day, as with --state.
     """
-    if state:
-        _show_recorded(state, round_number, form)
+    if state or journal is not None:
+        _show_recorded(state, journal, round_number, form)
         return
     try:
         _show_running(round_number, form)
     except NoSystemError as error:
         click.echo(f"{error}; this is from the journal", err=True)
-        _show_recorded(state, round_number, form)
+        _show_recorded(state, journal, round_number, form)
 
 
 def _show_running(round_number: int | None, form: TableForm) -> None:
     with connect() as observer:
-        ends = observer.received("scene_ends")
+        ends = observer.received("bt_agents/scene_ends")
         auctions = last_decisions(observer)
-        runs = observer.received("runs")
+        runs = observer.received("bt_agents/runs")
         observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         found = _show(auctions, round_number, form)
         if form in (TableForm.JSON, TableForm.CSV):
@@ -63,17 +70,16 @@ def _show_running(round_number: int | None, form: TableForm) -> None:
                 click.echo(f"the scene ended: {end_text(end, names)}")
 
 
-def _show_recorded(state: str, round_number: int | None, form: TableForm) -> None:
-    journal = kept_state(state).journal
+def _show_recorded(
+    state: str, journal: Path | None, round_number: int | None, form: TableForm
+) -> None:
     try:
         # The journal is an extra that need not be installed.
         lab = import_module("bt_agents_lab.cli.journal")
     except ModuleNotFoundError as error:
-        raise BtAgentsError(
-            f"a journal needs the package {error.name}; install it with "
-            "pip install 'bt-agents[lab]'"
-        ) from None
-    rounds = lab.recorded_rounds(journal)
+        raise BtAgentsError(journal_needs(error.name)) from None
+    files = [journal] if journal is not None else lab.newest_journal(kept_state(state).journal)
+    rounds = lab.recorded_rounds(files)
     auctions = [one.auction for one in rounds]
     found = _show(auctions, round_number, form)
     if form not in (TableForm.JSON, TableForm.CSV):

@@ -1,0 +1,413 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measures the page of the studio in a headless browser, and what its process costs.
+
+``studio.py --minutes 60`` says how page and process grow while the page stays open.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+import re
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path += [str(Path(__file__).parent), str(Path(__file__).parents[1] / "tests" / "harness")]
+
+import click
+from playwright.sync_api import Browser, CDPSession, Page
+
+import bt_agents_studio
+from browser import chromium
+from measuring import Effort, Row
+from processes import HERE, Graph, Running, graphs
+from status_source import CHANGES, PROBE
+
+AGENTS = 30
+NODES = 200
+MANY_NODES = 2000
+RATE_HZ = 50
+CLIENTS = 10
+
+PAINTED_S = 0.040
+SLOWEST_S = 0.100
+FIRST_VIEW_S = 1.0
+FRAMES = 0.95
+"""Frames of those that a bare page has."""
+
+PAGE_MB = 200.0
+FIRST_PAGE_KB = 180.0
+TICK = 1.05
+STUDIO_CPU = 20.0
+"""Of a core [%]."""
+
+_WINDOW_S = 6.0
+_SHORT_S = 1.5
+_SETTLE_S = 2.0
+_LIMIT_MS = 30_000
+_LEVEL = 9
+
+_WATCH = """
+window.painted = [];
+window.firstMs = 0;
+const afterFrame = (done) => requestAnimationFrame(() => {
+  const channel = new MessageChannel();
+  channel.port1.onmessage = done;
+  channel.port2.postMessage(0);
+});
+new MutationObserver((changes) => {
+  const probe = document.querySelector('[data-path="PROBE"]');
+  if (probe === null) return;
+  if (window.firstMs === 0) {
+    window.firstMs = -1;
+    afterFrame(() => { window.firstMs = performance.now(); });
+  }
+  if (!changes.some((one) => one.target === probe && one.attributeName === "aria-label")) return;
+  const sent = /\\d+\\.\\d{6}/.exec(probe.getAttribute("aria-label"));
+  if (sent === null) return;
+  afterFrame(() => {
+    window.painted.push((performance.timeOrigin + performance.now()) / 1e3 - Number(sent[0]));
+  });
+}).observe(document, {subtree: true, childList: true, attributes: true});
+""".replace("PROBE", PROBE)
+
+_FRAMES = """
+(seconds) => new Promise((resolve) => {
+  const frame = document.querySelector(".tree") ?? document.scrollingElement;
+  const began = performance.now();
+  let frames = 0;
+  let step = 12;
+  const next = () => {
+    frames += 1;
+    frame.scrollTop += step;
+    if (frame.scrollTop > 20000) step = -12;
+    if (frame.scrollTop === 0) step = 12;
+    const took = (performance.now() - began) / 1e3;
+    if (took < seconds) requestAnimationFrame(next);
+    else resolve(frames / took);
+  };
+  requestAnimationFrame(next);
+})
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """What one window of a page has shown.
+
+    Attributes:
+        painted_s: From the tick to the painted frame, of each change of the probe.
+        frames: A second, while the tree is moved.
+        page_mb: Memory of the processes that draw the page.
+        heap_mb: Objects of its scripts.
+        elements: Of the document.
+        drawing: Of the processes that draw the page, of a core.
+        messages: Of the WebSocket, a second.
+        message_bytes: Of one, on average.
+        cpu: Of the serving process, of a core.
+    """
+
+    painted_s: Sequence[float]
+    frames: float
+    page_mb: float
+    heap_mb: float
+    elements: float
+    drawing: float
+    messages: float
+    message_bytes: float
+    cpu: float
+
+
+class Shown:
+    """A page that a process serves, in a browser.
+
+    Args:
+        browser: Its own context is opened, so that nothing is cached.
+        server: Process that serves it.
+        address: Of the page.
+    """
+
+    def __init__(self, browser: Browser, server: Running, address: str) -> None:
+        self._browser = browser
+        self._server = server
+        self._context = browser.new_context(viewport={"width": 1280, "height": 800})
+        self.page: Page = self._context.new_page()
+        self._lengths: list[int] = []
+        self.page.on(
+            "websocket",
+            lambda socket: socket.on(
+                "framereceived", lambda text: self._lengths.append(len(text))
+            ),
+        )
+        self.page.set_default_timeout(_LIMIT_MS)
+        self.page.add_init_script(_WATCH)
+        self.page.goto(address)
+        self.page.wait_for_function("() => window.firstMs > 0")
+        self.first_s = float(self.page.evaluate("window.firstMs")) / 1e3
+        self._session: CDPSession = self._context.new_cdp_session(self.page)
+        self._session.send("Performance.enable")
+
+    def figures(self, window_s: float) -> Figures:
+        """Return what is seen in so long [s], half of it while the tree is moved."""
+        self.page.evaluate("window.painted = []")
+        self._lengths.clear()
+        drawn_s, cpu_s = self._drawn_s(), self._server.cpu_s
+        began = time.monotonic()
+        self.page.wait_for_timeout(window_s * 1e3)
+        painted = [float(one) for one in self.page.evaluate("window.painted")]
+        took_s = time.monotonic() - began
+        drawing = (self._drawn_s() - drawn_s) / took_s
+        cpu = (self._server.cpu_s - cpu_s) / took_s
+        lengths = list(self._lengths)
+        after = self._metrics()
+        frames = float(self.page.evaluate(_FRAMES, window_s))
+        return Figures(
+            painted_s=painted,
+            frames=frames,
+            page_mb=self._memory_mb(),
+            heap_mb=after["JSHeapUsedSize"] / 1e6,
+            elements=float(self.page.evaluate("document.querySelectorAll('*').length")),
+            drawing=drawing,
+            messages=len(lengths) / took_s,
+            message_bytes=statistics.mean(lengths) if lengths else 0.0,
+            cpu=cpu,
+        )
+
+    def heap_mb(self) -> float:
+        """Return the memory of the objects that are in use [MB]."""
+        self._session.send("HeapProfiler.collectGarbage")
+        return self._metrics()["JSHeapUsedSize"] / 1e6
+
+    def close(self) -> None:
+        """Close the page."""
+        self._context.close()
+
+    def _metrics(self) -> dict[str, float]:
+        found = self._session.send("Performance.getMetrics")["metrics"]
+        return {one["name"]: float(one["value"]) for one in found}
+
+    def _drawn_s(self) -> float:
+        """Return how long the drawing processes have computed [s]."""
+        return sum(float(one["cpuTime"]) for one in self._processes())
+
+    def _memory_mb(self) -> float:
+        """Return the memory of the drawing processes, each shared page by its part [MB]."""
+        return sum(_proportional_mb(one["id"]) for one in self._processes())
+
+    def _processes(self) -> list[dict[str, Any]]:
+        session = self._browser.new_browser_cdp_session()
+        found = session.send("SystemInfo.getProcessInfo")["processInfo"]
+        session.detach()
+        return [one for one in found if one["type"] == "renderer"]
+
+
+def _proportional_mb(pid: int) -> float:
+    try:
+        text = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
+    except OSError:
+        return 0.0
+    found = re.search(r"^Pss:\s+(\d+) kB", text, re.MULTILINE)
+    return int(found[1]) * 1024 / 1e6 if found else 0.0
+
+
+def measure(effort: Effort) -> Iterator[Row]:
+    """Yield what each costs."""
+    yield _first_page()
+    window_s = _SHORT_S if effort.is_short else _WINDOW_S
+    repetitions = 1 if effort.is_short else 3
+    with chromium() as browser:
+        for nodes in (MANY_NODES,) if effort.is_short else (NODES, MANY_NODES):
+            agents = AGENTS if nodes == NODES else 1
+            yield from _page(browser, agents, nodes, window_s, repetitions)
+    yield from _clients(effort, window_s, repetitions)
+
+
+def _limit(case: str, side: str, values: Sequence[float], limit: float, unit: str = "s") -> Row:
+    return Row(
+        case=case,
+        side=side,
+        values=values,
+        floor="the limit",
+        floor_values=[limit] * len(values),
+        unit=unit,
+        goal=1.0,
+    )
+
+
+def _first_page() -> Row:
+    """Return what a browser without a cache loads before the first page is drawn."""
+    folder = Path(bt_agents_studio.__file__).parent / "page"
+    index = (folder / "index.html").read_text(encoding="utf-8")
+    names = ["index.html", *re.findall(r'(?:src|href)="/([^"]+)"', index)]
+    files = [folder / name for name in names if (folder / name).is_file()]
+    size = sum(len(gzip.compress(file.read_bytes(), _LEVEL)) for file in files) / 1e3
+    return _limit("first page", f"gzip, {len(files)} files", [size], FIRST_PAGE_KB, "kB")
+
+
+def _address(graph: Graph, server: Running) -> str:
+    graph.until(lambda: "studio: " in server.said, "its address")
+    return re.findall(r"studio: (\S+)", server.said)[0]
+
+
+def _page(
+    browser: Browser, agents: int, nodes: int, window_s: float, repetitions: int
+) -> Iterator[Row]:
+    found: dict[str, list[Figures]] = {"studio": [], "bare": []}
+    first: dict[str, list[float]] = {"studio": [], "bare": []}
+    with graphs() as make:
+        graph = make("studio")
+        graph.bare("status_source.py", agents, nodes, RATE_HZ)
+        servers = {
+            "studio": graph.command("bt-agents", "studio", HERE.parent / "trees", "--port", 0),
+            "bare": graph.bare("bare_page.py"),
+        }
+        addresses = {name: _address(graph, server) for name, server in servers.items()}
+        graph.rest(_SETTLE_S)
+        for _ in range(repetitions):
+            for name, server in servers.items():
+                shown = Shown(browser, server, addresses[name])
+                first[name].append(shown.first_s)
+                found[name].append(shown.figures(window_s))
+                shown.close()
+    yield from _page_rows(f"{agents} x {nodes} nodes, {RATE_HZ} ticks/s", found, first)
+
+
+def _page_rows(
+    case: str, found: dict[str, list[Figures]], first: dict[str, list[float]]
+) -> Iterator[Row]:
+    def both(side: str, unit: str, value: Callable[[Figures], float], note: str = "") -> Row:
+        return Row(
+            case=case,
+            side=side,
+            values=[value(one) for one in found["studio"]],
+            floor="bare page",
+            floor_values=[value(one) for one in found["bare"]],
+            unit=unit,
+            note=note,
+        )
+
+    def median(one: Figures) -> float:
+        return statistics.median(one.painted_s)
+
+    def slowest(one: Figures) -> float:
+        return _quantile(one.painted_s, 0.99)
+
+    ours = found["studio"]
+    note = f"{CHANGES} nodes change in each tick; the studio sends at most 30 messages a second"
+    yield both("status → painted, median", "s", median, note)
+    yield _limit(case, "status → painted, median", [median(one) for one in ours], PAINTED_S)
+    yield both("status → painted, p99", "s", slowest)
+    yield _limit(case, "status → painted, p99", [slowest(one) for one in ours], SLOWEST_S)
+    yield Row(
+        case=case,
+        side="first view, cold",
+        values=first["studio"],
+        floor="bare page",
+        floor_values=first["bare"],
+    )
+    yield _limit(case, "first view, cold", first["studio"], FIRST_VIEW_S)
+    yield Row(
+        case=case,
+        side="frames while moved",
+        values=[one.frames for one in ours],
+        floor="bare page",
+        floor_values=[one.frames for one in found["bare"]],
+        unit="/s",
+        goal=FRAMES,
+        at_least=True,
+    )
+    yield both("memory of the page", "MB", lambda one: one.page_mb)
+    yield _limit(case, "memory of the page", [one.page_mb for one in ours], PAGE_MB, "MB")
+    yield both("objects of its scripts", "MB", lambda one: one.heap_mb)
+    yield both("elements", "", lambda one: one.elements)
+    yield both("drawing processes", "% of a core", lambda one: 100 * one.drawing)
+    yield both("messages", "/s", lambda one: one.messages)
+    yield both("size of one", "bytes", lambda one: one.message_bytes)
+    yield both("serving process", "% of a core", lambda one: 100 * one.cpu)
+
+
+def _quantile(values: Sequence[float], part: float) -> float:
+    ordered = sorted(values)
+    return ordered[math.ceil(part * len(ordered)) - 1]
+
+
+def _ticks_s(source: Running, graph: Graph, window_s: float) -> list[float]:
+    """Return how long each tick of the next so long took [s]."""
+    before = len(source.said.splitlines())
+    graph.rest(window_s)
+    graph.until(lambda: len(source.said.splitlines()) > before + 1, "ticks")
+    # The first line may have ticks of the time before.
+    lines = source.said.splitlines()[before + 1 :]
+    return [took for line in lines for took in json.loads(line)]
+
+
+def _clients(effort: Effort, window_s: float, repetitions: int) -> Iterator[Row]:
+    with_s: list[float] = []
+    without_s: list[float] = []
+    cpu: list[float] = []
+    resident_mb: list[float] = []
+    with graphs() as make:
+        graph = make("clients")
+        source = graph.bare("status_source.py", AGENTS, NODES, RATE_HZ)
+        graph.until_up()
+        for _ in range(repetitions):
+            without_s.append(_quantile(_ticks_s(source, graph, window_s), 0.99))
+            with ExitStack() as stack:
+                studio = graph.command("bt-agents", "studio", HERE.parent / "trees")
+                stack.callback(studio.end)
+                address = _address(graph, studio)
+                clients = graph.bare("studio_clients.py", address, CLIENTS - 1, 1)
+                stack.callback(clients.kill)
+                graph.until(lambda of=clients: "connected" in of.said, "all are connected")
+                graph.rest(_SHORT_S if effort.is_short else _SETTLE_S)
+                before_s, began = studio.cpu_s, time.monotonic()
+                with_s.append(_quantile(_ticks_s(source, graph, window_s), 0.99))
+                cpu.append(100 * (studio.cpu_s - before_s) / (time.monotonic() - began))
+                resident_mb.append(studio.resident_mb)
+    case = f"{CLIENTS} clients, one of which hangs"
+    yield Row(
+        case=case,
+        side="p99 of a tick",
+        values=with_s,
+        floor="no studio",
+        floor_values=without_s,
+        goal=TICK,
+    )
+    yield _limit(case, "serving process", cpu, STUDIO_CPU, "% of a core")
+    yield Row(case=case, side="memory of the serving process", values=resident_mb, unit="MB")
+
+
+@click.command()
+@click.option("--minutes", default=60.0, show_default=True, help="How long it stays open.")
+@click.option("--every", default=1.0, show_default=True, help="Minutes between two looks.")
+def main(minutes: float, every: float) -> None:
+    """Leave a page open, and say how it and the studio grow."""
+    seen: list[tuple[float, float, float]] = []
+    with graphs() as make, chromium() as browser:
+        graph = make("open")
+        graph.bare("status_source.py", AGENTS, NODES, RATE_HZ)
+        server = graph.command("bt-agents", "studio", HERE.parent / "trees")
+        shown = Shown(browser, server, _address(graph, server))
+        began = time.monotonic()
+        while (at_min := (time.monotonic() - began) / 60) < minutes:
+            shown.page.wait_for_timeout(min(every, minutes - at_min) * 60e3)
+            seen.append(((time.monotonic() - began) / 60, shown.heap_mb(), server.resident_mb))
+            click.echo("after {:.1f} min: page {:.1f} MB, process {:.1f} MB".format(*seen[-1]))
+    late = seen[len(seen) // 2 :]
+    for name, column in (("page", 1), ("process", 2)):
+        if len(late) > 1:
+            slope = statistics.linear_regression(
+                [one[0] for one in late], [one[column] for one in late]
+            ).slope
+            click.echo(f"{name}: {60 * slope:+.1f} MB/h in the second half")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Breakpoints in a tree that is ticked: a node answers RUNNING once before it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from bt_agents.engine.light_behaviour import INVALID, RUNNING
+from bt_agents.engine.ticker import Tick, Ticker
+
+
+class Breakpoints:
+    """Nodes of one tree that do not start in the tick in which their turn comes, but in the next.
+
+    Such a node is RUNNING without having done anything, so the rest of the tick is as with any
+    node that has just started. A tree without breakpoints is ticked as if this did not exist.
+    """
+
+    def __init__(self, ticker: Ticker) -> None:
+        self._kept: list[Any] = []
+        self._ticker = ticker
+        self._stopping: set[Behaviour] = set()
+        # RUNNING by a breakpoint alone; those that were stopped meanwhile are not.
+        self._waiting: set[Behaviour] = set()
+        self._plain: dict[Behaviour, Tick] = {}
+
+    def set(self, paths: Collection[str]) -> None:
+        """Set the nodes before which the tree is stopped, instead of those before.
+
+        A node that waits at its breakpoint goes on waiting until the next tick.
+        """
+        nodes: dict[Behaviour, Any] = {}
+        if paths:
+            wanted = frozenset(paths)
+            every = self._ticker.root.iterate()
+            nodes = {node: node for node in every if _path(node) in wanted}
+        self._stopping = set(nodes)
+        for node in nodes.keys() - self._plain.keys():
+            self._plain[node] = self._ticker.ticks[node]
+            self._ticker.replace_tick(node, self._held_tick(node, self._plain[node]))
+        for node in self._plain.keys() - nodes.keys() - self._waiting:
+            self._ticker.replace_tick(node, self._plain.pop(node))
+
+    def replace_again(self) -> None:
+        """Replace the ticks of its nodes once more, as their ticker has made all of them anew."""
+        for node in self._plain:
+            self._plain[node] = self._ticker.ticks[node]
+            self._ticker.replace_tick(node, self._held_tick(node, self._plain[node]))
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Paths of the nodes that were kept from starting since the last :meth:`begin_tick`."""
+        return tuple(_path(node) for node in self._kept)
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Paths of those that still wait, as nothing has stopped them in the same tick."""
+        return tuple(_path(node) for node in self._kept if node.status is RUNNING)
+
+    def begin_tick(self) -> None:
+        """Forget which nodes were kept from starting in the tick before."""
+        self._kept.clear()
+
+    def _held_tick(self, node: Any, tick: Tick) -> Tick:
+        def held() -> Status:
+            waits = node in self._waiting
+            self._waiting.discard(node)
+            if node.status is RUNNING:
+                if waits:
+                    # Only a node that is not RUNNING starts.
+                    node.status = INVALID
+            elif node in self._stopping:
+                self._waiting.add(node)
+                self._kept.append(node)
+                node.status = RUNNING
+                self._ticker.report_if_changed(self._ticker.last_report(node))
+                return RUNNING
+            return tick()
+
+        return held
+
+
+def _path(node: Any) -> str:
+    return str(node.spec.path)

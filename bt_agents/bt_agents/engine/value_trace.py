@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trace of the values that the nodes of a tree read and write."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from py_trees.behaviour import Behaviour
+
+from bt_agents.engine.scope import QUANTITIES, Scope, format_value
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.text import ellipsize, printable_line
+
+LONGEST_VALUE = 200
+"""Characters of a value as text."""
+
+_MOST_ITEMS = 20
+
+
+class TracedValue(NamedTuple):
+    """A value that a node has read or written."""
+
+    path: str
+    name: str
+    value: Plain
+    written: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class _TracedNames:
+    """The names that a node sees, with a note of each value that it reads or writes."""
+
+    path: str
+    names: Scope
+    note: Callable[[TracedValue], None]
+
+    def lookup(self, name: str) -> Plain:
+        value = self.names.lookup(name)
+        self.note(TracedValue(self.path, name, value, False))
+        return value
+
+    def declare(self, names: Iterable[str]) -> None:
+        self.names.declare(names)
+
+    def write(self, name: str, value: Plain) -> None:
+        self.names.write(name, value)
+        self.note(TracedValue(self.path, name, value, True))
+
+
+class ValueTrace:
+    """Reads and writes of all nodes of a tree from now until :meth:`close`.
+
+    A tree without a trace is ticked as if this did not exist. Only values are noted that differ
+    from those which the same node has read or written under the name before, or ``repeated`` ones
+    as well.
+    """
+
+    def __init__(self, root: Behaviour, *, repeated: bool = False) -> None:
+        self._repeated = repeated
+        self._known: dict[tuple[str, str, bool], Plain] = {}
+        self._news: dict[tuple[str, str, bool], TracedValue] = {}
+        self._nodes: list[Any] = list(root.iterate())
+        for node in self._nodes:
+            fields = node.fields = replace(
+                node.fields, names=self._traced(node.spec.path, node.fields.names)
+            )
+            if hasattr(node, "scope"):
+                node.scope = fields.names
+
+    def take(self) -> list[TracedValue]:
+        """Return what was noted since the last call, in the order in which it happened."""
+        news = list(self._news.values())
+        self._news.clear()
+        return news
+
+    def close(self) -> None:
+        """Note nothing more."""
+        for node in self._nodes:
+            names = self._untraced(node.fields.names)
+            node.fields = replace(node.fields, names=names)
+            if hasattr(node, "scope"):
+                node.scope = names
+        self._nodes.clear()
+
+    def _traced(self, path: str, names: Scope) -> _TracedNames:
+        return _TracedNames(path=path, names=names, note=self._note)
+
+    def _untraced(self, names: _TracedNames) -> Scope:
+        """Return the names without this trace; another one of the same tree goes on."""
+        if names.note == self._note:
+            return names.names
+        inner = names.names
+        assert isinstance(inner, _TracedNames)
+        return replace(names, names=self._untraced(inner))
+
+    def _note(self, traced: TracedValue) -> None:
+        key = (traced.path, traced.name, traced.written)
+        if not self._repeated and key in self._known and self._known[key] == traced.value:
+            return
+        self._known[key] = traced.value
+        self._news.pop(key, None)
+        self._news[key] = traced
+
+
+def as_written(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
+    """Return a value in one line as an author writes it, cut where it is long."""
+    if field_type in QUANTITIES:
+        return format_value(value, field_type)
+    return ellipsize(printable_line(_written(value)), LONGEST_VALUE)
+
+
+def _written(value: Plain) -> str:
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "true" if value else "false"
+        case float():
+            return f"{round(value, 3):.15g}"
+        case str():
+            return f"'{value[:LONGEST_VALUE]}'"
+        case Mapping():
+            some = list(value.items())[:_MOST_ITEMS]
+            more = [] if len(some) == len(value) else ["…"]
+            return f"{{{', '.join([f'{key}: {_written(one)}' for key, one in some] + more)}}}"
+        case tuple() | list():
+            more = ["…"] if len(value) > _MOST_ITEMS else []
+            return f"[{', '.join([*map(_written, value[:_MOST_ITEMS]), *more])}]"
+    return str(value)

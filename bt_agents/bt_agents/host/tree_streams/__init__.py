@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Streams of trees and of their blackboards, for the tools of py_trees_ros."""

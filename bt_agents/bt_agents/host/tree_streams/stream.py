@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Streams: their names, when they are due, when nobody wants them any more, and tick times."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import deque
+from dataclasses import dataclass
+
+from bt_agents_core.errors import Refused
+
+MOST_STREAMS = 20
+"""Streams of each of both kinds that a host has at a time; of more it opens none."""
+
+UNUSED_S = 10.0
+"""How long a stream that was opened stays without a subscriber [s]."""
+
+LONGEST_TOPIC = 200
+"""Characters of the name that is asked for."""
+
+_CLOSE_ENOUGH = 0.98
+"""Part of the period after which a snapshot may come, as ticks do not meet it exactly."""
+
+_TICKS = 10
+"""Ticks of which statistics tell the average."""
+
+
+@dataclass(kw_only=True)
+class SnapshotParameters:
+    """What a snapshot stream tells.
+
+    Attributes:
+        period_s: Time between two without changes [s]; infinite for changes alone.
+    """
+
+    period_s: float
+    blackboard_data: bool = False
+    blackboard_activity: bool = False
+
+    @classmethod
+    def checked(
+        cls, period_s: float, blackboard_data: bool, blackboard_activity: bool
+    ) -> SnapshotParameters:
+        """Return parameters from outside.
+
+        Raises:
+            Refused: ``NOT_A_DURATION``.
+        """
+        if math.isnan(period_s) or period_s < 0.0:
+            raise Refused(
+                "NOT_A_DURATION",
+                f"the snapshot period is {period_s}, expected a number of seconds from 0 on, or "
+                "infinity for changes alone",
+            )
+        return cls(
+            period_s=period_s,
+            blackboard_data=blackboard_data,
+            blackboard_activity=blackboard_activity,
+        )
+
+
+class StreamUse:
+    """Whether somebody subscribes to a stream, and since when nobody does."""
+
+    def __init__(self, now: float, *, kept: bool = False) -> None:
+        self.watched = False
+        self._kept = kept
+        self._unused_since = now
+
+    def update(self, subscribers: int, now: float) -> bool:
+        """Take over how many subscribe [s]; return whether the first of them has come."""
+        before, self.watched = self.watched, subscribers > 0
+        if self.watched:
+            self._unused_since = now
+        return self.watched and not before
+
+    def is_over(self, now: float) -> bool:
+        """Return whether nobody has subscribed for so long that the stream is to be closed."""
+        return not self._kept and now - self._unused_since >= UNUSED_S
+
+
+class SnapshotSchedule:
+    """When the next snapshot of a stream is due."""
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def take(self, now: float, *, changed: bool, period_s: float) -> bool:
+        """Return whether one is due after a tick, and count from it if so [s]."""
+        if not changed and now - self._last < _CLOSE_ENOUGH * period_s:
+            return False
+        self._last = now
+        return True
+
+
+def requested_topic(name: str) -> str:
+    """Return the name of a snapshot stream that is asked for, still to be expanded.
+
+    Raises:
+        Refused: ``TOO_LONG``.
+    """
+    if len(name) > LONGEST_TOPIC:
+        raise Refused(
+            "TOO_LONG", f"the topic has {len(name)} characters, expected at most {LONGEST_TOPIC}"
+        )
+    return name if name.startswith(("~", "/")) else f"~/snapshot_streams/{name}"
+
+
+def check_count(streams: int) -> None:
+    """Check that one more stream may be opened.
+
+    Raises:
+        Refused: ``TOO_MANY``.
+    """
+    if streams >= MOST_STREAMS:
+        raise Refused(
+            "TOO_MANY",
+            f"there are {streams} streams, expected at most {MOST_STREAMS}; close some, or wait "
+            f"{UNUSED_S:g} s, after which those without a subscriber are gone",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """A time, and average and variance of the last ones [s]."""
+
+    last: float
+    average: float
+    variance: float
+
+
+class TickStatistics:
+    """Intervals and durations of the last ticks."""
+
+    def __init__(self) -> None:
+        self._began = -math.inf
+        self._intervals: deque[float] = deque(maxlen=_TICKS)
+        self._durations: deque[float] = deque(maxlen=_TICKS)
+
+    def add(self, began: float, ended: float) -> None:
+        """Add a tick, with its begin and end on the steady clock [s]."""
+        self._intervals.append(began - self._began if self._began > -math.inf else 0.0)
+        self._durations.append(ended - began)
+        self._began = began
+
+    @property
+    def interval(self) -> Spread:
+        """From begin to begin."""
+        return _spread(self._intervals)
+
+    @property
+    def duration(self) -> Spread:
+        """From begin to end."""
+        return _spread(self._durations)
+
+
+def _spread(times: deque[float]) -> Spread:
+    if not times:
+        return Spread(last=0.0, average=0.0, variance=0.0)
+    variance = statistics.variance(times) if len(times) > 1 else 0.0
+    return Spread(last=times[-1], average=statistics.fmean(times), variance=variance)

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Name of a node for people, with the values that it runs with."""
+
+from __future__ import annotations
+
+import re
+
+_REFERENCE = re.compile(r'wait \$\{.*|\S+ (?P<text>".*\$\{.*")', re.DOTALL)
+"""Name of a node that is named by a reference: ``wait ${patience}``, ``say "${words}"``."""
+
+
+def filled_name(name: str, message: str) -> str:
+    """Return a name with the message of the node in place of a reference: ``wait 8 s``.
+
+    A node that is named by a reference says in its message what it runs with; before that, the
+    name stays as the author wrote it.
+    """
+    reference = _REFERENCE.fullmatch(name)
+    if reference is None or not message:
+        return name
+    quotes = '"' if reference["text"] else ""
+    return f"{name.partition(' ')[0]} {quotes}{message}{quotes}"

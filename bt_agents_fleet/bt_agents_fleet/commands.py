@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command `bt-agents fleet`: learn together with other robots, over a database."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.state_folder import FLEET_SETTINGS, claim_state
+from bt_agents_core.text import printable_line
+from bt_agents_fleet.database import FleetDatabase, FleetError, RobotRow, checked_address
+from bt_agents_fleet.fleet_settings import (
+    PASSWORD_VARIABLE,
+    STATUS_FILE,
+    FleetSettings,
+    checked_robot,
+    password_of,
+    read_settings,
+    read_status,
+    write_settings,
+)
+from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_tools.cli.formatting import counted
+from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table, table_options
+from bt_agents_tools.cli.trees_choice import kept_state, state_option, take_trees
+from bt_agents_tools.launcher.supervisor import set_discovery
+
+
+@click.group()
+def fleet() -> None:
+    """Learn together with other robots, over a PostgreSQL database.
+
+    For example: bt-agents fleet join postgresql://robots@db.example/fleet --robot robot-07
+    """
+
+
+@fleet.command()
+@click.argument("address")
+@click.option("--robot", required=True, help="Name of this robot, which no other has.")
+@click.option(
+    "--password-file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help=f"File with the password alone, of mode 600; without it {PASSWORD_VARIABLE} or libpq's "
+    "own ways.",
+)
+@click.option(
+    "--certificates",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Certificates that sign the server's (sslrootcert).",
+)
+@state_option
+def join(
+    address: str, robot: str, password_file: Path | None, certificates: Path | None, state: str
+) -> None:
+    """Join the fleet of the database at ADDRESS, whose tables are made or brought up to date.
+
+    What is shared stands in the agents' files: learning: {share: everything}.
+    """
+    settings = FleetSettings(
+        robot=checked_robot(robot),
+        address=checked_address(address, str(certificates.resolve()) if certificates else ""),
+        password_file=str(password_file.resolve()) if password_file else "",
+    )
+    database = _database(settings)
+    try:
+        database.join()
+    finally:
+        database.close()
+    file = write_settings(claim_state(take_trees(), state).path, settings)
+    click.echo(f"joined as {settings.robot}; 'bt-agents fleet run' keeps {file.parent} up to date")
+
+
+@fleet.command()
+@click.option("--erase", is_flag=True, help="Take what this robot has taught out of the database.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@state_option
+def leave(erase: bool, yes: bool, state: str) -> None:
+    """Leave the fleet; what this robot has learned from the others stays with it.
+
+    What it has taught stays with the others, also with --erase, which takes it out of the
+    database.
+    """
+    kept = kept_state(state)
+    settings = read_settings(kept.path)
+    if erase and not yes:
+        click.confirm(f"take the steps of {settings.robot} out of the database?", abort=True)
+    database = _database(settings)
+    try:
+        database.leave(erase=erase)
+    finally:
+        database.close()
+    (kept.path / FLEET_SETTINGS).unlink()
+    (kept.path / STATUS_FILE).unlink(missing_ok=True)
+    click.echo(f"{settings.robot} has left the fleet")
+
+
+@fleet.command()
+@table_options
+@state_option
+def status(form: TableForm, state: str) -> None:
+    """Show how far this robot is, and the robots of its fleet."""
+    kept = kept_state(state)
+    settings = read_settings(kept.path)
+    here = read_status(kept.path)
+    database = _database(settings)
+    robots: list[RobotRow] = []
+    problem = ""
+    try:
+        robots = database.robots()
+    except FleetError as error:
+        problem = str(error)
+    finally:
+        database.close()
+    if form is TableForm.JSON:
+        fleet = [vars(one) for one in robots]
+        print_json({"robot": settings.robot, "problem": problem, "here": here, "robots": fleet})
+        return
+    for line in (f"this robot: {settings.robot}", *_status_lines(here)):
+        click.echo(line, err=form.for_program)
+    if problem:
+        raise BtAgentsError(f"the robots of the fleet are not known now: {problem}")
+    columns = (
+        Column(key="robot"),
+        Column(key="steps", right=True),
+        Column(key="position", title="up to row", right=True),
+        Column(
+            key="seen_s", title="seen", text=lambda seconds: f"{seconds:.0f} s ago", right=True
+        ),
+    )
+    rows = [(one.robot, one.steps, one.position, one.seen_s) for one in robots]
+    print_table(columns, rows, form)
+
+
+@fleet.command()
+@state_option
+def run(state: str) -> None:
+    """Keep this robot's ledger and the database up to date, until Ctrl-C."""
+    kept = kept_state(state)
+    read_settings(kept.path)  # Who has not joined is told before ROS is loaded.
+    set_discovery(os.environ)
+    interrupt = Interrupt()
+    with loading():
+        from bt_agents_fleet.fleet_run import FleetRun
+    FleetRun(kept.trees, kept.path, kept.ledger, click.echo).run(interrupt)
+
+
+def _database(settings: FleetSettings) -> FleetDatabase:
+    return FleetDatabase(settings.address, settings.robot, password=password_of(settings))
+
+
+def _status_lines(here: dict[str, object]) -> list[str]:
+    if not here:
+        return ["'bt-agents fleet run' was not here yet"]
+    at = here.get("at")
+    when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at if isinstance(at, float) else 0))
+    steps = here.get("taken")
+    taken = counted(steps if isinstance(steps, int) else 0, "step")
+    lines = [
+        f"at {when}: {here.get('problem') or 'up to date'}",
+        f"pushed up to row {here.get('pushed')} of {here.get('last')}; "
+        f"{taken} of other robots taken in, {here.get('refused')} refused",
+    ]
+    aside = here.get("aside")
+    for one in aside if isinstance(aside, list) else ():
+        if isinstance(one, dict):
+            lines.append(
+                f"  {one.get('robot')}/{one.get('number')} {one.get('code')}: {one.get('reason')}"
+            )
+    return [printable_line(line) for line in lines]

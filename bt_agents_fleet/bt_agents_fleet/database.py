@@ -1,0 +1,456 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The PostgreSQL database of a fleet; every call ends in time, also when the server hangs."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import socket
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib.resources import files
+from threading import Timer
+from typing import Any
+
+import psycopg
+from psycopg.conninfo import conninfo_to_dict, make_conninfo
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.text import printable_line
+from bt_agents_fleet.shares import SharedLayers
+from feedback_node.learning.fleet_steps import FleetStep, StepEvent
+
+CHANNEL = "bt_agents_fleet"
+"""On which a robot that has pushed something says so; a hint, as what is missed is polled."""
+
+LIMIT_S = 5.0
+"""Longest time of one transaction [s]."""
+
+BATCH = 200
+"""Steps that one transaction pushes or pulls."""
+
+_MIGRATION = re.compile(r"(\d{4})_[a-z_]+\.sql")
+_LOCK = 0x62746167  # "btag"
+_LONGEST_TEXT = 300
+_LONGEST_TARGET = 8192
+
+
+class FleetError(Refused):
+    """The database of the fleet cannot be used; its code says why."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PushPosition:
+    """How far a robot's ledger is in the database.
+
+    Attributes:
+        number: Of the last row that is covered; 0 for none.
+        checksum: Of that row; 0 when it was forgotten.
+        ledger: What tells this ledger from others: the checksum of its first row; 0 for none.
+        shares: Agent → what was shared of it when that was written.
+    """
+
+    number: int = 0
+    checksum: int = 0
+    ledger: int = 0
+    shares: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What a robot takes of the steps of others for one agent.
+
+    Attributes:
+        base: Version of the profile of its file, as of :func:`base_of`.
+        after: Arrival of the last step that it has.
+    """
+
+    agent: str
+    share: SharedLayers
+    base: str
+    after: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotRow:
+    """Robot as the database knows it.
+
+    Attributes:
+        steps: How many steps of it are there.
+        seen_s: So long ago it was there last [s].
+    """
+
+    robot: str
+    steps: int
+    position: int
+    seen_s: float
+
+
+def checked_address(address: str, certificates: str = "") -> str:
+    """Return an address of a database as libpq's options, with TLS as strict as it can be.
+
+    A server that is reached over the net is checked with its name against certificates
+    (``sslmode=verify-full``) unless the address says otherwise.
+
+    Args:
+        address: URI or options of libpq.
+        certificates: File of the certificates that sign the server's; empty for libpq's own.
+
+    Raises:
+        FleetError: ``BAD_ADDRESS``, or ``PASSWORD_IN_ADDRESS``.
+    """
+    try:
+        options: dict[str, Any] = conninfo_to_dict(address)
+    except psycopg.Error as error:
+        raise FleetError(
+            "BAD_ADDRESS",
+            f"the address of the database: {_line(error)}; expected something like "
+            "postgresql://robots@db.example/fleet",
+        ) from None
+    if "password" in options:
+        raise FleetError(
+            "PASSWORD_IN_ADDRESS",
+            "the address has a password in it, which the list of processes shows to everybody; "
+            "take it out, and name a file with it: --password-file",
+        )
+    if certificates:
+        options["sslrootcert"] = certificates
+    host = str(options.get("host", ""))
+    if host and not host.startswith("/"):
+        options.setdefault("sslmode", "verify-full")
+    return make_conninfo(**options)
+
+
+class FleetDatabase:
+    """Connection to the database of a fleet, made when it is needed and dropped when it fails.
+
+    All methods but :meth:`close` raise :class:`FleetError`: ``DATABASE_AWAY``, ``SCHEMA_NEWER``,
+    ``SCHEMA_OLD``, ``NOT_JOINED`` or ``DATABASE_FAILED``.
+
+    Args:
+        address: As of :func:`checked_address`.
+        robot: Name of this robot.
+        password: Empty for libpq's own ways.
+        limit_s: Longest time of one transaction [s].
+    """
+
+    def __init__(
+        self, address: str, robot: str, *, password: str = "", limit_s: float = LIMIT_S
+    ) -> None:
+        self._address = address
+        self._robot = robot
+        self._password = password
+        self._limit_s = limit_s
+        self._connection: psycopg.Connection[Any] | None = None
+
+    @property
+    def is_connected(self) -> bool:
+        """True while the last call has succeeded."""
+        return self._connection is not None
+
+    def close(self) -> None:
+        """Drop the connection; the next call makes a new one."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            with suppress(psycopg.Error, OSError):
+                connection.close()
+
+    def connect(self) -> None:
+        """Connect, and check that the tables are those of this version."""
+        with self._transaction() as connection:
+            _check_version(connection)
+        with self._bounded() as connection:
+            connection.execute(f"LISTEN {CHANNEL}")
+
+    def join(self) -> None:
+        """Make the tables, or bring them up to date, and add this robot."""
+        with self._transaction() as connection:
+            connection.execute("SELECT pg_advisory_xact_lock(%s)", (_LOCK,))
+            found = _version(connection)
+            known = _migrations()
+            if found > len(known):
+                raise _newer(found)
+            if not found:
+                connection.execute(
+                    "CREATE TABLE IF NOT EXISTS schema_version "
+                    "(version integer PRIMARY KEY, applied timestamptz NOT NULL DEFAULT now())"
+                )
+            for version in range(found + 1, len(known) + 1):
+                connection.execute(known[version].encode())
+                connection.execute("INSERT INTO schema_version (version) VALUES (%s)", (version,))
+            connection.execute(
+                "INSERT INTO robot (robot) VALUES (%s) ON CONFLICT DO NOTHING", (self._robot,)
+            )
+
+    def leave(self, *, erase: bool) -> None:
+        """Take the steps of this robot out when they are to be erased, and the robot with them."""
+        if not erase:
+            return
+        with self._transaction() as connection:
+            _check_version(connection)
+            connection.execute("DELETE FROM step WHERE robot = %s", (self._robot,))
+            connection.execute("DELETE FROM robot WHERE robot = %s", (self._robot,))
+
+    def position(self) -> PushPosition:
+        """Return how far the ledger of this robot is covered."""
+        with self._transaction() as connection:
+            return self._position(connection, lock=False)
+
+    def push(self, before: PushPosition, steps: Sequence[FleetStep], after: PushPosition) -> None:
+        """Add steps, and what they cover with them, unless somebody else has done so meanwhile.
+
+        Raises:
+            FleetError: ``ROBOT_TAKEN`` or ``LEDGER_TAKEN``.
+        """
+        with self._transaction() as connection:
+            if self._position(connection, lock=True) != before:
+                raise FleetError(
+                    "ROBOT_TAKEN",
+                    f"somebody else pushes as '{self._robot}', too; give each robot a name of its "
+                    "own, and run 'bt-agents fleet run' once",
+                )
+            if steps:
+                connection.execute("SELECT pg_advisory_xact_lock(%s)", (_LOCK + 1,))
+                with connection.cursor() as cursor:
+                    cursor.executemany(_INSERT, [_row(step) for step in steps])
+                agents = [one.agent for one in steps if one.event is StepEvent.FORGET]
+                numbers = [one.number for one in steps]
+                connection.execute(_FORGET, (agents, self._robot, numbers))
+                connection.execute("SELECT pg_notify(%s, %s)", (CHANNEL, self._robot))
+            shares = json.dumps(after.shares)
+            values = (after.ledger, after.number, after.checksum, shares, self._robot)
+            try:
+                connection.execute(_COVER, values)
+            except psycopg.errors.UniqueViolation:
+                raise FleetError(
+                    "LEDGER_TAKEN",
+                    f"this ledger has been pushed under another name than '{self._robot}'; join "
+                    "under that one, else the fleet would count its steps twice",
+                ) from None
+
+    def pull(self, wanted: Sequence[Wanted]) -> list[dict[str, Any]]:
+        """Return steps of other robots that are not known yet, unchecked, in order of arrival.
+
+        What is too long is cut to a length that no step has.
+        """
+        with self._transaction() as connection:
+            found = connection.execute(_PULL, (*_columns(wanted), self._robot, BATCH)).fetchall()
+            connection.execute("UPDATE robot SET seen = now() WHERE robot = %s", (self._robot,))
+        names = (*FleetStep.__dataclass_fields__,)
+        return [dict(zip(names, row, strict=True)) for row in found]
+
+    def count(self, wanted: Sequence[Wanted]) -> dict[str, int]:
+        """Return agent → how many steps of other robots there are for it."""
+        with self._transaction() as connection:
+            found = connection.execute(_COUNT, (*_columns(wanted), self._robot)).fetchall()
+        return {str(agent): int(count) for agent, count in found}
+
+    def robots(self) -> list[RobotRow]:
+        """Return all robots of the fleet, by name."""
+        with self._transaction() as connection:
+            _check_version(connection)
+            found = connection.execute(_ROBOTS).fetchall()
+        return [
+            RobotRow(robot=printable_line(str(name)), steps=steps, position=at, seen_s=float(seen))
+            for name, steps, at, seen in found
+        ]
+
+    def wait(self, seconds: float) -> None:
+        """Wait until somebody has pushed something, at most so long."""
+        with self._bounded(seconds + self._limit_s) as connection:
+            for _ in connection.notifies(timeout=seconds, stop_after=1):
+                break
+
+    def _position(self, connection: psycopg.Connection[Any], *, lock: bool) -> PushPosition:
+        query = "SELECT position, checksum, ledger, shares FROM robot WHERE robot = %s"
+        found = connection.execute(
+            f"{query}{' FOR UPDATE' if lock else ''}".encode(), (self._robot,)
+        ).fetchone()
+        if found is None:
+            raise FleetError(
+                "NOT_JOINED",
+                f"the database knows no robot '{self._robot}'; 'bt-agents fleet join' adds it",
+            )
+        number, checksum, ledger, shares = found
+        return PushPosition(
+            number=number, checksum=checksum, ledger=ledger or 0, shares=_shares(shares)
+        )
+
+    @contextmanager
+    def _transaction(self) -> Iterator[psycopg.Connection[Any]]:
+        with self._bounded() as connection, connection.transaction():
+            yield connection
+
+    @contextmanager
+    def _bounded(self, seconds: float | None = None) -> Iterator[psycopg.Connection[Any]]:
+        """Use the connection; when the time is over its socket is shut, which ends any call."""
+        descriptor = -1
+        timer: Timer | None = None
+        try:
+            connection = self._connection or self._open()
+            self._connection = connection
+            descriptor = os.dup(connection.fileno())
+            timer = Timer(seconds or self._limit_s, _shut, (descriptor,))
+            timer.daemon = True
+            timer.start()
+            yield connection
+        except (psycopg.Error, OSError) as error:
+            self.close()
+            raise _failed(error) from error
+        except BaseException:
+            self.close()
+            raise
+        finally:
+            if timer is not None:
+                timer.cancel()
+                timer.join()
+            if descriptor >= 0:
+                os.close(descriptor)
+
+    def _open(self) -> psycopg.Connection[Any]:
+        limit_ms = int(self._limit_s * 1000)
+        more: dict[str, Any] = {"password": self._password} if self._password else {}
+        return psycopg.connect(
+            self._address,
+            autocommit=True,
+            connect_timeout=max(2, int(self._limit_s)),
+            application_name=f"bt-agents {self._robot}",
+            keepalives=1,
+            keepalives_idle=10,
+            keepalives_interval=2,
+            keepalives_count=3,
+            tcp_user_timeout=limit_ms,
+            options=f"-c statement_timeout={limit_ms} -c lock_timeout={limit_ms} "
+            f"-c idle_in_transaction_session_timeout={2 * limit_ms}",
+            **more,
+        )
+
+
+_INSERT = """
+INSERT INTO step (robot, number, agent, layer, base, event, kind, target, weight, changes, stamp)
+VALUES (%s, %s, %s, %s, %s, %s, %s, %s, %s, %s, %s) ON CONFLICT DO NOTHING
+"""
+
+_FORGET = """
+DELETE FROM step AS s USING step AS t
+WHERE t.event = 'forget' AND s.event <> 'forget' AND s.agent = t.agent
+    AND (s.agent = ANY(%s) OR (s.robot = %s AND s.number = ANY(%s)))
+    AND (s.stamp, s.robot COLLATE "C", s.number) < (t.stamp, t.robot COLLATE "C", t.number)
+    AND t.layer = split_part(s.layer, '/', 1) || '/sha256:'
+        || encode(sha256(convert_to(s.layer, 'UTF8')), 'hex')
+"""
+
+_COVER = """
+UPDATE robot SET ledger = %s, position = %s, checksum = %s, shares = %s, seen = now()
+WHERE robot = %s
+"""
+
+_OF_WANTED = """
+FROM step AS s JOIN unnest(%s::text[], %s::text[], %s::bool[], %s::bool[], %s::bigint[])
+    AS w (agent, base, places, persons, after)
+    ON s.agent = w.agent AND (s.base = w.base OR s.event = 'forget') AND s.arrival > w.after
+WHERE (NOT w.places OR s.layer LIKE 'place/%%')
+    AND (w.persons OR s.layer NOT LIKE 'person/%%') AND s.robot <> %s
+"""
+
+_PULL = f"""
+SELECT s.robot, s.number, s.agent, left(s.layer, {_LONGEST_TEXT}), s.base,
+    left(s.event, {_LONGEST_TEXT}), s.kind,
+    CASE WHEN length(s.target::text) <= {_LONGEST_TARGET} THEN s.target::text ELSE '' END,
+    s.weight, s.changes, s.stamp, s.arrival
+{_OF_WANTED} ORDER BY s.arrival LIMIT %s
+"""
+
+_COUNT = f"SELECT s.agent, count(*) {_OF_WANTED} GROUP BY s.agent"
+
+_ROBOTS = """
+SELECT r.robot, (SELECT count(*) FROM step AS s WHERE s.robot = r.robot), r.position,
+    extract(epoch FROM now() - r.seen)
+FROM robot AS r ORDER BY r.robot LIMIT 10000
+"""
+
+
+def _row(step: FleetStep) -> tuple[Any, ...]:
+    fields = {**step.fields(), "target": json.dumps(dict(step.target), allow_nan=False)}
+    return tuple(value for name, value in fields.items() if name != "arrival")
+
+
+def _columns(wanted: Sequence[Wanted]) -> tuple[list[Any], ...]:
+    return (
+        [one.agent for one in wanted],
+        [one.base for one in wanted],
+        [one.share is SharedLayers.PLACES for one in wanted],
+        [one.share is SharedLayers.ALL for one in wanted],
+        [one.after for one in wanted],
+    )
+
+
+def _shares(text: str) -> dict[str, str]:
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        return {}
+    return {str(name): str(share) for name, share in found.items()}
+
+
+def _migrations() -> dict[int, str]:
+    """Return the statements of each version of the tables, by its number from 1."""
+    found = {}
+    for file in files("bt_agents_fleet").joinpath("migrations").iterdir():
+        if number := _MIGRATION.fullmatch(file.name):
+            found[int(number[1])] = file.read_text(encoding="utf-8")
+    assert sorted(found) == list(range(1, len(found) + 1))
+    return found
+
+
+def _version(connection: psycopg.Connection[Any]) -> int:
+    """Return the version of the tables; 0 when there are none."""
+    there = connection.execute("SELECT to_regclass('schema_version') IS NOT NULL").fetchone()
+    if not (there and there[0]):
+        return 0
+    found = connection.execute("SELECT coalesce(max(version), 0) FROM schema_version").fetchone()
+    return int(found[0]) if found else 0
+
+
+def _check_version(connection: psycopg.Connection[Any]) -> None:
+    found = _version(connection)
+    known = len(_migrations())
+    if found > known:
+        raise _newer(found)
+    if found < known:
+        raise FleetError(
+            "SCHEMA_OLD",
+            f"the tables are of version {found}, expected {known}; 'bt-agents fleet join' brings "
+            "them up to date",
+        )
+
+
+def _newer(found: int) -> FleetError:
+    return FleetError(
+        "SCHEMA_NEWER",
+        f"the tables are of version {found}, this program knows {len(_migrations())}; install the "
+        "version of bt-agents that the rest of the fleet has",
+    )
+
+
+def _shut(descriptor: int) -> None:
+    with suppress(OSError):
+        sock = socket.socket(fileno=os.dup(descriptor))
+        try:
+            sock.shutdown(socket.SHUT_RDWR)
+        finally:
+            sock.close()
+
+
+def _failed(error: Exception) -> FleetError:
+    if isinstance(error, psycopg.OperationalError | OSError):
+        return FleetError("DATABASE_AWAY", f"the database of the fleet: {_line(error)}")
+    return FleetError("DATABASE_FAILED", f"the database of the fleet: {_line(error)}")
+
+
+def _line(error: Exception) -> str:
+    return printable_line(" ".join(str(error).split()))[:_LONGEST_TEXT]

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of a robot that has joined a fleet: a file of its state folder, for its owner alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from bt_agents_core.atomic_file import write_atomically
+from bt_agents_core.errors import Refused
+from bt_agents_core.private_files import make_private_file, make_private_folder
+from bt_agents_core.state_folder import FLEET_SETTINGS
+from feedback_node.learning.fleet_steps import ROBOT_NAME
+
+STATUS_FILE = "fleet-status.json"
+"""File of a state folder with how far the robot is, as its process has written it last."""
+
+PASSWORD_VARIABLE = "BT_AGENTS_FLEET_PASSWORD"
+"""Variable of the environment with the password, where no file is named."""
+
+_LONGEST = 20_000
+_LONGEST_PASSWORD = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetSettings:
+    """Which robot this is, and in which fleet.
+
+    Attributes:
+        address: Of the database, as of :func:`database.checked_address`.
+        password_file: Absolute; empty without one.
+    """
+
+    robot: str
+    address: str
+    password_file: str = ""
+
+
+def checked_robot(name: str) -> str:
+    """Return the name of a robot.
+
+    Raises:
+        Refused: ``BAD_ROBOT``.
+    """
+    if not ROBOT_NAME.fullmatch(name):
+        raise Refused(
+            "BAD_ROBOT",
+            f"the robot '{name[:80]}': expected 1 to 63 small letters, digits, '-' and '_', for "
+            "example --robot robot-07",
+        )
+    return name
+
+
+def write_settings(folder: Path, settings: FleetSettings) -> Path:
+    """Write the settings into a state folder; return the file.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    make_private_folder(folder)
+    file = folder / FLEET_SETTINGS
+    write_private(file, json.dumps(asdict(settings), indent=2) + "\n")
+    return file
+
+
+def write_private(file: Path, text: str, *, durable: bool = True) -> None:
+    """Replace the text of a file that only its owner reads.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    make_private_file(file)
+    write_atomically(file, text, durable=durable)
+
+
+def read_settings(folder: Path) -> FleetSettings:
+    """Return the settings in a state folder.
+
+    Raises:
+        Refused: ``NOT_JOINED``, ``BAD_SETTINGS`` or ``BAD_ROBOT``.
+    """
+    file = folder / FLEET_SETTINGS
+    try:
+        with file.open(encoding="utf-8") as opened:
+            found = json.loads(opened.read(_LONGEST))
+        settings = FleetSettings(**found)
+    except FileNotFoundError:
+        raise Refused(
+            "NOT_JOINED", "this robot is in no fleet; 'bt-agents fleet join ADDRESS' joins one"
+        ) from None
+    except (OSError, ValueError, TypeError) as error:
+        raise Refused(
+            "BAD_SETTINGS", f"{file}: {error}; 'bt-agents fleet join' writes it anew"
+        ) from None
+    if not all(isinstance(value, str) for value in vars(settings).values()):
+        raise Refused("BAD_SETTINGS", f"{file}: expected texts; 'bt-agents fleet join' writes it")
+    checked_robot(settings.robot)
+    return settings
+
+
+def password_of(settings: FleetSettings, environment: Mapping[str, str] = os.environ) -> str:
+    """Return the password from its file or the environment; empty for libpq's own ways.
+
+    Raises:
+        Refused: ``PASSWORD_READABLE`` or ``PASSWORD_UNREADABLE``.
+    """
+    if not settings.password_file:
+        return environment.get(PASSWORD_VARIABLE, "")
+    file = settings.password_file
+    try:
+        with open(file, encoding="utf-8") as opened:
+            if stat.S_IMODE(os.fstat(opened.fileno()).st_mode) & 0o077:
+                raise Refused(
+                    "PASSWORD_READABLE",
+                    f"{file}: others may read the password; 'chmod 600 {file}' mends it",
+                )
+            return opened.read(_LONGEST_PASSWORD).strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise Refused(
+            "PASSWORD_UNREADABLE", f"{file}: {error}; expected a file with the password alone"
+        ) from None
+
+
+def read_status(folder: Path) -> dict[str, Any]:
+    """Return what the robot's process has written last; empty when it has not."""
+    try:
+        with (folder / STATUS_FILE).open(encoding="utf-8") as opened:
+            found = json.loads(opened.read(1_000_000))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

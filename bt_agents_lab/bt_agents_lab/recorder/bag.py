@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of ``ros2 bag record``: which files hold their messages, and how many there should be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.text import join_first, quote
+from bt_agents_language.diagnostics.collection import Diagnostics
+from bt_agents_language.yaml.source import read_source
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, entries_of, read_yaml
+from bt_agents_language.yaml.yaml_reader import Sequence as YamlList
+
+METADATA = "metadata.yaml"
+"""File of a bag that says what its folder holds."""
+
+COMPRESSED = ".mcap.zstd"
+"""Ending of a file that was compressed as a whole, with ``--compression-mode file``."""
+
+_ENDINGS = (".mcap", COMPRESSED)
+_SQLITE = (".db3", ".db3.zstd")
+_MOST_DIGITS = 18
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedFiles:
+    """Files of MCAP of one journal, bag or folder.
+
+    Attributes:
+        messages: Number of messages in them, as the ``metadata.yaml`` of a bag says; None for
+            unknown.
+        problems: Texts about what is missing.
+    """
+
+    paths: tuple[Path, ...]
+    messages: int | None = None
+    problems: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Bytes of all of them.
+
+        Raises:
+            OSError: One cannot be looked at.
+        """
+        return sum(path.stat().st_size for path in self.paths)
+
+
+def is_bag(folder: Path) -> bool:
+    """Return whether ``ros2 bag`` has written a folder, and has ended as usual."""
+    return (folder / METADATA).is_file()
+
+
+def recorded_files(path: Path) -> RecordedFiles:
+    """Return the files that a path stands for: itself, those of a bag, or all in a folder.
+
+    Raises:
+        Refused: ``SQLITE_BAG`` or ``NO_RECORDING``.
+    """
+    if not path.is_dir():
+        if path.name.endswith(_SQLITE):
+            raise _sqlite(path.parent)
+        return RecordedFiles(paths=(path,))
+    inside = sorted(one for one in path.iterdir() if one.is_file())
+    found = _named(path) if is_bag(path) else RecordedFiles(paths=())
+    if not found.paths:
+        if any(one.name.endswith(_SQLITE) for one in inside):
+            raise _sqlite(path)
+        found = replace(found, paths=tuple(one for one in inside if one.name.endswith(_ENDINGS)))
+    if not found.paths:
+        nothing = f"there is no journal and no bag in the folder {path}"
+        raise Refused("NO_RECORDING", "; ".join([nothing, *found.problems]))
+    return found
+
+
+def _named(folder: Path) -> RecordedFiles:
+    """Return the files that the metadata of a bag names; none when it cannot be read."""
+    try:
+        root = _read(folder / METADATA)
+    except ReadError as error:
+        text = f"{error.lines[0]}; 'ros2 bag reindex {folder}' writes it anew"
+        return RecordedFiles(paths=(), problems=(text,))
+    about = root.get("rosbag2_bagfile_information") if isinstance(root, Mapping) else None
+    storage = _text(about, "storage_identifier")
+    if storage == "sqlite3":
+        raise _sqlite(folder)
+    named = about.get("relative_file_paths") if isinstance(about, Mapping) else None
+    items = named.items if isinstance(named, YamlList) else ()
+    # Early versions name the folder, too; a name leads nowhere else.
+    names = [PurePosixPath(one.text).name for one in items if isinstance(one, Scalar)]
+    paths = [folder / name for name in dict.fromkeys(names) if name.endswith(_ENDINGS)]
+    missing = [path.name for path in paths if not path.is_file()]
+    number = _text(about, "message_count")
+    return RecordedFiles(
+        paths=tuple(path for path in paths if path.is_file()),
+        messages=int(number) if _is_count(number) else None,
+        problems=_problems(folder, missing, bool(paths), storage),
+    )
+
+
+def _read(path: Path) -> Node | None:
+    source = read_source(path)
+    problems = Diagnostics(source)
+    root = read_yaml(source, problems)
+    if root is None:
+        raise problems.error()
+    return root
+
+
+def _problems(
+    folder: Path, missing: Sequence[str], is_named: bool, storage: str
+) -> tuple[str, ...]:
+    if not is_named:
+        of = f"; its storage is {quote(storage)}, expected mcap" if storage != "mcap" else ""
+        return (f"{folder / METADATA} names no file of MCAP{of}",)
+    if not missing:
+        return ()
+    return (
+        f"the bag {folder} names {join_first(map(quote, missing))}, which is not there; copy all "
+        "of its folder",
+    )
+
+
+def _is_count(text: str) -> bool:
+    return text.isascii() and text.isdigit() and len(text) <= _MOST_DIGITS
+
+
+def _text(node: Node | None, key: str) -> str:
+    """Return what stands behind a key as text; empty when there is none."""
+    found = next((one.value for one in entries_of(node) if one.key.text == key), None)
+    return found.text if isinstance(found, Scalar) else ""
+
+
+def _sqlite(folder: Path) -> Refused:
+    return Refused(
+        "SQLITE_BAG",
+        f"{folder} is a bag in SQLite, expected MCAP; put 'output_bags: [{{uri: NEW, storage_id: "
+        "mcap, all_topics: true}]' into a file out.yaml, and convert it with "
+        f"'ros2 bag convert -i {folder} -o out.yaml'",
+    )

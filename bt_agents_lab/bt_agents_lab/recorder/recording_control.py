@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Control of a recording: its start, its end, its label, and the moments marked in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.text import ellipsize
+from bt_agents_lab.recorder.daily_recorder import DailyRecorder
+
+MOST_BOOKMARKS = 10_000
+"""Moments that may be marked in one recording."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingState:
+    """Whether everything is recorded now, and what is known of the recording.
+
+    Attributes:
+        since_ns: When this came into force [ns since 1970].
+        file: The one that is written, else the last one.
+        author: Who started it; empty when it began with the journal.
+        bookmarks: Number of moments that were marked in it.
+    """
+
+    since_ns: int
+    is_recording: bool
+    file: str
+    label: str = ""
+    notes: str = ""
+    author: str = ""
+    bookmarks: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkedMoment:
+    """Moment of a recording that somebody wants to find again [ns since 1970]."""
+
+    at_ns: int
+    label: str
+    notes: str
+    author: str
+
+
+class RecordingListener(Protocol):
+    """Whoever makes known what has changed; what is to be recorded of it is recorded by it."""
+
+    def on_state(self, state: RecordingState) -> None:
+        """Take the state that holds from now on."""
+
+    def on_bookmark(self, moment: MarkedMoment) -> None:
+        """Take a moment that was marked."""
+
+
+class RecordingControl:
+    """Start, end and bookmarks of the recordings of one recorder, which records already.
+
+    Args:
+        recorder: Writes the files.
+        listener: Is told of every change, and of the state at the beginning.
+        now_ns: Returns the time of day [ns since 1970].
+    """
+
+    def __init__(
+        self, recorder: DailyRecorder, listener: RecordingListener, now_ns: Callable[[], int]
+    ) -> None:
+        self._recorder = recorder
+        self._listener = listener
+        self._now_ns = now_ns
+        self.state = RecordingState(since_ns=now_ns(), is_recording=True, file=recorder.path.name)
+        listener.on_state(self.state)
+
+    def start(self, *, label: str, notes: str, author: str) -> str:
+        """Begin a new file; return what was done, in words.
+
+        Raises:
+            Refused: ``RECORDING_ALREADY``, ``IN_USE`` or ``CANNOT_WRITE``.
+        """
+        if self.state.is_recording:
+            raise Refused(
+                "RECORDING_ALREADY",
+                f"{self._named()} is being recorded; stop it before another one begins",
+            )
+        now_ns = self._now_ns()
+        try:
+            self._recorder.start(now_ns)
+        except OSError as error:
+            raise Refused(
+                "CANNOT_WRITE",
+                f"no recording can be begun ({error.strerror or error}); make room, or look at "
+                "the rights of the folder",
+            ) from None
+        self._set(
+            RecordingState(
+                since_ns=now_ns,
+                is_recording=True,
+                file=self._recorder.path.name,
+                label=label,
+                notes=notes,
+                author=author,
+            )
+        )
+        return f"{self._named()} is being recorded"
+
+    def stop(self) -> str:
+        """End the file; return what was done, in words.
+
+        Raises:
+            Refused: ``NOT_RECORDING``.
+        """
+        self._check_recording()
+        self._recorder.stop()
+        self._set(replace(self.state, since_ns=self._now_ns(), is_recording=False))
+        return f"{self._named()} has ended, nothing is recorded now"
+
+    def mark(self, *, label: str, notes: str, author: str) -> str:
+        """Mark the moment now; return what was done, in words.
+
+        Raises:
+            Refused: ``NOT_RECORDING``, or ``TOO_MANY`` bookmarks.
+        """
+        self._check_recording()
+        if self.state.bookmarks >= MOST_BOOKMARKS:
+            raise Refused(
+                "TOO_MANY",
+                f"{self._named()} has {MOST_BOOKMARKS} bookmarks, no more may be; begin another "
+                "recording",
+            )
+        self._listener.on_bookmark(
+            MarkedMoment(at_ns=self._now_ns(), label=label, notes=notes, author=author)
+        )
+        self._set(replace(self.state, bookmarks=self.state.bookmarks + 1))
+        return f"marked in {self._named()}" + (f": {ellipsize(label, 80)}" if label else "")
+
+    def check_file(self) -> None:
+        """Make known that another day has begun another file."""
+        if self.state.is_recording and self.state.file != self._recorder.path.name:
+            self._set(replace(self.state, file=self._recorder.path.name))
+
+    def _check_recording(self) -> None:
+        if not self.state.is_recording:
+            raise Refused(
+                "NOT_RECORDING",
+                "nothing is recorded now; 'bt-agents record start' begins a recording",
+            )
+
+    def _set(self, state: RecordingState) -> None:
+        self.state = state
+        self._listener.on_state(state)
+
+    def _named(self) -> str:
+        label = f" '{ellipsize(self.state.label, 80)}'" if self.state.label else ""
+        return f"{self.state.file}{label}"

@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bus of one process: messages, requests and answers between its own nodes, without middleware.
+
+What is handed over waits in the queue of its receiver until an executor takes it, so that nothing
+is called from within what sends it. Each receiver gets a copy of its own.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+Copy: TypeAlias = Callable[[Any], Any]
+"""Returns a copy that shares nothing with its original that can be changed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """What both ends of a topic have to agree on, and how many messages one end keeps.
+
+    Attributes:
+        kind: Type of the messages.
+        depth: Messages that are kept, the oldest one goes first; None for any number.
+        is_reliable: Whether none may be lost within the depth.
+        is_latched: Whether late readers get what writers still keep.
+    """
+
+    kind: Any
+    depth: int | None
+    is_reliable: bool
+    is_latched: bool
+
+    def suits(self, reader: Channel) -> bool:
+        """Return whether a reader gets the messages of a writer of this channel, as in DDS."""
+        return (
+            self.kind is reader.kind
+            and self.is_reliable >= reader.is_reliable
+            and self.is_latched >= reader.is_latched
+        )
+
+
+class LocalQueue:
+    """Bounded queue of what one entity receives over the bus; the oldest item goes first.
+
+    Args:
+        bus: Where it counts as pending while it holds something.
+        entity: Whose callback is called.
+        depth: Items that it holds; None for any number.
+        part: Part of an action that it is for, as in the data of a waitable; else empty.
+    """
+
+    def __init__(self, bus: LocalBus, entity: Any, depth: int | None, part: str = "") -> None:
+        self.entity = entity
+        self.part = part
+        self._bus = bus
+        self._items: deque[Any] = deque(maxlen=depth)
+        self._is_closed = False
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def put(self, item: Any) -> None:
+        """Append an item; nothing when the entity was destroyed."""
+        if not self._is_closed:
+            self._items.append(item)
+            self._bus.pending[self] = None
+
+    def take(self) -> Any | None:
+        """Remove the oldest item and return it; None when there is none.
+
+        With more items the queue is the last of those that are pending.
+        """
+        self._bus.pending.pop(self, None)
+        item = self._items.popleft() if self._items else None
+        if self._items:
+            self._bus.pending[self] = None
+        return item
+
+    def close(self) -> None:
+        """Drop what it holds, and all that comes later."""
+        self._is_closed = True
+        self._items.clear()
+        self._bus.pending.pop(self, None)
+
+
+@dataclass(eq=False)
+class LocalReader:
+    """Subscription on a topic of the bus.
+
+    Attributes:
+        copy: Makes what this one gets of a message; None for a copy of all of it.
+    """
+
+    topic: str
+    channel: Channel
+    queue: LocalQueue
+    copy: Copy | None = None
+
+
+@dataclass(eq=False)
+class LocalWriter:
+    """Publisher on a topic of the bus.
+
+    Attributes:
+        kept: The last messages of a latched one, for readers that come later.
+    """
+
+    topic: str
+    channel: Channel
+    copy: Copy
+    kept: deque[LocalMessage] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.kept = deque(maxlen=self.channel.depth)
+
+
+@dataclass(eq=False)
+class LocalServer:
+    """Service of the bus."""
+
+    name: str
+    kind: Any
+    queue: LocalQueue
+
+
+@dataclass(frozen=True, slots=True)
+class LocalMessage:
+    """Message in the queue of a subscription.
+
+    Attributes:
+        message: Nobody else's.
+        stamp_ns: Time at which it was published [ns].
+    """
+
+    message: Any
+    stamp_ns: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalRequest:
+    """Request in the queue of a service.
+
+    Attributes:
+        request: A copy of what was sent.
+        sender: Participant of the client.
+        answer: Hands a response to the client; called once at most.
+    """
+
+    request: Any
+    sender: str
+    answer: Callable[[Any], None]
+
+
+class LocalBus:
+    """Topics and services of the nodes of one process; called from the thread of its executor.
+
+    Args:
+        clock_ns: Returns the time of the day [ns].
+
+    Attributes:
+        sender: Participant of the process, as receivers are told.
+        pending: The queues that hold something, the one that waits longest first.
+        outgoing: Publications for other processes in their order, which are written when the
+            nodes of this one have what they wait for.
+    """
+
+    def __init__(self, clock_ns: Callable[[], int], sender: str = "") -> None:
+        self._clock_ns = clock_ns
+        self.sender = sender
+        self.pending: dict[LocalQueue, None] = {}
+        self.outgoing: dict[object, Callable[[], None]] = {}
+        self._readers: dict[str, list[LocalReader]] = {}
+        self._writers: dict[str, list[LocalWriter]] = {}
+        self._servers: dict[str, list[LocalServer]] = {}
+        self._number = 0
+
+    def add_writer(self, topic: str, channel: Channel, copy: Copy) -> LocalWriter:
+        """Return a new publisher of a topic."""
+        writer = LocalWriter(topic, channel, copy)
+        self._writers.setdefault(topic, []).append(writer)
+        return writer
+
+    def add_reader(
+        self, topic: str, channel: Channel, queue: LocalQueue, copy: Copy | None = None
+    ) -> LocalReader:
+        """Return a new subscription; a latched one gets at once what is kept for it."""
+        reader = LocalReader(topic, channel, queue, copy)
+        self._readers.setdefault(topic, []).append(reader)
+        if channel.is_latched:
+            for writer in self.writers_of(reader):
+                for kept in writer.kept:
+                    _put(writer, reader, kept)
+        return reader
+
+    def add_server(self, name: str, kind: Any, queue: LocalQueue) -> LocalServer:
+        """Return a new service."""
+        server = LocalServer(name, kind, queue)
+        self._servers.setdefault(name, []).append(server)
+        return server
+
+    def remove(self, end: LocalReader | LocalWriter | LocalServer) -> None:
+        """Remove what was destroyed; what a publisher has kept goes with it."""
+        match end:
+            case LocalWriter():
+                self._writers[end.topic].remove(end)
+                return
+            case LocalReader():
+                self._readers[end.topic].remove(end)
+            case LocalServer():
+                self._servers[end.name].remove(end)
+        end.queue.close()
+
+    def readers_of(self, writer: LocalWriter) -> list[LocalReader]:
+        """Return the subscriptions that get the messages of a publisher."""
+        readers = self._readers.get(writer.topic, ())
+        return [one for one in readers if writer.channel.suits(one.channel)]
+
+    def writers_of(self, reader: LocalReader) -> list[LocalWriter]:
+        """Return the publishers whose messages a subscription gets."""
+        writers = self._writers.get(reader.topic, ())
+        return [one for one in writers if one.channel.suits(reader.channel)]
+
+    def publish(self, writer: LocalWriter, message: Any, *, is_kept: bool = False) -> None:
+        """Hand a copy of a message to each subscription, and keep one if it is latched.
+
+        With ``is_kept`` nobody changes the message any more, and it is kept itself.
+        """
+        published = LocalMessage(message, self._clock_ns())
+        for reader in self.readers_of(writer):
+            _put(writer, reader, published)
+        if writer.channel.is_latched:
+            kept = message if is_kept else writer.copy(message)
+            writer.kept.append(LocalMessage(kept, published.stamp_ns))
+
+    def server_of(self, name: str, kind: Any) -> LocalServer | None:
+        """Return the service of a name and a type in this process, the oldest of several."""
+        for server in self._servers.get(name, ()):
+            if server.kind is kind:
+                return server
+        return None
+
+    def call(self, server: LocalServer, request: Any, answer: Callable[[int, Any], None]) -> int:
+        """Hand a request, which is nobody else's, to a service.
+
+        Args:
+            server: Of :meth:`server_of`.
+            request: Not copied.
+            answer: Takes the number of the request and the response.
+
+        Returns:
+            The number, which no request over the middleware has.
+        """
+        self._number -= 1
+        number = self._number
+        local = LocalRequest(
+            request=request, sender=self.sender, answer=lambda response: answer(number, response)
+        )
+        server.queue.put(local)
+        return number
+
+    def send_out(self, write: Callable[[], None], state_of: object | None = None) -> None:
+        """Have a publication written for other processes later.
+
+        Args:
+            write: Writes it.
+            state_of: What it is the newest state of; an older one that is not written yet is left
+                out, as a publisher of depth 1 keeps no other.
+        """
+        key = object() if state_of is None else state_of
+        self.outgoing.pop(key, None)
+        self.outgoing[key] = write
+
+    def write_next(self) -> None:
+        """Write the oldest publication for other processes, if there is still one."""
+        if self.outgoing:
+            self.outgoing.pop(next(iter(self.outgoing)))()
+
+    def write_out(self) -> None:
+        """Write all publications for other processes now."""
+        while self.outgoing:
+            self.write_next()
+
+
+def _put(writer: LocalWriter, reader: LocalReader, published: LocalMessage) -> None:
+    copy = reader.copy or writer.copy
+    reader.queue.put(LocalMessage(copy(published.message), published.stamp_ns))

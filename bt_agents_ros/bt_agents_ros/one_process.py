@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes of a system in one process, which hand over to each other on a bus.
+
+``python -m bt_agents_ros.node_main bt_agents_ros.one_process MODULE … --ros-args …``: each module
+has a ``make_node``. They are made in their order, and stopped in it, each after the one before.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import takewhile
+from pathlib import Path
+
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.node import Node
+from rclpy.utilities import get_default_context
+
+from bt_agents_core.gc_pause import gc_paused
+from bt_agents_ros import qos
+from bt_agents_ros.discovery import participants
+from bt_agents_ros.fastdds_profile import PROFILE, FastDdsProfile
+from bt_agents_ros.local_bus import LocalBus
+from bt_agents_ros.spinner import run_together
+from bt_agents_ros.workarounds.local_endpoints import handing_over
+
+_IGNORED = "fastdds.ignore_local_endpoints"
+_ROS_ARGUMENTS = "--ros-args"
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the nodes of the modules that the command line names; return the exit code."""
+    words = list(sys.argv if args is None else args)
+    names = list(takewhile(lambda word: word != _ROS_ARGUMENTS, words[1:]))
+    if not names:
+        print("error: no module is named, expected those of the nodes to run", file=sys.stderr)
+        return 1
+    with gc_paused():
+        modules = [importlib.import_module(name) for name in names]
+    gc.freeze()
+    return run_together([module.make_node for module in modules], args, bus=bus)
+
+
+@contextmanager
+def bus() -> Iterator[LocalBus | None]:
+    """Give the bus of the nodes that are made within this block, after ``rclpy.init``.
+
+    None, after a line that says why, where the middleware carries messages to endpoints of the
+    same process in any case: each would come twice.
+    """
+    with endpoints_ignored(os.environ.get(PROFILE, "")) as file, _variable(PROFILE, str(file)):
+        # The first node makes the participant, for which Fast DDS reads the file; it ends with the
+        # last one, so this one stays.
+        anchor = rclpy.create_node("_bus", start_parameter_services=False, enable_rosout=False)
+    try:
+        sender = _participant_that_ignores_itself(anchor)
+        if sender is None:
+            anchor.get_logger().warning(
+                "NO_BUS: the middleware does not ignore endpoints of its own process, so nodes of "
+                "this one hear each other over it, which takes longer; Fast DDS with the property "
+                f"{_IGNORED} does"
+            )
+            yield None
+        else:
+            made = LocalBus(time.time_ns, sender)
+            with handing_over(get_default_context(), made):
+                yield made
+    finally:
+        anchor.destroy_node()
+
+
+def _participant_that_ignores_itself(node: Node) -> str | None:
+    """Return the participant of a node; None where endpoints of its process match each other."""
+    topic = f"_bus_{os.getpid()}"
+    publisher = node.create_publisher(Time, topic, qos.EVENTS)
+    subscription = node.create_subscription(Time, topic, lambda _: None, qos.EVENTS)
+    found = participants(node.get_publishers_info_by_topic(topic))
+    is_matched = publisher.get_subscription_count() > 0
+    node.destroy_publisher(publisher)
+    node.destroy_subscription(subscription)
+    return None if is_matched or len(found) != 1 else next(iter(found))
+
+
+@contextmanager
+def endpoints_ignored(profile: str) -> Iterator[Path]:
+    """Give a profile of Fast DDS like another one, whose participants ignore their own endpoints.
+
+    Args:
+        profile: File of the other one; empty for what Fast DDS does without.
+
+    Raises:
+        BtAgentsError: As of :class:`FastDdsProfile`.
+    """
+    made = FastDdsProfile(profile)
+    made.set_property(_IGNORED, "true")
+    with tempfile.NamedTemporaryFile(
+        "w", suffix=".xml", prefix="bt-agents-", encoding="utf-8", delete=False
+    ) as file:
+        file.write(made.text())
+    try:
+        yield Path(file.name)
+    finally:
+        with suppress(OSError):
+            os.unlink(file.name)
+
+
+@contextmanager
+def _variable(name: str, value: str) -> Iterator[None]:
+    """Set a variable of the environment within this block."""
+    before = os.environ.get(name)
+    os.environ[name] = value
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of the system: the one table of their types, their QoS, who publishes and who listens.
+
+What stands below no node's own name is below :data:`PREFIX`, so that nothing else on a robot, of
+which ``scene`` or ``feedback`` may be names too, is taken for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+HOST = "{host}"
+"""Stands for the name of each host in names of topics and nodes."""
+
+PREFIX = "bt_agents/"
+"""Begins the names of topics and services that belong to no node alone."""
+
+_OWN_PACKAGE = "bt_agents_interfaces"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SystemTopic:
+    """A topic that nodes of the system publish or listen to whatever the trees are.
+
+    Attributes:
+        name: Relative, but for what ROS itself gives a name.
+        type: Of its messages, ``package/msg/Name``.
+        profile: Name of the QoS profile of its publishers in :mod:`bt_agents_ros.qos`.
+        publishers: Names of nodes, and of roles of the command line.
+        listeners: The same; a node that listens only while it acts is one, too.
+    """
+
+    name: str
+    type: str
+    profile: str
+    publishers: frozenset[str]
+    listeners: frozenset[str]
+
+    def is_called(self, name: str) -> bool:
+        """Return whether this is the topic of that name; a slash at its front is left out."""
+        name = name.removeprefix("/")
+        host, slash, rest = self.name.partition("/")
+        if host != HOST:
+            return name == self.name.removeprefix("/")
+        return name.endswith(slash + rest) and name != slash + rest
+
+
+def _topic(name: str, kind: str, profile: str, publishers: str, listeners: str) -> SystemTopic:
+    return SystemTopic(
+        name=name,
+        type=f"{kind if '/' in kind else f'{_OWN_PACKAGE}/{kind}'}".replace("/", "/msg/"),
+        profile=profile,
+        publishers=frozenset(publishers.split()),
+        listeners=frozenset(listeners.split()),
+    )
+
+
+_TEXT, _YES, _BEAT = "std_msgs/String", "std_msgs/Bool", "std_msgs/Empty"
+_STATE = "lifecycle_msgs/TransitionEvent"
+_SHOWN = "journal studio watch"
+
+TOPICS = (
+    _topic(
+        *("/diagnostics", "diagnostic_msgs/DiagnosticArray", "EVENTS"),
+        f"{HOST} feedback journal marketplace scene_layer",
+        "journal studio watch",
+    ),
+    _topic("answers", _TEXT, "EVENTS", "operate studio visitors", "robot"),
+    _topic("bt_agents/auctions", "Auction", "HISTORY", "marketplace", _SHOWN),
+    _topic("bt_agents/bids", "Bids", "EVENTS", HOST, "journal marketplace"),
+    _topic("bt_agents/bookmarks", "Bookmark", "FACTS", "journal", "studio watch"),
+    _topic("bt_agents/calls", "CallForBids", "EVENTS", "marketplace", f"{HOST} journal"),
+    _topic("bt_agents/cards", "HostCard", "FACT", HOST, f"feedback selector {_SHOWN}"),
+    _topic("bt_agents/feedback", "Feedback", "HISTORY", "feedback", _SHOWN),
+    _topic(
+        *("bt_agents/market", "MarketStatus", "FACT", "marketplace"),
+        f"{HOST} robot scene_layer visitors {_SHOWN}",
+    ),
+    _topic("bt_agents/mood_traces", "MoodTrace", "HISTORY", "feedback", "journal watch"),
+    _topic("bt_agents/open_goals", "OpenGoals", "FACT", HOST, "marketplace robot"),
+    _topic("bt_agents/profiles", "Profiles", "FACT", "feedback", _SHOWN),
+    _topic(
+        "bt_agents/runs",
+        "Run",
+        "HISTORY",
+        "marketplace",
+        f"{HOST} feedback scene_layer visitors {_SHOWN}",
+    ),
+    _topic("bt_agents/scene", "Scene", "FACT", "scene_layer", f"marketplace visitors {_SHOWN}"),
+    _topic("bt_agents/scene/live", "Scene", "SENSOR", "scene_layer", f"{HOST} feedback {_SHOWN}"),
+    _topic("bt_agents/scene/persons", "Persons", "FACT", "scene_layer", "journal watch"),
+    _topic("bt_agents/scene_ends", "SceneEnd", "FACTS", "marketplace", f"scene_layer {_SHOWN}"),
+    _topic("feedback/transition_event", _STATE, "EVENTS", "feedback", "watch"),
+    _topic("journal/status", "RecordingStatus", "FACT", "journal", "studio watch"),
+    _topic(
+        *("marketplace/heartbeat", "MarketHeartbeat", "EVENTS", "marketplace"),
+        f"{HOST} marketplace scene_layer studio watch",
+    ),
+    _topic("marketplace/transition_event", _STATE, "EVENTS", "marketplace", "watch"),
+    _topic("robot/heartbeat", _BEAT, "SENSOR", "robot", "studio watch"),
+    _topic("robot/open_questions", "OpenQuestions", "FACT", "robot", "studio watch"),
+    _topic("robot/questions", _TEXT, "EVENTS", "robot", "visitors"),
+    _topic("robot/state", "RobotState", "FACT", "robot", "studio"),
+    _topic("robot/transcript", _TEXT, "EVENTS", "robot", "studio visitors watch"),
+    _topic("scene_layer/trigger", _BEAT, "EVENTS", "operate visitors", "scene_layer"),
+    _topic("scene_layer/transition_event", _STATE, "EVENTS", "scene_layer", "watch"),
+    _topic("sound", _TEXT, "EVENTS", "", "robot"),
+    _topic("visitors/current", _TEXT, "FACT", "visitors", "watch"),
+    _topic("visitors/done", _YES, "FACT", "visitors", "watch"),
+    _topic(f"{HOST}/details", "NodeDetails", "EVENTS", HOST, "studio watch"),
+    _topic(f"{HOST}/files", "AgentFiles", "FACT", HOST, "journal studio"),
+    _topic(f"{HOST}/heartbeat", "Heartbeat", "EVENTS", HOST, "marketplace robot studio watch"),
+    _topic(f"{HOST}/records", "RunRecord", "EVENTS", HOST, "journal"),
+    _topic(f"{HOST}/run_control", "RunControl", "FACT", HOST, _SHOWN),
+    _topic(f"{HOST}/status", "TreeStatus", "EVENTS", HOST, f"feedback {_SHOWN}"),
+    _topic(f"{HOST}/transition_event", _STATE, "EVENTS", HOST, "watch"),
+    _topic(f"{HOST}/trees", "Trees", "FACT", HOST, _SHOWN),
+    _topic(f"{HOST}/tunables", "Tunables", "FACT", HOST, _SHOWN),
+    _topic(f"{HOST}/tunings", "Tunings", "FACT", HOST, _SHOWN),
+)
+"""All of them; sensors and what skills use stand in the files of the authors."""
+
+
+def published_by(name: str) -> tuple[SystemTopic, ...]:
+    """Return the topics that a node or a role publishes."""
+    return tuple(topic for topic in TOPICS if name in topic.publishers)
+
+
+def heard_by(name: str) -> tuple[SystemTopic, ...]:
+    """Return the topics that a node or a role listens to."""
+    return tuple(topic for topic in TOPICS if name in topic.listeners)
+
+
+def topic_called(name: str) -> SystemTopic:
+    """Return the topic of a name, in which a host has its own.
+
+    Raises:
+        KeyError: The system has none.
+    """
+    for topic in TOPICS:
+        if topic.is_called(name):
+            return topic
+    raise KeyError(name)

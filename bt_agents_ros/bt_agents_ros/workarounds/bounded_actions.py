@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals, results, feedback and answers of actions: refused, if too large, before they are objects.
+
+rclpy 7.1.6 takes them by the types that an action server or client has as its action; here these
+are replaced by stand-ins. This module goes with :mod:`bt_agents_ros.workarounds.bounded_types`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from types import SimpleNamespace
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionClient, ActionServer
+
+from bt_agents_core.errors import Refused
+from bt_agents_ros.workarounds.bounded_types import bounded
+from bt_agents_ros.workarounds.departed_clients import DepartedClients
+
+_PARTS = frozenset(("goal", "cancel", "result", "feedback", "status"))
+"""What an action server or client takes that is from outside."""
+
+SERVICES: Mapping[str, str] = {
+    "goal": "_action/send_goal",
+    "cancel": "_action/cancel_goal",
+    "result": "_action/get_result",
+}
+"""What an action server takes and answers → the end of the name of the service."""
+
+
+def take_bounded(waitable: Any, departed: DepartedClients) -> tuple[Any, list[Refused]]:
+    """Take the data of a waitable; of an action server or client without what is too large.
+
+    A goal that is too large is rejected, a cancel too, a result is unknown; of an answer that is
+    too large the future gets the :class:`Refused` as its exception. Feedback is lost. Goals of
+    clients that have left, and their questions for results, are dropped, as nobody would follow
+    them; their cancels are not.
+
+    Returns:
+        The data, and why each part that is missing in it is refused.
+    """
+    if isinstance(waitable, ActionServer):
+        refuse: Callable[[Any, str, Any, Refused], None] = partial(_refuse_request, departed)
+    elif isinstance(waitable, ActionClient):
+        refuse = _refuse_answer
+    else:
+        return waitable.take_data(), []
+    if not isinstance(waitable._action_type, SimpleNamespace):
+        waitable._action_type = _bounded_action(waitable._action_type)
+    data = waitable.take_data()
+    found = []
+    for part in _PARTS & data.keys():
+        taken = data[part]
+        origin, message = taken if isinstance(taken, tuple) else (None, taken)
+        if isinstance(message, Refused):
+            del data[part]
+            refuse(waitable, part, origin, message)
+            found.append(message)
+        elif (
+            part in ("goal", "result")
+            and isinstance(waitable, ActionServer)
+            and departed.have(lambda: waitable._node, SERVICES[part], origin)
+        ):
+            del data[part]
+    return data, found
+
+
+@cache
+def _bounded_action(action: Any) -> Any:
+    """Return an action whose messages and services are stand-ins."""
+    services = {
+        name: SimpleNamespace(Request=bounded(service.Request), Response=bounded(service.Response))
+        for name in ("SendGoalService", "GetResultService", "CancelGoalService")
+        for service in [getattr(action.Impl, name)]
+    }
+    messages = {
+        name: bounded(getattr(action.Impl, name))
+        for name in ("FeedbackMessage", "GoalStatusMessage")
+    }
+    return SimpleNamespace(
+        Goal=action.Goal,
+        Result=action.Result,
+        Feedback=action.Feedback,
+        Impl=SimpleNamespace(**services, **messages),
+    )
+
+
+def _refuse_request(
+    departed: DepartedClients, server: Any, part: str, header: Any, _refused: Refused
+) -> None:
+    implementation = server._action_type.Impl
+    if part == "goal":
+        send, response = (
+            server._handle.send_goal_response,
+            implementation.SendGoalService.Response(),
+        )
+    elif part == "cancel":
+        send, response = (
+            server._handle.send_cancel_response,
+            CancelGoal.Response(return_code=CancelGoal.Response.ERROR_REJECTED),
+        )
+    else:
+        send, response = (
+            server._handle.send_result_response,
+            implementation.GetResultService.Response(status=GoalStatus.STATUS_UNKNOWN),
+        )
+    answer = partial(send, header, response)
+    departed.answer(lambda: server._node, SERVICES[part], header, answer)
+
+
+def _refuse_answer(client: Any, part: str, sequence_number: Any, refused: Refused) -> None:
+    pending = {
+        "goal": client._pending_goal_requests,
+        "cancel": client._pending_cancel_requests,
+        "result": client._pending_result_requests,
+    }.get(part, {})
+    future = pending.get(sequence_number)
+    if future is not None:
+        future.set_exception(refused)

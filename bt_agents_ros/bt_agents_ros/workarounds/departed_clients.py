@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clients of services and actions that have left before their answers were sent.
+
+rmw_fastrtps_shared_cpp 8.4 waits for 0.1 s at each answer to a client that has left, so that 50
+requests of one that leaves at once silence a node for 5 s. Here the first such wait shows that a
+client has left, and its other requests are not answered. No issue is known upstream; this module
+can go when the middleware drops an answer that nobody reads at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from rclpy.node import Node
+
+from bt_agents_ros.workarounds.sender_identity import PREFIX, client_guid
+
+GraphNode: TypeAlias = Callable[[], Node | None]
+
+_SLOW_S = 0.05
+_SUSPECT_S = 10.0
+_MOST = 1_000
+
+
+class DepartedClients:
+    """Clients that have left, as answers to them and the graph have shown.
+
+    When one has left, all clients of its participant are looked up in the graph for some time
+    before they are answered; one that the graph shows, as again after a break of the network, is.
+    A service is named by its full name; one of an action by the end of its name, from ``_action/``
+    on, as rclpy does not say the rest. Its node, or for a full name any one of the process, is
+    asked for only when the graph is to be looked at; with none the client counts as one that is
+    there.
+
+    Attributes:
+        clock: Returns the time [s].
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.clock = clock
+        self._suspect_until: dict[bytes, float] = {}
+
+    def have(self, node: GraphNode, service: str, header: Any) -> bool:
+        """Return whether the client that has sent a request has left."""
+        if not self._suspect_until:
+            return False
+        client = client_guid(header)
+        participant = client[:PREFIX]
+        until = self._suspect_until.get(participant)
+        if until is None:
+            return False
+        if self.clock() >= until:
+            del self._suspect_until[participant]
+            return False
+        return not _is_shown(node, service, client)
+
+    def answer(
+        self, node: GraphNode, service: str, header: Any, send: Callable[[], object]
+    ) -> None:
+        """Answer a request, unless its client has left."""
+        if self.have(node, service, header):
+            return
+        began = self.clock()
+        send()
+        self.on_answered(node, service, header, began)
+
+    def on_answered(self, node: GraphNode, service: str, header: Any, began: float) -> None:
+        """Handle the end of an answer that was begun at a time; a slow one may have no reader."""
+        if self.clock() - began < _SLOW_S:
+            return
+        client = client_guid(header)
+        if client and not _is_shown(node, service, client):
+            self._suspect_until[client[:PREFIX]] = self.clock() + _SUSPECT_S
+            if len(self._suspect_until) > _MOST:
+                del self._suspect_until[next(iter(self._suspect_until))]
+
+
+def _is_shown(graph_node: GraphNode, service: str, client: bytes) -> bool:
+    node = graph_node()
+    if node is None:
+        return True
+    if service.startswith("/"):
+        services = [service]
+    else:
+        own = node.get_service_names_and_types_by_node(node.get_name(), node.get_namespace())
+        services = [name for name, _ in own if name.endswith(service)]
+    return any(
+        bytes(reader.endpoint_gid) == client
+        for name in services
+        for reader in node.get_subscriptions_info_by_topic(f"rr{name}Reply", no_mangle=True)
+    )

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Own operations: answers, messages for trees, dry runs and kept values, asked by a page."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Protocol
+
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_studio.projection import round_record
+from bt_agents_studio.records import DryRunRecord, KeepRecord, SceneMapRecord
+from bt_agents_studio.scene_map import ASKED, Axis, MapBid, computed_map, is_computed, map_record
+from bt_agents_studio.studio import Studio
+from bt_agents_tools.client.file_edits import FileEdit, compare_tests, digest_of, edits_of
+from bt_agents_tools.client.write_back import ParameterState
+
+LIMIT_S = 60.0
+"""Longest time of one operation, tests of agents included [s]."""
+
+_PREVIEW_S = 5.0
+
+TunedHosts = Mapping[str, tuple[Path, Sequence[ParameterState]]]
+"""Host → its trees folder, and its parameters and profile values."""
+
+
+class Caller(Protocol):
+    """Whoever asks services of the system, and publishes for its trees."""
+
+    def call(
+        self, kind: str, service: str, fields: Mapping[str, Any], limit_s: float
+    ) -> Future[Any]:
+        """See :meth:`StudioNode.call`."""
+
+    def answer(self, text: str) -> Future[str]:
+        """See :meth:`StudioNode.answer`."""
+
+    def publish(self, topic: str, values: Sequence[str]) -> Future[str]:
+        """See :meth:`StudioNode.publish`."""
+
+    def preview(self, values: Mapping[str, float], limit_s: float) -> Future[Any]:
+        """See :meth:`StudioNode.preview`."""
+
+    def tuned(self) -> Future[TunedHosts]:
+        """See :meth:`StudioNode.tuned`."""
+
+
+class OwnOperations:
+    """What the studio does itself for a page, by the modules of the command line.
+
+    Args:
+        studio: Knows the scene parameters.
+        caller: Asks and publishes.
+    """
+
+    def __init__(self, studio: Studio, caller: Caller) -> None:
+        self._studio = studio
+        self._caller = caller
+        # One at a time, so that two pages do not write one file together.
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="own")
+        self._done: Mapping[str, Callable[..., Awaitable[Mapping[str, object]]]] = {
+            "answer": self._answer,
+            "dry_run": self._dry_run,
+            "keep": self._keep,
+            "publish": self._publish,
+        }
+
+    async def do(self, name: str, fields: Mapping[str, Any]) -> Mapping[str, object]:
+        """Return the answer of an operation: that of a service, perhaps with a ``record``."""
+        try:
+            async with asyncio.timeout(LIMIT_S):
+                return await self._done[name](**fields)
+        except Refused as refused:
+            return _answer(False, refused.code, refused.reason)
+        except BtAgentsError as error:
+            return _answer(False, "", str(error))
+        except TimeoutError:
+            return _answer(False, "NO_ANSWER", f"it took longer than {LIMIT_S:g} s")
+
+    def close(self) -> None:
+        """Begin nothing more."""
+        self._worker.shutdown(wait=False, cancel_futures=True)
+
+    async def _answer(self, text: str = "") -> Mapping[str, object]:
+        return _answer(True, "", await asyncio.wrap_future(self._caller.answer(text)))
+
+    async def _publish(self, topic: str = "", values: Sequence[str] = ()) -> Mapping[str, object]:
+        done = await asyncio.wrap_future(self._caller.publish(topic, values))
+        return _answer(True, "", done)
+
+    async def _dry_run(
+        self,
+        names: Sequence[str] = (),
+        values: Sequence[float] = (),
+        across: str = "",
+        up: str = "",
+    ) -> Mapping[str, object]:
+        given = dict(zip(names, values, strict=False))
+        sides = {
+            one.name: Axis(name=one.name, minimum=one.minimum, maximum=one.maximum)
+            for one in self._studio.parameters
+        }
+        for name in (*given, across, up):
+            if name not in sides:
+                raise Refused(
+                    "UNKNOWN_PARAMETER",
+                    f"no scene parameter '{name[:40]}'; there are {', '.join(sides)}",
+                )
+        scene = {name: given.get(name, math.nan) for name in sides}
+        if math.isnan(scene[across]) or math.isnan(scene[up]):
+            raise Refused(
+                "BAD_FIELD", f"'{across}' and '{up}' are the sides of the map, and need a value"
+            )
+        auction = await self._preview(scene)
+        if is_computed(auction.strategy) and auction.ranking:
+            bids = [
+                MapBid(
+                    agent=one.agent,
+                    vector=tuple(one.vector),
+                    weights=tuple(one.weights),
+                    bonus=float(one.bonus),
+                    last_run=int(one.last_run),
+                )
+                for one in auction.ranking
+            ]
+            loop = asyncio.get_running_loop()
+            found = await loop.run_in_executor(
+                self._worker,
+                lambda: computed_map(
+                    auction.strategy, bids, scene, sides[across], sides[up], auction.tie_break
+                ),
+            )
+        else:
+            found = await self._asked_map(scene, sides[across], sides[up])
+        record = DryRunRecord(round=round_record(auction), map=found)
+        return _answer(True, "", auction.reason) | {"record": record}
+
+    async def _asked_map(
+        self, scene: Mapping[str, float], across: Axis, up: Axis
+    ) -> SceneMapRecord:
+        xs, ys = across.places(ASKED), up.places(ASKED)
+        winners = []
+        for y in ys:
+            row = []
+            for x in xs:
+                place = {**scene, across.name: x, up.name: y}
+                row.append(str((await self._preview(place)).winner))
+            winners.append(row)
+        return map_record(across, up, xs, ys, winners, is_asked=True)
+
+    async def _preview(self, scene: Mapping[str, float]) -> Any:
+        answer = await asyncio.wrap_future(self._caller.preview(scene, _PREVIEW_S))
+        if not answer.accepted:
+            raise Refused(str(answer.code), str(answer.message))
+        return answer.auction
+
+    async def _keep(self, profile: bool = False, digest: str = "") -> Mapping[str, object]:
+        hosts = await asyncio.wrap_future(self._caller.tuned())
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._worker, _keep, hosts, profile, digest)
+
+
+def _keep(hosts: TunedHosts, profile: bool, digest: str) -> Mapping[str, object]:
+    """Return what would change in the files; with the digest of that, write it."""
+    edits: list[FileEdit] = []
+    for host, (folder, states) in hosts.items():
+        edits += edits_of(host, folder, states, profile=profile)
+    found = digest_of(edits)
+    if digest and digest != found:
+        raise Refused(
+            "CHANGED",
+            "the values or the files have changed since the change was shown; look at it again",
+        )
+    if not edits:
+        return _answer(True, "", "nothing to keep: everything stands as the files say") | {
+            "record": KeepRecord(diff="", tests=(), breaks=False, digest="")
+        }
+    if digest:
+        for edit in edits:
+            edit.write()
+        changes = [f"{change}  in {edit.path}" for edit in edits for change in edit.changes]
+        return _answer(True, "", "\n".join(changes))
+    tests = compare_tests(edits)
+    record = KeepRecord(
+        diff="".join(edit.diff for edit in edits),
+        tests=tests.lines,
+        breaks=tests.breaks,
+        digest=found,
+    )
+    return _answer(True, "", "this would change") | {"record": record}
+
+
+def _answer(accepted: bool, code: str, message: str) -> dict[str, object]:
+    return {"accepted": accepted, "code": code, "message": message}

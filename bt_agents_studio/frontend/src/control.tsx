@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pause, steps and breakpoints of a run, and the countdowns and values of its nodes.
+
+import { memo, useEffect, useState } from "react";
+import { operate, useConnection } from "./connection";
+import { formatNumber } from "./formatting";
+import type { ControlRecord, Operations, TreeRecord } from "./protocol";
+import { readEntry, useCollection, useEntry } from "./store";
+import { texts } from "./texts";
+
+const FRAME_MS = 200;
+
+type Action = NonNullable<Operations["control"]["action"]>;
+
+const none: readonly string[] = [];
+
+/** Paths of the nodes of an agent before which its runs pause. */
+export function useBreakpoints(host: string, agent: string): readonly string[] {
+  return useEntry("controls", host)?.breakpoints[agent] ?? none;
+}
+
+/** Set or remove the breakpoint of a node; returns what the host says. */
+export async function toggleBreakpoint(host: string, agent: string, path: string): Promise<string> {
+  const before = readEntry("controls", host)?.breakpoints[agent] ?? none;
+  const paths = before.includes(path) ? before.filter((one) => one !== path) : [...before, path];
+  const done = await operate("control", { host, action: "BREAKPOINTS", agent, paths, author: texts.control.author });
+  return done.message;
+}
+
+interface ControlsProps {
+  host: string;
+  agent: string;
+  say: (answer: string) => void;
+}
+
+/** Buttons that hold the running tree; they are of use only while this agent runs. */
+export function Controls({ host, agent, say }: ControlsProps) {
+  const control = useEntry("controls", host);
+  const { atS } = useConnection();
+  const isOn = atS === null && control !== undefined && control.agent === agent && agent !== "";
+  const isPaused = isOn && control.paused;
+  const ask = async (action: Action): Promise<void> => {
+    const { epoch, round } = control ?? { epoch: "", round: 0 };
+    const done = await operate("control", { host, action, epoch, round, author: texts.control.author });
+    say(done.message);
+  };
+  return (
+    <>
+      <button type="button" disabled={!isOn || isPaused} onClick={() => void ask("PAUSE")}>
+        {texts.control.pause}
+      </button>
+      <button type="button" disabled={!isPaused} onClick={() => void ask("RESUME")}>
+        {texts.control.resume}
+      </button>
+      <button type="button" disabled={!isPaused} onClick={() => void ask("STEP")}>
+        {texts.control.step}
+      </button>
+    </>
+  );
+}
+
+/** What holds the run, in words; nothing while it goes on. */
+export function PauseBanner({ host, tree, tip }: { host: string; tree: TreeRecord; tip: string }) {
+  const control = useEntry("controls", host);
+  const isPaused = control?.paused === true && control.agent === tree.agent;
+  const nameOf = (path: string): string => {
+    const node = tree.nodes.find((one) => one.path === path);
+    return node ? `${node.name} (${path})` : path;
+  };
+  return (
+    <div className={isPaused ? "panel paused" : "hidden"} role="status">
+      {isPaused && <b>{pauseText(control, nameOf, tip)}</b>}
+      {isPaused && <span> {texts.control.held}</span>}
+    </div>
+  );
+}
+
+function pauseText(control: ControlRecord, nameOf: (path: string) => string, tip: string): string {
+  if (control.paused_at) return `${texts.control.before} ${nameOf(control.paused_at)}`;
+  const by = control.author && ` ${texts.control.by} ${control.author}`;
+  return `${texts.control.paused}${by}${tip && `, ${texts.control.at} ${nameOf(tip)}`}`;
+}
+
+interface LeftProps {
+  agent: string;
+  host: string;
+  paths: readonly string[];
+  x: number;
+  y: number;
+}
+
+/** What is left of the limits of a node and its modifiers, counted down between two messages. */
+export const Left = memo(function Left({ agent, host, paths, x, y }: LeftProps) {
+  return (
+    <text className="left" aria-hidden="true" x={x} y={y}>
+      {paths.map((path) => (
+        <LeftOf key={path} agent={agent} host={host} path={path} />
+      ))}
+    </text>
+  );
+});
+
+function LeftOf({ agent, host, path }: { agent: string; host: string; path: string }) {
+  const countdown = useEntry("countdowns", `${agent}|${path}`);
+  const control = useEntry("controls", host);
+  const { atS, offsetS } = useConnection();
+  const stands = control?.paused === true;
+  const runs = countdown !== undefined && countdown.remaining_s !== null && !stands && atS === null;
+  const nowS = useNow(runs) + offsetS;
+  if (countdown === undefined) return null;
+  const passed = stands ? 0 : Math.max((atS ?? nowS) - countdown.at_s, 0);
+  const seconds = countdown.remaining_s === null ? null : Math.max(countdown.remaining_s - passed, 0);
+  const parts = [
+    seconds !== null && `${seconds.toFixed(seconds < 10 ? 1 : 0)} s`,
+    countdown.remaining !== null && `${formatNumber(countdown.remaining)} ${texts.control.more}`,
+  ].filter(Boolean);
+  return (
+    <tspan dx={path.includes("@") ? 8 : 0} data-left={path}>
+      {countdown.kind} {parts.join(", ")}
+    </tspan>
+  );
+}
+
+/** Clock of the page [s since 1970], which goes on only while it is needed. */
+function useNow(isNeeded: boolean): number {
+  const [nowS, setNowS] = useState(Date.now() / 1000);
+  useEffect(() => {
+    if (!isNeeded) return;
+    const tick = (): void => setNowS(Date.now() / 1000);
+    tick();
+    const timer = window.setInterval(tick, FRAME_MS);
+    return () => window.clearInterval(timer);
+  }, [isNeeded]);
+  return nowS;
+}
+
+/** What a node and its modifiers have read and written, the newest first. */
+export function NodeValues({ agent, path }: { agent: string; path: string }) {
+  const own = `${agent}|${path}`;
+  const shown = useCollection("values")
+    .filter(([key]) => key === own || key.startsWith(`${own}@`))
+    .flatMap(([key, record]) => record.values.map((one) => ({ ...one, key })))
+    .sort((one, other) => other.at_s - one.at_s);
+  if (shown.length === 0) return null;
+  return (
+    <table className="node-values">
+      <caption>{texts.control.values}</caption>
+      <tbody>
+        {shown.map((one) => (
+          <tr key={`${one.key} ${one.name} ${String(one.written)}`}>
+            <th scope="row">{one.name}</th>
+            <td>
+              <code>{one.value}</code>
+            </td>
+            <td>
+              <small>
+                {one.written ? texts.control.written : texts.control.read}, {texts.live.tick} {one.tick}
+              </small>
+            </td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}

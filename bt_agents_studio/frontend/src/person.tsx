@@ -1,0 +1,492 @@
+// SPDX-License-Identifier: Apache-2.0
+// Page "Person": the robot as the person in front of it meets it, for a tablet.
+
+import { useCallback, useEffect, useRef, useState, type ReactNode } from "react";
+import { operate, useConnection, type Answer } from "./connection";
+import { formatNumber } from "./formatting";
+import { PanelBoundary } from "./panel_boundary";
+import type { ParameterRecord, RobotActRecord } from "./protocol";
+import { useEntry } from "./store";
+import { texts } from "./texts";
+
+const words = texts.person;
+const COLOURS = ["white", "green", "yellow", "blue", "red"];
+const SCAN_MS = 2000;
+const STOP_LIMIT_MS = 5000;
+
+const isSpoken = (act: RobotActRecord): boolean => act.kind === "SAY" || act.kind === "ASK";
+
+export function Person() {
+  const robot = useEntry("robot");
+  const part = useEntry("parts", "robot");
+  const { hello, phase, atS } = useConnection();
+  const acts = robot?.acts ?? [];
+  const speech = acts.findLast(isSpoken);
+  const question = acts.findLast((one) => one.kind === "ASK");
+  const [answer, setAnswer] = useState("");
+  const [speaks, setSpeaks] = useState(false);
+  const [scans, setScans] = useState(false);
+  const [encounter, setEncounter] = useState(0);
+  const box = useRef<HTMLDivElement>(null);
+  useVoice(speech, speaks);
+  useScan(box, scans, question?.number);
+  const report = useCallback((done: Answer) => setAnswer(done.message), []);
+  const mood = hello?.parameters.find((one) => one.is_mood);
+  const there = phase === "open" && part?.alive === true;
+  return (
+    <div className="person" ref={box}>
+      <div className="bar">
+        <Light colour={robot?.light ?? "off"} blinks={robot?.light_blinks ?? false} />
+        <span className="what">{there ? "" : words.away}</span>
+        {"speechSynthesis" in window && (
+          <Toggle on={speaks} set={setSpeaks}>
+            {words.speak}
+          </Toggle>
+        )}
+        <Toggle on={scans} set={setScans}>
+          {words.scan}
+        </Toggle>
+      </div>
+      <PanelBoundary label={words.says}>
+        <Subtitles speech={speech} />
+        <Shown acts={acts} sound={robot?.sounds ? robot.sound : ""} />
+      </PanelBoundary>
+      <div className="person" inert={atS !== null}>
+        {question && (
+          <PanelBoundary key={question.number} label={words.answer}>
+            <Question question={question} report={report} />
+          </PanelBoundary>
+        )}
+        <p role="status" className="told">
+          {answer}
+        </p>
+        <div className="panels">
+          <PanelBoundary label={words.who}>
+            <WhoYouAre
+              parameters={hello?.parameters ?? []}
+              report={report}
+              begun={() => setEncounter((before) => before + 1)}
+            />
+          </PanelBoundary>
+          <div className="person">
+            {mood && (
+              <PanelBoundary key={encounter} label={words.mood}>
+                <Mood parameter={mood} report={report} />
+              </PanelBoundary>
+            )}
+            <PanelBoundary label={words.judge}>
+              <Judge parameters={hello?.parameters ?? []} report={report} />
+            </PanelBoundary>
+          </div>
+        </div>
+      </div>
+      <Stop />
+    </div>
+  );
+}
+
+interface ToggleProps {
+  on: boolean;
+  set: (on: boolean) => void;
+  children: ReactNode;
+}
+
+function Toggle({ on, set, children }: ToggleProps) {
+  return (
+    <button type="button" aria-pressed={on} onClick={() => set(!on)}>
+      {children}
+    </button>
+  );
+}
+
+function Light({ colour, blinks }: { colour: string; blinks: boolean }) {
+  const known = COLOURS.includes(colour) ? colour : "off";
+  const label = `${words.light}: ${known}${blinks ? `, ${words.blinking}` : ""}`;
+  return <span className={`light ${known} ${blinks ? "blinks" : ""}`} role="img" aria-label={label} title={label} />;
+}
+
+function Stop() {
+  const [answer, setAnswer] = useState("");
+  const stop = async (): Promise<void> => {
+    if ("speechSynthesis" in window) speechSynthesis.cancel();
+    setAnswer(words.stopping);
+    const done = await operate("cancel", { reason: words.stopped, by: "OPERATOR" }, STOP_LIMIT_MS);
+    const unheard = done.code === "NO_STUDIO" || done.code === "NO_ANSWER";
+    setAnswer(unheard ? `${words.notStopped} ${done.message}` : done.message);
+  };
+  return (
+    <div className="stop-bar">
+      <span role="alert" className="alert">
+        {answer}
+      </span>
+      <button type="button" className="stop" onClick={() => void stop()}>
+        {words.stop}
+      </button>
+    </div>
+  );
+}
+
+function Subtitles({ speech }: { speech: RobotActRecord | undefined }) {
+  const [last, setLast] = useState("");
+  useEffect(() => {
+    if (speech) setLast(speech.text);
+  }, [speech]);
+  return (
+    <p className={speech ? "subtitles" : "subtitles past"} aria-live="polite" aria-label={words.says}>
+      {speech?.text ?? (last || words.quiet)}
+    </p>
+  );
+}
+
+function Shown({ acts, sound }: { acts: readonly RobotActRecord[]; sound: string }) {
+  return (
+    <div className="shown">
+      {acts.map((act) => {
+        if (act.kind === "DRIVE") return <p key={act.number}>{`${words.drives} ${act.text}`}</p>;
+        if (act.kind !== "SHOW") return null;
+        return (
+          <figure key={act.number}>
+            {act.clip && <figcaption>{act.clip}</figcaption>}
+            {act.text && <p>{act.text}</p>}
+          </figure>
+        );
+      })}
+      {sound && <p className="sound">{`${words.sound} ${sound}`}</p>}
+    </div>
+  );
+}
+
+interface QuestionProps {
+  question: RobotActRecord;
+  report: (done: Answer) => void;
+}
+
+function Question({ question, report }: QuestionProps) {
+  const [text, setText] = useState("");
+  const { choices } = question;
+  const give = useCallback(
+    async (words: string): Promise<void> => report(await operate("answer", { text: words })),
+    [report],
+  );
+  useEffect(() => {
+    const pressed = (event: KeyboardEvent): void => {
+      const choice = choices[Number(event.key) - 1];
+      const writes = event.target instanceof HTMLInputElement && event.target.type === "text";
+      if (choice === undefined || writes || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      void give(choice);
+    };
+    window.addEventListener("keydown", pressed);
+    return () => window.removeEventListener("keydown", pressed);
+  }, [choices, give]);
+  return (
+    <section className="question" aria-label={words.answer}>
+      {choices.length === 0 ? (
+        <form
+          onSubmit={(event) => {
+            event.preventDefault();
+            void give(text);
+          }}
+        >
+          <input
+            type="text"
+            aria-label={words.answer}
+            maxLength={1000}
+            value={text}
+            onChange={(event) => setText(event.target.value)}
+          />
+          <button type="submit" disabled={text.trim() === ""}>
+            {words.send}
+          </button>
+        </form>
+      ) : (
+        choices.map((choice, index) => (
+          <button key={choice} type="button" onClick={() => void give(choice)}>
+            {index < 9 && (
+              <kbd aria-hidden="true">{index + 1}</kbd>
+            )}
+            {choice}
+          </button>
+        ))
+      )}
+    </section>
+  );
+}
+
+interface MoodProps {
+  parameter: ParameterRecord;
+  report: (done: Answer) => void;
+}
+
+function Mood({ parameter, report }: MoodProps) {
+  const live = useEntry("live");
+  const measured = live?.values.find((one) => one.name === parameter.name)?.value;
+  const [chosen, setChosen] = useState<number | null>(null);
+  const wanted = useRef<number | null>(null);
+  const sends = useRef(false);
+  const value = chosen ?? measured ?? parameter.default;
+  // Only the newest value counts, so nothing is sent while an answer is awaited.
+  const move = async (next: number): Promise<void> => {
+    const bounded = Math.min(parameter.maximum, Math.max(parameter.minimum, next));
+    setChosen(bounded);
+    wanted.current = bounded;
+    if (sends.current) return;
+    sends.current = true;
+    while (wanted.current !== null) {
+      const sent: number = wanted.current;
+      wanted.current = null;
+      const done = await operate("scene", {
+        names: [parameter.name],
+        values: [sent],
+        person: "PRESENT",
+        announce: false,
+      });
+      if (!done.accepted) report(done);
+    }
+    sends.current = false;
+  };
+  return (
+    <section className="panel mood" aria-label={words.mood}>
+      <h2 id="mood-question">{words.mood}</h2>
+      <div className="bar">
+        <button type="button" onClick={() => void move(value - 1)}>
+          <Face smile={-1} /> {words.worse}
+        </button>
+        <Slider
+          parameter={parameter}
+          value={value}
+          choose={(next) => void move(next)}
+          aria-labelledby="mood-question"
+        />
+        <button type="button" onClick={() => void move(value + 1)}>
+          <Face smile={1} /> {words.better}
+        </button>
+      </div>
+      <p className="label">{labelOf(parameter, value)}</p>
+    </section>
+  );
+}
+
+interface SliderProps {
+  parameter: ParameterRecord;
+  value: number;
+  choose: (value: number) => void;
+  "aria-label"?: string;
+  "aria-labelledby"?: string;
+}
+
+function Slider({ parameter, value, choose, ...named }: SliderProps) {
+  return (
+    <input
+      type="range"
+      {...named}
+      aria-valuetext={labelOf(parameter, value)}
+      min={parameter.minimum}
+      max={parameter.maximum}
+      step={(parameter.maximum - parameter.minimum) / 40}
+      value={value}
+      onChange={(event) => choose(Number(event.target.value))}
+    />
+  );
+}
+
+function labelOf(parameter: ParameterRecord, value: number): string {
+  const nearest = Object.entries(parameter.labels).sort(
+    ([one], [other]) => Math.abs(Number(one) - value) - Math.abs(Number(other) - value),
+  )[0];
+  return nearest?.[1] ?? formatNumber(value);
+}
+
+function Face({ smile }: { smile: 1 | -1 }) {
+  return (
+    <svg className="face" viewBox="0 0 24 24" aria-hidden="true">
+      <circle cx="12" cy="12" r="10" />
+      <circle className="eye" cx="8.5" cy="9.5" r="1.3" />
+      <circle className="eye" cx="15.5" cy="9.5" r="1.3" />
+      <path d={`M7 15.5 Q12 ${15.5 + 4 * smile} 17 15.5`} />
+    </svg>
+  );
+}
+
+interface ParametersProps {
+  parameters: readonly ParameterRecord[];
+  report: (done: Answer) => void;
+}
+
+function Judge({ parameters, report }: ParametersProps) {
+  const [asks, setAsks] = useState(false);
+  const judge = async (kind: "POSITIVE" | "NEGATIVE"): Promise<void> => report(await operate("feedback", { kind }));
+  return (
+    <section className="panel judge" aria-label={words.judge}>
+      <h2>{words.judge}</h2>
+      <div className="bar">
+        <button type="button" onClick={() => void judge("POSITIVE")}>
+          <Face smile={1} /> {words.good}
+        </button>
+        <button type="button" onClick={() => void judge("NEGATIVE")}>
+          <Face smile={-1} /> {words.bad}
+        </button>
+        <Toggle on={asks} set={setAsks}>
+          {words.more}
+        </Toggle>
+      </div>
+      {asks && <Opinion parameters={parameters} report={report} end={() => setAsks(false)} />}
+    </section>
+  );
+}
+
+function Opinion({ parameters, report, end }: ParametersProps & { end: () => void }) {
+  const [given, setGiven] = useState<(number | null)[]>([]);
+  const parameter = parameters[given.length];
+  const [value, setValue] = useState<number | null>(null);
+  if (parameter === undefined) return null;
+  const shown = value ?? parameter.default;
+  const next = async (opinion: number | null): Promise<void> => {
+    const all = [...given, opinion];
+    setValue(null);
+    if (all.length < parameters.length) {
+      setGiven(all);
+      return;
+    }
+    end();
+    if (all.some((one) => one !== null)) report(await operate("feedback", { kind: "DIRECT", values: all }));
+  };
+  return (
+    <div className="opinion">
+      <h3 id="opinion">{`${words.suits} (${given.length + 1}/${parameters.length}): ${parameter.description || parameter.name}`}</h3>
+      <Slider parameter={parameter} value={shown} choose={setValue} aria-labelledby="opinion" />
+      <p className="label">{labelOf(parameter, shown)}</p>
+      <div className="bar">
+        <button type="button" onClick={() => void next(shown)}>
+          {words.next}
+        </button>
+        <button type="button" onClick={() => void next(null)}>
+          {words.noOpinion}
+        </button>
+      </div>
+    </div>
+  );
+}
+
+function WhoYouAre({ parameters, report, begun }: ParametersProps & { begun: () => void }) {
+  const [chosen, setChosen] = useState<Record<string, number>>({});
+  const tell = (done: Answer, said: string): void => report(done.accepted ? { ...done, message: said } : done);
+  const begin = async (): Promise<void> => {
+    window.scrollTo(0, 0);
+    const done = await operate("scene", {
+      label: words.visitor,
+      names: Object.keys(chosen),
+      values: Object.values(chosen),
+      person: "PRESENT",
+      announce: true,
+    });
+    tell(done, words.begun);
+    if (done.accepted) begun();
+  };
+  const leave = async (): Promise<void> =>
+    tell(await operate("scene", { person: "ABSENT", announce: false }), words.gone);
+  return (
+    <section className="panel who" aria-label={words.who}>
+      <h2>{words.who}</h2>
+      {parameters.map((one) => (
+        <Choice
+          key={one.name}
+          parameter={one}
+          value={chosen[one.name]}
+          choose={(value) => setChosen((before) => ({ ...before, [one.name]: value }))}
+        />
+      ))}
+      <div className="bar">
+        <button type="button" className="begin" onClick={() => void begin()}>
+          {words.begin}
+        </button>
+        <button type="button" onClick={() => void leave()}>
+          {words.leave}
+        </button>
+      </div>
+    </section>
+  );
+}
+
+interface ChoiceProps {
+  parameter: ParameterRecord;
+  value: number | undefined;
+  choose: (value: number) => void;
+}
+
+function Choice({ parameter, value, choose }: ChoiceProps) {
+  const labels = Object.entries(parameter.labels);
+  return (
+    <fieldset>
+      <legend>{parameter.description || parameter.name}</legend>
+      {labels.length > 0 ? (
+        labels.map(([at, label]) => (
+          <button key={at} type="button" aria-pressed={value === Number(at)} onClick={() => choose(Number(at))}>
+            {label}
+          </button>
+        ))
+      ) : (
+        <Slider
+          parameter={parameter}
+          value={value ?? parameter.default}
+          choose={choose}
+          aria-label={parameter.name}
+        />
+      )}
+    </fieldset>
+  );
+}
+
+/** Speak each new text once with the voice of the browser. */
+function useVoice(speech: RobotActRecord | undefined, speaks: boolean): void {
+  const spoken = useRef("");
+  useEffect(() => {
+    if (!speaks) {
+      if ("speechSynthesis" in window) speechSynthesis.cancel();
+      return;
+    }
+    const name = speech ? `${speech.number} ${speech.at_s}` : "";
+    if (speech === undefined || spoken.current === name) return;
+    spoken.current = name;
+    const utterance = new SpeechSynthesisUtterance(speech.text);
+    utterance.rate = speech.rate;
+    speechSynthesis.speak(utterance);
+  }, [speech, speaks]);
+}
+
+/** Move the focus from button to button, so that one switch, or a touch anywhere, presses them. */
+function useScan(box: React.RefObject<HTMLDivElement | null>, scans: boolean, question: number | undefined): void {
+  useEffect(() => {
+    const element = box.current;
+    if (!scans || element === null) return;
+    const buttons = (): HTMLButtonElement[] => [...element.querySelectorAll<HTMLButtonElement>("button:enabled")];
+    const focused = (): number => buttons().findIndex((one) => one === document.activeElement);
+    const move = (): void => {
+      const all = buttons();
+      all[(focused() + 1) % all.length]?.focus();
+    };
+    const isStop = (event: Event): boolean => event.target instanceof Element && event.target.closest(".stop") !== null;
+    const press = (event: PointerEvent): void => {
+      if (isStop(event)) return;
+      event.preventDefault();
+      event.stopPropagation();
+      buttons()[focused()]?.click();
+    };
+    // The touch has pressed what had the focus; it is no click on what lies below it.
+    const swallow = (event: MouseEvent): void => {
+      if (event.isTrusted && event.detail > 0 && !isStop(event)) {
+        event.preventDefault();
+        event.stopPropagation();
+      }
+    };
+    if (question !== undefined) element.querySelector<HTMLButtonElement>(".question button")?.focus();
+    const timer = window.setInterval(move, SCAN_MS);
+    window.addEventListener("pointerdown", press, true);
+    window.addEventListener("click", swallow, true);
+    return () => {
+      window.clearInterval(timer);
+      window.removeEventListener("pointerdown", press, true);
+      window.removeEventListener("click", swallow, true);
+    };
+  }, [box, scans, question]);
+}

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// The recording: its start, its end, its bookmarks, and their marks on the time bar.
+
+import { useState } from "react";
+import { operate, seek, useConnection } from "./connection";
+import { formatTime } from "./formatting";
+import type { BookmarkRecord } from "./protocol";
+import { useCollection, useEntry } from "./store";
+import { texts } from "./texts";
+
+const words = texts.world;
+
+/** Start, stop and bookmark; without a journal, how to get one. */
+export function Recording() {
+  const record = useEntry("recording");
+  const { atS } = useConnection();
+  const [label, setLabel] = useState("");
+  const [notes, setNotes] = useState("");
+  const [bookmark, setBookmark] = useState("");
+  const [answer, setAnswer] = useState("");
+  const disabled = atS !== null;
+  const ask = async (action: "START" | "STOP" | "BOOKMARK", told: { label?: string; notes?: string }): Promise<boolean> => {
+    const done = await operate("record", { action, author: texts.tune.author, ...told });
+    setAnswer(done.message);
+    return done.accepted;
+  };
+  return (
+    <section className="panel" aria-label={words.recording}>
+      <h2>{words.recording}</h2>
+      {record === undefined && <p className="empty">{words.noJournal}</p>}
+      {record?.recording === true && (
+        <>
+          <p>
+            <b>{record.label || record.file}</b> {words.recorded} · {texts.time.bookmarks}: {record.bookmarks}
+          </p>
+          <form
+            className="bar"
+            onSubmit={(event) => {
+              event.preventDefault();
+              void ask("BOOKMARK", { label: bookmark }).then((accepted) => accepted && setBookmark(""));
+            }}
+          >
+            <label>
+              {words.bookmark} <input value={bookmark} maxLength={200} onChange={(event) => setBookmark(event.target.value)} />
+            </label>
+            <button type="submit" disabled={disabled}>
+              {words.mark}
+            </button>
+            <button type="button" className="stop" disabled={disabled} onClick={() => void ask("STOP", {})}>
+              {words.stop}
+            </button>
+          </form>
+        </>
+      )}
+      {record?.recording === false && (
+        <>
+          <p className="empty">{words.notRecorded}</p>
+          <form
+            className="bar"
+            onSubmit={(event) => {
+              event.preventDefault();
+              void ask("START", { label, notes });
+            }}
+          >
+            <label>
+              {words.recordingLabel} <input value={label} maxLength={200} onChange={(event) => setLabel(event.target.value)} />
+            </label>
+            <label>
+              {words.notes} <input value={notes} maxLength={1000} onChange={(event) => setNotes(event.target.value)} />
+            </label>
+            <button type="submit" disabled={disabled}>
+              {words.start}
+            </button>
+          </form>
+        </>
+      )}
+      <output>{answer}</output>
+    </section>
+  );
+}
+
+interface SpanProps {
+  firstS: number;
+  lastS: number;
+}
+
+function useMoments({ firstS, lastS }: SpanProps): BookmarkRecord[] {
+  const { atS, bookmarks } = useConnection();
+  const live = useCollection("bookmarks");
+  const all = atS === null ? live.map(([, one]) => one) : bookmarks;
+  return all.filter((one) => one.at_s >= firstS && one.at_s <= lastS);
+}
+
+/** Marks of the bookmarks on the time bar. */
+export function Marks(span: SpanProps) {
+  const shown = useMoments(span);
+  return (
+    <svg className="marks" viewBox="0 0 1000 1" preserveAspectRatio="none" aria-hidden="true">
+      {shown.map((one) => (
+        <rect key={one.at_s} x={((one.at_s - span.firstS) / Math.max(span.lastS - span.firstS, 1e-9)) * 996} width={4} height={1} />
+      ))}
+    </svg>
+  );
+}
+
+/** List to jump to a bookmark. */
+export function Bookmarks(span: SpanProps) {
+  const { source } = useConnection();
+  const shown = useMoments(span);
+  if (shown.length === 0) return null;
+  return (
+    <select
+      aria-label={texts.time.bookmarks}
+      value=""
+      onChange={(event) => event.target.value && seek(source, Number(event.target.value))}
+    >
+      <option value="">{texts.time.bookmarks}</option>
+      {shown.map((one) => (
+        <option key={one.at_s} value={one.at_s}>
+          {formatTime(one.at_s)} {one.label}
+        </option>
+      ))}
+    </select>
+  );
+}

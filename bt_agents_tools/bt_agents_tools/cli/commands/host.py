@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command `bt-agents host`: the agents of a trees folder, beside a system that runs elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.state_folder import claim_state
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_tools.cli.run_parts import host_name, join_network, lan_options, run_parts
+from bt_agents_tools.cli.trees_choice import params_option, state_option, take_trees
+from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.log_files import new_log_folder
+
+
+@click.command()
+@click.argument("directory", required=False, default="")
+@click.option("--name", default="", help="Name of the host; else that of the machine tells it.")
+@click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
+@click.option("--language", default="", help="Language of the texts; else that of scene.yaml.")
+@click.option(
+    "--bindings", default="", help="Robots whose bindings of skills are preferred: ros4hri,nav2."
+)
+@state_option
+@params_option
+@lan_options
+def host(
+    directory: str,
+    name: str,
+    tags: str,
+    language: str,
+    bindings: str,
+    state: str,
+    params: Path | None,
+    lan: bool,
+    slow_network: float,
+) -> None:
+    """Add the agents of a trees DIRECTORY to a system, which may run on another machine.
+
+    They join when its market is there, and leave with Ctrl-C.
+    """
+    interrupt = Interrupt()
+    named = host_name(name)
+    trees = take_trees(directory)
+    with loading():
+        from bt_agents_ros.installed import InstalledInterfaces
+
+    folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
+    for broken in folder.broken:
+        click.echo(f"left out, the other agents run:\n{broken.error.report}", err=True)
+    if not folder.agents:
+        raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
+    kept = claim_state(trees, state)
+    click.echo(f"kept in {kept.path}", err=True)
+    logs = new_log_folder(state)
+    join_network(lan, slow_network)
+    part = components.host(
+        trees, tags, bindings, str(kept.tunings), language, str(kept.open_goals), named
+    )
+    part = components.on_slow_network(replace(part, file=params), slow_network)
+    run_parts("host", [part], interrupt, logs)

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parts of a system that run on one of several machines, beside others elsewhere."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich.console import Console
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_tools.cli.fleet_plan import FleetPlan
+from bt_agents_tools.cli.formatting import counted, print_line
+from bt_agents_tools.cli.supervision import (
+    INDENT,
+    POLL_S,
+    print_supervised,
+    wait_until_ready,
+    watch,
+)
+from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.domain_lock import hold_domain
+from bt_agents_tools.launcher.fork_server import ForkServer
+from bt_agents_tools.launcher.network import open_to_network, prolong_requests
+from bt_agents_tools.launcher.supervisor import (
+    Component,
+    Supervisor,
+    discovery_text,
+    set_discovery,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bt_agents_tools.client.observer import Observer
+
+PARTS = {
+    "market": "marketplace",
+    "scene": "scene_layer",
+    "agents": components.HOST,
+    "feedback": "feedback",
+    "robot": "robot",
+}
+"""Part of a system, for people → name of its component."""
+
+_LOOK_S = 0.5
+_LONGEST_NAME = 60
+
+
+def lan_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of a system of several machines."""
+    slow = click.option(
+        "--slow-network",
+        type=click.FloatRange(1.0, 20.0),
+        default=1.0,
+        metavar="FACTOR",
+        help="Wait this much longer for other machines; the same on each, as 4 for 300 ms.",
+    )
+    lan = click.option(
+        "--lan", is_flag=True, help="Work with other machines; everybody on the network is let in."
+    )
+    return lan(slow(command))
+
+
+def join_network(lan: bool, slow_network: float) -> None:
+    """Set the environment of ROS as the options of :func:`lan_options` say.
+
+    Raises:
+        BtAgentsError: As in :func:`set_discovery`.
+    """
+    if lan:
+        open_to_network(os.environ)
+    else:
+        set_discovery(os.environ)
+    prolong_requests(os.environ, slow_network)
+
+
+def named_parts(text: str) -> frozenset[str]:
+    """Return the parts that an option names, as in ``market,scene``; all for an empty text.
+
+    Raises:
+        click.UsageError: There is no such part.
+    """
+    if not text:
+        return frozenset(PARTS)
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in PARTS:
+            text = (
+                f"--only names '{name}', which is no part of a system; expected some of "
+                f"{', '.join(PARTS)}, with commas between; {did_you_mean(name, list(PARTS))}"
+            )
+            raise click.UsageError(text.rstrip("; "))
+    return frozenset(names)
+
+
+def host_name(named: str) -> str:
+    """Return the name of a host, which is made from that of its machine when nobody named it.
+
+    Raises:
+        click.UsageError: ROS does not accept it as the name of a node.
+    """
+    if not named:
+        machine = re.sub(r"\W+", "_", socket.gethostname(), flags=re.ASCII).strip("_").lower()
+        return f"{components.HOST}_{machine}"[:_LONGEST_NAME]
+    if not re.fullmatch(r"[A-Za-z]\w*", named, re.ASCII) or len(named) > _LONGEST_NAME:
+        raise click.UsageError(
+            f"--name is '{named[:_LONGEST_NAME]}', expected letters, digits and '_', a letter "
+            f"first, {_LONGEST_NAME} characters at most"
+        )
+    if named in PARTS.values() and named != components.HOST:
+        raise click.UsageError(f"--name is '{named}', the name of another part; take another one")
+    return named
+
+
+def hold_parts(domain: int, names: Sequence[str], who: str) -> None:
+    """Make this process the only one of this machine that runs these components on a domain.
+
+    Raises:
+        BtAgentsError: Another one runs one of them.
+    """
+    if PARTS["market"] in names:
+        hold_domain(domain, who)
+    for name in names:
+        hold_domain(domain, who, name)
+
+
+def run_parts(
+    command: str,
+    parts: Sequence[Component],
+    interrupt: Interrupt,
+    logs: Path,
+    fleet: FleetPlan | None = None,
+) -> None:
+    """Run parts of a system until Ctrl-C; the others may come and go meanwhile.
+
+    The fleet is started when they are ready.
+
+    The environment of ROS has been set.
+
+    Raises:
+        BtAgentsError: A part runs on the domain already, or does not start.
+    """
+    start = time.monotonic()
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    names = [part.name for part in parts]
+    hold_parts(int(domain), names, f"'bt-agents {command}' (process {os.getpid()})")
+    with closing(ForkServer(module for part in parts for module in part.modules)) as fork_server:
+        with loading():
+            from bt_agents_tools.client.observer import Observer
+
+        console = Console()
+        supervisor = Supervisor(logs, fork_server=fork_server)
+        observer = Observer()
+        watch(observer, supervisor, parts)
+        try:
+            _check_free(observer, names, domain, interrupt)
+            try:
+                if not interrupt:
+                    supervisor.start(*parts)
+                wait_until_ready(
+                    console,
+                    observer,
+                    supervisor,
+                    interrupt,
+                    lambda: all(supervisor.has_been_up(name) for name in names),
+                )
+                if not interrupt:
+                    where = f"on {socket.gethostname()}, ROS domain {domain}"
+                    text = f"after {time.monotonic() - start:.1f} s: {', '.join(names)} {where}, "
+                    print_line(
+                        console, "[green]ready[/] ", text + discovery_text(os.environ), INDENT
+                    )
+                _tell_market(console, observer, supervisor, interrupt, fleet)
+            finally:
+                killed = supervisor.stop()
+        finally:
+            observer.close()
+    if interrupt:
+        console.print("\nstopped")
+    if killed:
+        console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
+
+
+def _check_free(
+    observer: Observer, names: Sequence[str], domain: str, interrupt: Interrupt
+) -> None:
+    """Look whether a part runs already, elsewhere or under another user.
+
+    Raises:
+        BtAgentsError: One does.
+    """
+
+    def taken() -> list[str]:
+        there = observer.nodes_there()
+        return [name for name in names if name in there]
+
+    observer.spin_until(lambda: bool(interrupt) or bool(taken()), _LOOK_S)
+    if taken() and not interrupt:
+        raise BtAgentsError(
+            f"{taken()[0]} already runs on ROS domain {domain}, perhaps on another machine; end "
+            "it there, leave it out here, or set ROS_DOMAIN_ID to another number"
+        )
+
+
+def _tell_market(
+    console: Console,
+    observer: Observer,
+    supervisor: Supervisor,
+    interrupt: Interrupt,
+    fleet: FleetPlan | None,
+) -> None:
+    """Tell which market and how many agents there are, at each change, until the user ends it."""
+
+    def now() -> tuple[str, int, int]:
+        market = observer.market
+        return ("", 0, 0) if market is None else (market.epoch, market.hosts, market.agents)
+
+    observer.spin_until(lambda: bool(interrupt) or observer.market is not None, _LOOK_S)
+    told = None
+    if fleet is not None and not interrupt:
+        supervisor.start(fleet.component)
+    while not interrupt:
+        print_supervised(console, supervisor)
+        if fleet is not None:
+            fleet.print_lines(console)
+        if now() != told:
+            told = epoch, hosts, agents = now()
+            text = f"{counted(hosts, 'host')}, {counted(agents, 'agent')}"
+            text = text if epoch else "none so far: waiting for it"
+            print_line(console, "[bold]market[/] ", text, INDENT)
+        observer.spin_until(lambda: bool(interrupt), POLL_S)

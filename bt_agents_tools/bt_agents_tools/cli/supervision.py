@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processes of a supervisor, for the terminal of who has started them: lines, and their start."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.text import Text
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_ros.signals import Interrupt
+from bt_agents_tools.cli.formatting import print_line
+from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.supervisor import Component, Supervisor
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
+POLL_S = 0.2
+"""Time between two looks at the processes [s]."""
+
+INDENT = 4
+
+_START_LIMIT_S = 20.0
+
+
+def watch(observer: Observer, supervisor: Supervisor, processes: Sequence[Component]) -> None:
+    """Have a supervisor hear of its processes what their nodes say about themselves."""
+    beating = components.nodes_of(processes, components.BEATING)
+    observer.watch_heartbeats(supervisor.on_heartbeat, beating)
+    managed = components.nodes_of(processes, components.MANAGED)
+    observer.watch_states(supervisor.on_state, managed)
+
+
+def print_supervised(console: Console, supervisor: Supervisor) -> None:
+    """Restart and kill what has to be, and print what has happened since the last call."""
+    for line in supervisor.poll():
+        style = "dim" if line.startswith(" ") else "yellow"
+        indent = len(line) - len(line.lstrip())
+        print_line(console, "", Text(line, style=style), indent + INDENT)
+
+
+def wait_until_ready(
+    console: Console,
+    observer: Observer,
+    supervisor: Supervisor,
+    interrupt: Interrupt,
+    ready: Callable[[], bool],
+) -> None:
+    """Wait until what was started is ready, or somebody interrupts.
+
+    Raises:
+        BtAgentsError: It is not ready in time.
+    """
+    end = time.monotonic() + _START_LIMIT_S
+    while not (interrupt or ready()) and time.monotonic() < end:
+        print_supervised(console, supervisor)
+        observer.spin_until(lambda: bool(interrupt) or ready(), POLL_S)
+    if not interrupt and not ready():
+        logs = supervisor.log("").parent
+        raise BtAgentsError(f"not ready after {_START_LIMIT_S:g} s; the logs are in {logs}")

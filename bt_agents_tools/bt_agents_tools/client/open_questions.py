@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Open questions of the robot: which one an answer is for, and how it counts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from bt_agents_core.choices import counted_answer
+from bt_agents_core.errors import Refused
+
+
+def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:
+    """Return the first question that takes an answer, and how it does.
+
+    Raises:
+        Refused: ``NO_QUESTION`` or ``NOT_A_CHOICE``.
+    """
+    if not questions:
+        raise Refused(
+            "NO_QUESTION",
+            f"'{words}' answers nothing, the robot asks nothing now; 'bt-agents answer' shows a "
+            "question as long as it is open",
+        )
+    for question in questions:
+        if taken := counted_answer(words, question.choices):
+            return question, taken
+    found = "; ".join(map(question_text, questions))
+    raise Refused("NOT_A_CHOICE", f"'{words}' is no answer; {found}")
+
+
+def question_text(question: Any) -> str:
+    """Return a question with the answers that count."""
+    choices = ", ".join(question.choices) or "anything"
+    return f"asked is: {question.text} (answers: {choices})"
+
+
+def not_taken(words: str) -> Refused:
+    """Return the refusal of an answer that nobody has taken."""
+    return Refused("NOT_TAKEN", f"the robot has not taken '{words}'; it asks no more, or is busy")

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Network of a system of several machines: who is let in, and how slow it is."""
+
+from __future__ import annotations
+
+from collections.abc import MutableMapping
+
+from bt_agents_core.atomic_file import write_atomically
+from bt_agents_core.private_files import make_private_file
+from bt_agents_ros.fastdds_profile import PROFILE, FastDdsProfile
+from bt_agents_tools.launcher.domain_lock import runtime_folder
+from bt_agents_tools.launcher.supervisor import (
+    DISCOVERY_RANGE,
+    LAN_PROFILE,
+    LOOPBACK_PROFILE,
+    set_discovery,
+)
+
+
+def open_to_network(environment: MutableMapping[str, str]) -> None:
+    """Let in everybody on the network, as ``ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET`` does.
+
+    Raises:
+        BtAgentsError: As in :func:`set_discovery`.
+    """
+    if environment.get(PROFILE) == str(LOOPBACK_PROFILE):
+        del environment[PROFILE]
+    environment[DISCOVERY_RANGE] = "SUBNET"
+    set_discovery(environment)
+
+
+def prolong_requests(environment: MutableMapping[str, str], factor: float) -> None:
+    """Have requests expire later by a factor, with a profile made of that for several machines.
+
+    A profile of the user's own stays.
+    """
+    if factor == 1.0 or environment.get(PROFILE) != str(LAN_PROFILE):
+        return
+    profile = FastDdsProfile(str(LAN_PROFILE))
+    profile.prolong_lifespans(factor)
+    path = runtime_folder() / f"bt-agents-lan-{factor:g}.xml"
+    make_private_file(path)
+    write_atomically(path, profile.text(), durable=False)
+    environment[PROFILE] = str(path)

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Health of the sources of a scene: which of them has a reading that still holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+
+from bt_agents_core.health import Health, PartHealth
+from bt_agents_core.text import join_first
+
+
+class Standing(Enum):
+    """What is known of a topic of sources; the value is the text for people."""
+
+    FRESH = "its reading holds"
+    STALE = "its last reading is stale"
+    UNREAD = "no reading so far"
+
+
+def sources_health(
+    standings: Mapping[str, Standing], refusals: Mapping[tuple[str, str], int]
+) -> PartHealth:
+    """Return the health of the sources.
+
+    Args:
+        standings: Topic → what is known of it.
+        refusals: Topic and code → how many messages were refused.
+    """
+    values = {topic: standing.value for topic, standing in standings.items()}
+    for (topic, code), count in refusals.items():
+        values[topic] = f"{values.get(topic, '')}, {count} refused as {code}".removeprefix(", ")
+    stale = [topic for topic, one in standings.items() if one is Standing.STALE]
+    unread = [topic for topic, one in standings.items() if one is Standing.UNREAD]
+    if stale:
+        level, message = Health.STALE, f"stale: {join_first(stale)}"
+    elif unread:
+        level, message = Health.WARN, f"no reading so far: {join_first(unread)}"
+    else:
+        level, message = Health.OK, "every source has a reading that holds"
+    return PartHealth(
+        part="sources", level=level, message=message if standings else "none", values=values
+    )

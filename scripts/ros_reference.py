@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Page of every topic, service, action and parameter, from the tables and nodes of the code."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from markdown_table import markdown_table
+
+from bt_agents_ros.system_topics import HOST, TOPICS
+
+ROOT = Path(__file__).parents[1]
+
+HANG_S = 60.0
+"""How long the host may take until it offers its action [s]."""
+
+_OF_ROS = (
+    "change_state",
+    "describe_parameters",
+    "get_available_states",
+    "get_available_transitions",
+    "get_logger_levels",
+    "get_parameter_types",
+    "get_parameters",
+    "get_state",
+    "get_transition_graph",
+    "get_type_description",
+    "list_parameters",
+    "set_logger_levels",
+    "set_parameters",
+    "set_parameters_atomically",
+)
+"""Last parts of the names of services that every node, or managed node, of ROS has."""
+
+_HEAD = """\
+<!-- Made by scripts/generate from the code; do not edit. -->
+# ROS reference
+
+Every topic, service, action and parameter of the system. Names are relative, but for
+`/diagnostics`: nodes are put into a namespace, and topics and services are remapped as usual.
+`<host>` is the name of a host, `agents` unless it was given another. The fields of each type of
+`bt_agents_interfaces`, with their units, stand in the comments of its file, which
+`ros2 interface show` prints; the site of the documentation has them all on a page. What happens in
+which order: [the ROS graph](ros.md). Sensors, and the topics, services and actions that skills
+use, are named by the files of a trees folder, and so are not here."""
+
+_ROLES = """\
+`watch`, `operate` and `author` are the roles of the command line: [who may do what](security.md).
+What listens may listen only while it needs to."""
+
+_PARAMETERS = """\
+As the nodes describe them; `ros2 param describe /marketplace bid_deadline` says the same. How to
+set them: [the ROS graph](ros.md#parameters). Those that count at the start cannot be set later. A
+host has [tunables](tuning.md) of its agents besides, as `<agent>.<name>`; `use_sim_time` and
+`start_type_description_service` are of every node of ROS 2."""
+
+
+def ros_reference() -> str:
+    """Return the page; the nodes are made in this process, in a domain that nobody else uses."""
+    with TemporaryDirectory() as folder:
+        given = _given(Path(folder))
+        with _made_nodes(given) as nodes:
+            return _page(nodes, given)
+
+
+def _given(folder: Path) -> Mapping[str, object]:
+    """Return the parameters without which a node is not made; they are empty by default."""
+    return {
+        "trees": ROOT / "trees",
+        "market": "none",  # a host offers its action at once
+        "ledger": "':memory:'",
+        "folder": folder,
+        "base_url": "http://127.0.0.1:9/v1",
+        "model": "none",
+    }
+
+
+@contextmanager
+def _made_nodes(given: Mapping[str, object]) -> Iterator[Mapping[str, Any]]:
+    """Make each node as its process does; by name, with :data:`HOST` for a host."""
+    import rclpy
+
+    from bt_agents.host.node import make_node as make_host
+    from bt_agents_lab.node import make_node as make_journal
+    from bt_agents_robot.robot import RobotNode
+    from bt_agents_ros.spinner import Spinner
+    from bt_agents_tools.launcher.domain_lock import reserve_domain
+    from feedback_node.node import make_node as make_feedback
+    from marketplace_node.node import make_node as make_market
+    from marketplace_node.node.selector import make_node as make_selector
+    from scene_layer.node import make_node as make_scene_layer
+
+    words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+    rclpy.init(args=["--ros-args", *words], domain_id=reserve_domain())
+    try:
+        with ExitStack() as owned:
+            made = {}
+            for name, make in (
+                ("marketplace", make_market),
+                ("selector", make_selector),
+                ("scene_layer", make_scene_layer),
+                (HOST, make_host),
+                ("feedback", make_feedback),
+                ("journal", make_journal),
+                ("robot", RobotNode),
+            ):
+                spinner = Spinner(make())
+                owned.callback(spinner.close)
+                (made[name],) = spinner.nodes
+                if name == HOST and not spinner.spin_until(
+                    lambda: bool(_actions_of(made[HOST])), HANG_S
+                ):
+                    raise TimeoutError("the host does not offer its action")
+            yield made
+    finally:
+        rclpy.try_shutdown()
+
+
+def _page(nodes: Mapping[str, Any], given: Collection[str]) -> str:
+    parts = [
+        _HEAD,
+        "## Topics",
+        _ROLES,
+        markdown_table(("topic", "type", "QoS", "published by", "heard by"), _topics()),
+        "## Services",
+        "QoS: reliable, volatile, the last 1000.",
+        markdown_table(("service", "type", "served by", "called by"), _services(nodes)),
+        "## Actions",
+        markdown_table(("action", "type", "served by", "goals by"), _actions(nodes)),
+        "## Parameters",
+        _PARAMETERS,
+    ]
+    for name, node in nodes.items():
+        rows = _parameters(node, given)
+        if rows:
+            parts.append(f"### {_shown(name)}")
+            parts.append(
+                markdown_table(("parameter", "default", "allowed", "counts", "means"), rows)
+            )
+    return "\n\n".join(parts) + "\n"
+
+
+def _topics() -> Iterator[tuple[str, ...]]:
+    from bt_agents_ros import qos
+
+    for topic in TOPICS:
+        profile = qos.PROFILES[topic.profile]
+        words = (profile.reliability, profile.durability)
+        held = [word.name.lower().replace("_", " ") for word in words]
+        yield (
+            _code(topic.name),
+            _code(topic.type),
+            f"{', '.join(held)}, the last {profile.depth}",
+            _codes(topic.publishers) or "other programs",
+            _codes(topic.listeners),
+        )
+
+
+def _services(nodes: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    callers = _users("calls")
+    for name, node in nodes.items():
+        served = node.get_service_names_and_types_by_node(node.get_name(), node.get_namespace())
+        for path, kinds in sorted(served):
+            service = _relative(path, node, name)
+            last = service.rpartition("/")[2]
+            if last not in _OF_ROS and "/_action/" not in path:
+                yield _code(service), _code(kinds[0]), _code(name), _codes(callers(service))
+
+
+def _actions(nodes: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    callers = _users("sends_goals")
+    for name, node in nodes.items():
+        for path, kinds in sorted(_actions_of(node)):
+            action = _relative(path, node, name)
+            yield _code(action), _code(kinds[0]), _code(name), _codes(callers(action))
+
+
+def _actions_of(node: Any) -> Any:
+    """Return names and types of the actions that a node serves."""
+    from rclpy.action.graph import get_action_server_names_and_types_by_node
+
+    return get_action_server_names_and_types_by_node(node, node.get_name(), node.get_namespace())
+
+
+def _users(right: str) -> Any:
+    """Return what says which nodes and roles have a right to a name."""
+    from bt_agents_language.files.folder_reader import read_trees
+    from bt_agents_ros.installed import InstalledInterfaces
+    from bt_agents_tools.security.access_table import access_table
+
+    table = access_table(read_trees(ROOT / "trees", InstalledInterfaces()), hosts=(HOST,))
+    return lambda name: {access.name for access in table if name in getattr(access, right)}
+
+
+def _relative(path: str, node: Any, name: str) -> str:
+    own = f"/{node.get_name()}/"
+    return f"{name}/{path.removeprefix(own)}" if path.startswith(own) else path.removeprefix("/")
+
+
+def _parameters(node: Any, given: Collection[str]) -> list[tuple[str, ...]]:
+    rows = []
+    for name in sorted(_own_names(node)):
+        descriptor = node.describe_parameter(name)
+        default = "" if name in given else node.get_parameter(name).value
+        rows.append(
+            (
+                _code(name),
+                "" if default == "" else _code(json.dumps(default)),
+                _allowed(descriptor),
+                "at the start" if descriptor.read_only else "at once",
+                descriptor.description,
+            )
+        )
+    return rows
+
+
+def _own_names(node: Any) -> list[str]:
+    of_ros = ("start_type_description_service", "use_sim_time")
+    return [name for name in node._parameters if "." not in name and name not in of_ros]
+
+
+def _allowed(descriptor: Any) -> str:
+    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+    shown = [f"{one.from_value:g} to {one.to_value:g}" for one in ranges]
+    return ", ".join(shown) or str(descriptor.additional_constraints)
+
+
+def _shown(name: str) -> str:
+    return name.replace(HOST, "<host>")
+
+
+def _code(text: str) -> str:
+    return f"`{_shown(text)}`"
+
+
+def _codes(names: Iterable[str]) -> str:
+    return ", ".join(_code(name) for name in sorted(names))

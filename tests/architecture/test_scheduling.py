@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All tests are run, each by a worker that is made for it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from scheduling import PROCESS_WORKERS, Scheduling
+
+TESTS = [
+    *(f"tests/bt_agents/unit/test_a.py::test_{number}" for number in range(40)),
+    *(f"tests/e2e/test_b.py::test_{number}" for number in range(12)),
+    *(f"tests/e2e/test_studio.py::test_{number}" for number in range(5)),
+    *(f"tests/packaging/test_c.py::test_{number}" for number in range(6)),
+]
+
+
+class Worker:
+    """A worker that runs what it is sent when the test says so."""
+
+    def __init__(self, number: int) -> None:
+        self.gateway = SimpleNamespace(id=f"gw{number}")
+        self.shutting_down = False
+        self.waiting: list[int] = []
+        self.done: list[str] = []
+
+    def send_runtest_some(self, indices: list[int]) -> None:
+        self.waiting += indices
+
+    def shutdown(self) -> None:
+        self.shutting_down = True
+
+    def run_one(self, scheduling: Scheduling) -> None:
+        index = self.waiting.pop(0)
+        self.done.append(TESTS[index])
+        scheduling.mark_test_complete(self, index)  # type: ignore[arg-type]
+
+
+def scheduled(*numbers: int) -> tuple[Scheduling, list[Worker]]:
+    options: Any = SimpleNamespace(tx=["popen"] * len(numbers), loadscopereorder=True)
+    config: Any = SimpleNamespace(option=options, getvalue=lambda name: getattr(options, name))
+    scheduling = Scheduling(config)
+    workers = [Worker(number) for number in numbers]
+    for worker in workers:
+        scheduling.add_node(worker)  # type: ignore[arg-type]
+    for worker in workers:
+        scheduling.add_node_collection(worker, TESTS)  # type: ignore[arg-type]
+    scheduling.schedule()
+    return scheduling, workers
+
+
+def run(scheduling: Scheduling, workers: list[Worker]) -> None:
+    while any(worker.waiting for worker in workers):
+        for worker in workers:
+            if worker.waiting:
+                worker.run_one(scheduling)
+
+
+@pytest.mark.parametrize("numbers", [(0,), (0, 1), (2, 1, 0), (4, 0, 3, 1, 2)])
+def test_each_test_is_run_once_and_those_of_processes_by_the_first_workers(
+    numbers: tuple[int, ...],
+) -> None:
+    scheduling, workers = scheduled(*numbers)
+    run(scheduling, workers)
+    assert sorted(test for worker in workers for test in worker.done) == sorted(TESTS)
+    assert all(worker.shutting_down for worker in workers)
+    assert scheduling.tests_finished
+    for worker in workers:
+        if int(worker.gateway.id.removeprefix("gw")) >= PROCESS_WORKERS:
+            assert not any(test.startswith("tests/e2e/") for test in worker.done)
+
+
+def test_those_that_share_what_takes_long_are_run_by_one_worker() -> None:
+    scheduling, workers = scheduled(0, 1, 2)
+    run(scheduling, workers)
+    for folder in ("tests/packaging/", "tests/e2e/test_studio.py"):
+        assert sum(any(test.startswith(folder) for test in one.done) for one in workers) == 1
+
+
+def test_when_the_first_workers_have_crashed_others_run_what_is_left() -> None:
+    scheduling, workers = scheduled(*range(PROCESS_WORKERS + 1))
+    crashed, rest = workers[:PROCESS_WORKERS], workers[PROCESS_WORKERS:]
+    items = [scheduling.remove_node(worker) for worker in crashed]  # type: ignore[arg-type]
+    run(scheduling, rest)
+    assert all(items)
+    assert sorted(rest[0].done) == sorted(TESTS)
+
+
+def test_a_worker_that_has_computed_all_runs_tests_of_processes() -> None:
+    scheduling, workers = scheduled(*range(PROCESS_WORKERS + 1))
+    run(scheduling, workers[PROCESS_WORKERS:])
+    of_processes = [test.startswith("tests/e2e/") for test in workers[-1].done]
+    assert any(of_processes)
+    assert of_processes == sorted(of_processes), "they come last"

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Health of a host: its files, its ticks, and servers that do not answer."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.host.environment.silent_servers import MOST_SERVERS, SilentServers
+from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
+from bt_agents_core.health import Health
+
+
+def test_files_with_problems_are_an_error_that_names_them():
+    assert files_health(9, ()).message == "agents: 9, all files are in order"
+    health = files_health(9, [("agents/a.yaml", "no skill 'sya'"), ("b", "does not bid")])
+    assert health.level is Health.ERROR
+    assert health.message == "problems in files: 2, in agents/a.yaml, b"
+    assert health.values["agents/a.yaml"] == "no skill 'sya'"
+
+
+def test_ticks_that_took_too_long_are_a_warning_that_names_the_agent():
+    assert ticks_health(TickCounts(agent="guide")).level is Health.OK
+    health = ticks_health(TickCounts(agent="guide", overruns=3))
+    assert (health.level, health.values["too long"]) == (Health.WARN, "3")
+    assert "guide" in health.message
+
+
+def test_a_server_that_is_unreachable_is_silent_until_it_answers_a_goal():
+    servers = SilentServers()
+    servers.ended("say", GoalState.UNREACHABLE, "no server after 2 s")
+    health = servers_health(servers.reasons)
+    assert (health.level, health.message) == (Health.ERROR, "silent: say")
+    assert health.values == {"say": "no server after 2 s"}
+    servers.ended("say", GoalState.SUCCEEDED, "")
+    assert servers_health(servers.reasons).level is Health.OK
+
+
+@pytest.mark.parametrize("state", [GoalState.CANCELLED, GoalState.TIMED_OUT])
+def test_a_goal_that_was_cancelled_or_timed_out_says_nothing_of_its_server(state: GoalState):
+    servers = SilentServers()
+    servers.ended("ask", state, "")
+    assert servers.reasons == {}
+    servers.ended("say", GoalState.UNREACHABLE, "gone")
+    servers.ended("say", state, "")
+    assert servers.reasons == {"say": "gone"}
+
+
+def test_no_more_silent_servers_are_remembered_than_there_is_room_for():
+    servers = SilentServers()
+    for number in range(MOST_SERVERS + 10):
+        servers.ended(f"server{number}", GoalState.UNREACHABLE, "gone")
+    assert len(servers.reasons) == MOST_SERVERS

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shipped bindings of other robots: what their servers are told, and when they have failed."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents.recording.format import read_recording
+from bt_agents.recording.recorded_run import RecordingRun, replay
+from bt_agents_core.field_types import Plain
+from bt_agents_core.scene import Scene
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.nodes.symbols import SymbolTable
+from defined_interfaces import DefinedInterfaces
+from file_texts import read_agent_text
+from tree_harness import SPACE, TREES, Stage, scene
+
+PLACES = """
+format: 1
+places:
+  gate 12: {x: 3.5 m, y: -2 m, heading: 90 deg}
+  lounge: {x: 0, y: 1, frame: upstairs}
+"""
+ANNA = replace(scene(age=3, familiarity=3, mood=3), person_id="anna")
+CODE = {"error_code": 4, "error_msg": "a call of higher priority"}
+
+Play = Callable[..., Stage]
+
+
+def read(tree: str, robot: str, folder: Path) -> AgentSpec:
+    """Return an agent with the bindings of a robot, checked with the definitions of its types."""
+    skills = read_skills(sorted(folder.iterdir()), DefinedInterfaces(), robot)
+    text = "format: 1\nagent: guide\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree:\n  "
+    text += f"{tree}\n"
+    return read_agent_text(text, "guide.yaml", SymbolTable(SPACE, skills))
+
+
+@pytest.fixture
+def skills(tmp_path: Path) -> Path:
+    """The shipped skills, and the places of a site."""
+    shutil.copytree(TREES / "skills", tmp_path / "skills")
+    (tmp_path / "skills" / "places.yaml").write_text(PLACES)
+    return tmp_path / "skills"
+
+
+@pytest.fixture
+def play(skills: Path) -> Play:
+    """Ticks a tree of one leaf once, on the robot and with the answer that the test names."""
+
+    def play(
+        tree: str,
+        robot: str = "ros4hri",
+        result: Mapping[str, Plain] | None = None,
+        awarded: Scene = ANNA,
+        **reply: Any,
+    ) -> Stage:
+        spec = read(tree, robot, skills)
+        binding = spec.tree.skill.binding if spec.tree.skill is not None else None
+        assert binding is not None
+        answer = ScriptedReply(result=result or {}, **reply)
+        stage = Stage(spec.tree, answers={binding.name: [answer]}, awarded=awarded)
+        stage.tick()
+        return stage
+
+    return play
+
+
+def goal(stage: Stage) -> tuple[str, Mapping[str, Any]]:
+    [sent] = stage.environment.goals
+    return sent.goal.name, sent.goal.fields
+
+
+FINE: Mapping[str, Plain] = {"result": {"error_code": 0, "error_msg": ""}}
+LEAVES = {
+    "say": ("say: Hello.", "/skill/say", {"input": "Hello."}),
+    "ask": ("ask: Where to?", "/skill/ask", {"question": "Where to?"}),
+    "chat": (
+        "chat: {role: guide, text: Welcome., configuration: short}",
+        "/skill/chat",
+        {
+            "role": {"name": "guide", "configuration": "short"},
+            "initiate": True,
+            "initial_input": "Welcome.",
+        },
+    ),
+    "motion": ("motion: wave", "/skill/replay_motion", {"name": "wave"}),
+    "drive": ("drive: gate 12", "/skill/navigate_to_pose", {}),
+}
+
+
+@pytest.mark.parametrize("word", LEAVES)
+def test_a_skill_of_ros4hri_is_told_who_calls_how_urgently_and_whom_it_is_for(word, play):
+    tree, name, fields = LEAVES[word]
+    sent, told = goal(play(tree))
+    assert sent == name
+    assert told["meta"] == {"caller": "/agents", "priority": 128}
+    assert told.get("person_id", "anna") == "anna"
+    assert {key: told[key] for key in fields} == fields
+
+
+def test_what_an_urgent_scene_has_a_robot_do_has_a_higher_priority(play):
+    _, told = goal(play("say: Fire!", awarded=replace(ANNA, urgent=True)))
+    assert told["meta"] == {"caller": "/agents", "priority": 192}
+
+
+def test_a_skill_without_anybody_is_for_anybody_and_later_for_who_has_come(skills):
+    spec = read("{sequence: [{say: Hello?}, {wait: 1 s}, {say: Hello.}]}", "ros4hri", skills)
+    nobody = replace(ANNA, person=False, person_id="")
+    answers = {"/skill/say": [ScriptedReply(result=FINE)]}
+    stage = Stage(spec.tree, answers=answers, awarded=nobody)
+    stage.tick()
+    stage.live = replace(ANNA, person_id="ben")
+    assert stage.after(1.0) == "succeeded"
+    assert [sent.goal.fields["person_id"] for sent in stage.environment.goals] == ["", "ben"]
+
+
+@pytest.mark.parametrize("word", LEAVES)
+def test_a_result_with_an_error_code_is_a_failure_though_ros_says_it_has_succeeded(word, play):
+    tree, name, _ = LEAVES[word]
+    stage = play(tree, result={"result": CODE})
+    assert stage.outcome == "failed"
+    assert stage.root.feedback_message == f"{name} failed: code 4: a call of higher priority"
+
+
+def test_a_result_without_an_error_code_is_a_success(play):
+    assert play("say: Hello.", result=FINE).outcome == "succeeded"
+
+
+@pytest.mark.parametrize(
+    ("result", "reason"),
+    [
+        (CODE, "code 4: a call of higher priority"),
+        ({"error_code": 255, "error_msg": ""}, "code 255"),
+        ({"error_code": 0, "error_msg": ""}, "its server gave up and says nothing about why"),
+    ],
+)
+def test_an_aborted_goal_gives_its_code_as_the_reason(result, reason, play):
+    stage = play("say: Hello.", result={"result": result}, state=GoalState.ABORTED)
+    assert stage.outcome == "failed"
+    assert stage.root.feedback_message == f"/skill/say aborted: {reason}"
+
+
+def test_nodes_that_name_an_interface_themselves_know_the_run_and_codes_too(skills):
+    spec = read(
+        "service: {name: note, type: std_srvs/srv/SetBool, request: {data: true},\n"
+        "    error_code: {field: success, success: 1, message: message}}",
+        "",
+        skills,
+    )
+    told = {"success": False, "message": "no paper"}
+    stage = Stage(spec.tree, answers={"note": [ScriptedReply(result=told)]})
+    assert stage.tick() == "failed"
+    assert stage.root.feedback_message == "note failed: code False: no paper"
+    message = "publish: {topic: who, type: std_msgs/msg/String, message: {data: '${run.agent}'}}"
+    stage = Stage(read(message, "", skills).tree, awarded=ANNA)
+    stage.tick()
+    [sent] = stage.environment.published
+    assert sent.fields == {"data": "a"}
+
+
+def test_an_answer_that_is_not_in_the_json_text_of_ask_fails_it(play):
+    stage = play("ask: Where to?", result={**FINE, "answers": "{}"})
+    assert stage.outcome == "failed"
+    assert "result.answers#answer" in stage.root.feedback_message
+    stage = play("ask: Where to?", result={**FINE, "answers": '{"answer": "gate 12"}'})
+    assert stage.outcome == "succeeded"
+    assert stage.run.scope.lookup("answer") == "gate 12"
+
+
+@pytest.mark.parametrize("robot", ["nav2", "ros4hri"])
+def test_drive_has_the_pose_of_the_named_place_in_the_frame_of_the_map(robot, play):
+    _, told = goal(play("drive: gate 12", robot))
+    pose = told["pose"]
+    assert pose["header"] == {"frame_id": "map"}
+    assert pose["pose"]["position"] == {"x": 3.5, "y": -2.0}
+    turned = pose["pose"]["orientation"]
+    assert turned == {"z": pytest.approx(math.sqrt(0.5)), "w": pytest.approx(math.sqrt(0.5))}
+    _, told = goal(play("drive: lounge", robot))
+    assert told["pose"]["header"] == {"frame_id": "upstairs"}
+    assert told["pose"]["pose"]["orientation"] == {"z": 0.0, "w": 1.0}
+
+
+def test_nav2_tells_the_distance_that_is_left_and_fails_with_its_code(play):
+    stage = play(
+        "drive: gate 12",
+        "nav2",
+        {"error_code": 9003, "error_msg": "the goal is blocked"},
+        after_s=5.0,
+        feedback=((0.0, {"distance_remaining": 7.5}),),
+    )
+    assert stage.run.scope.lookup("remaining") == 7.5
+    assert stage.after(5.0) == "failed"
+    expected = "navigate_to_pose failed: code 9003: the goal is blocked"
+    assert stage.root.feedback_message == expected
+
+
+def test_a_place_that_nobody_has_declared_fails_the_leaf_and_names_those_there_are(play, skills):
+    stage = play("drive: gate 13", "nav2")
+    assert stage.outcome == "failed"
+    assert stage.environment.goals == []
+    found = "there is no place 'gate 13'; there are gate 12, lounge"
+    assert found in stage.root.feedback_message
+    (skills / "places.yaml").unlink()
+    stage = play("drive: gate 13", "nav2")
+    assert "no skills file has the key 'places'" in stage.root.feedback_message
+
+
+def test_of_several_preferred_robots_the_first_that_offers_a_skill_counts(skills):
+    def bound(robot: str) -> dict[str, str]:
+        found = read_skills(sorted(skills.iterdir()), DefinedInterfaces(), robot)
+        return {
+            name: one.binding.name
+            for name, one in found.items()
+            if one.binding is not None and name in ("say", "drive", "light")
+        }
+
+    both = {"say": "/skill/say", "light": "set_light"}
+    assert bound("nav2, ros4hri") == {**both, "drive": "navigate_to_pose"}
+    assert bound("ros4hri,nav2") == {**both, "drive": "/skill/navigate_to_pose"}
+    assert bound("") == {"say": "say", "light": "set_light", "drive": "drive"}
+
+
+def test_a_recorded_run_replays_with_the_host_and_the_person_it_had(skills):
+    spec = read("say: Hello.", "ros4hri", skills)
+    stage = Stage(spec.tree, answers={"/skill/say": [ScriptedReply(result=FINE)]})
+    lines: list[str] = []
+    run = RecordingRun(
+        spec,
+        space=SPACE,
+        scene=ANNA,
+        profile=spec.profile,
+        live=lambda: ANNA,
+        tunables={},
+        environment=stage.environment,
+        steady=stage.environment.clock,
+        seed=1,
+        sink=lambda _tick, line: lines.append(line),
+        host="/agents_b",
+    )
+    run.tick()
+    [step] = replay(read_recording(lines), spec, SPACE)
+    assert step.requests == step.recorded_requests
+    assert step.requests[0]["fields"]["meta"]["caller"] == "/agents_b"
+    assert step.result == run.result

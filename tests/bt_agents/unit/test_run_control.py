@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Control of runs: what a person may ask when, and what is in force then."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents.host.run_control import MOST_BREAKPOINTS, ControlledRun, RunControl, pause_text
+from bt_agents_core.errors import Refused
+
+RUN = ControlledRun(epoch="e1", round=3, agent="guide")
+NODES = ("tree", "tree/0.ask", "tree/1.say")
+
+
+class Told(RunControl):
+    """A control that counts how often it tells of a change."""
+
+    def __init__(self) -> None:
+        self.changes = 0
+        super().__init__(self._count)
+
+    def _count(self) -> None:
+        self.changes += 1
+
+
+@pytest.fixture
+def control() -> Told:
+    told = Told()
+    told.begin(RUN)
+    return told
+
+
+def code(control: RunControl, epoch: str = "", number: int = 0) -> str:
+    try:
+        control.check(epoch, number)
+    except Refused as refused:
+        return refused.code
+    return ""
+
+
+def test_only_the_run_under_way_is_meant(control: Told) -> None:
+    assert code(control) == code(control, "e1", 3) == ""
+    assert code(control, "e1", 2) == code(control, "e0", 3) == "OTHER_ROUND"
+    control.end()
+    assert code(control) == "NOT_RUNNING"
+
+
+def test_a_tree_that_has_ended_is_not_paused(control: Told) -> None:
+    control.end_ticking()
+    assert code(control) == "ENDING"
+
+
+def test_a_pause_names_who_wanted_it_and_ends_with_a_resume(control: Told) -> None:
+    control.pause("anna")
+    assert (control.paused, control.pause_text) == (True, "paused by anna")
+    with pytest.raises(Refused, match="paused by anna already"):
+        control.pause("ben")
+    control.resume("ben")
+    assert (control.paused, control.author) == (False, "ben")
+    with pytest.raises(Refused, match="not paused"):
+        control.resume("ben")
+
+
+def test_a_pause_ends_with_its_run_and_with_its_tree(control: Told) -> None:
+    control.pause("anna")
+    control.end_ticking()
+    assert not control.paused
+    control.begin(RUN)
+    control.pause("anna")
+    control.end()
+    assert not control.paused
+
+
+def test_a_tick_that_stops_before_a_node_pauses_the_run_once(control: Told) -> None:
+    assert control.on_tick(["tree/0.ask"])
+    assert (control.paused, control.paused_at) == (True, "tree/0.ask")
+    assert not control.on_tick(["tree/1.say"])
+    assert (control.paused, control.paused_at) == (True, "tree/1.say")
+    assert not control.on_tick([])
+    assert (control.paused, control.paused_at) == (True, "")
+
+
+def test_a_tick_that_stops_nowhere_is_told_to_nobody(control: Told) -> None:
+    before = control.changes
+    assert not control.on_tick([])
+    assert control.changes == before
+
+
+def test_breakpoints_outlive_the_run_and_are_replaced_for_each_agent(control: Told) -> None:
+    control.set_breakpoints("guide", ["tree/0.ask", "tree/0.ask"], NODES, "anna")
+    control.set_breakpoints("other", ["tree"], NODES, "anna")
+    control.end()
+    assert control.breakpoints == {"guide": ("tree/0.ask",), "other": ("tree",)}
+    control.set_breakpoints("guide", [], NODES, "anna")
+    assert control.breakpoints == {"other": ("tree",)}
+
+
+def test_a_breakpoint_needs_a_node_and_a_near_one_is_named(control: Told) -> None:
+    with pytest.raises(Refused, match=r"no node 'tree/0\.aks'; did you mean 'tree/0\.ask'"):
+        control.set_breakpoints("guide", ["tree/0.aks"], NODES, "anna")
+    assert control.breakpoints == {}
+
+
+def test_the_number_of_breakpoints_is_bounded(control: Told) -> None:
+    nodes = [f"tree/{number}.say" for number in range(MOST_BREAKPOINTS)]
+    control.set_breakpoints("guide", nodes, nodes, "anna")
+    with pytest.raises(Refused) as refused:
+        control.set_breakpoints("other", ["tree"], NODES, "anna")
+    assert refused.value.code == "TOO_MANY"
+    assert "other" not in control.breakpoints
+
+
+def test_a_pause_says_where_a_breakpoint_stopped_it() -> None:
+    assert pause_text("tree/0.ask", "anna") == "paused before tree/0.ask"
+    assert pause_text("", "") == "paused"

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Log lines that other processes cause are bounded, and say so."""
+
+from __future__ import annotations
+
+from bt_agents_core.log_budget import LogBudget
+
+
+def test_the_last_line_of_a_period_says_that_others_are_left_out() -> None:
+    now_s = 100.0
+    budget = LogBudget(2, 5.0, lambda: now_s)
+    assert budget.line("one") == "one"
+    now_s = 101.0
+    assert budget.line("two") == "two (others are left out for 4.0 s)"
+    assert budget.line("three") == ""
+    now_s = 105.0
+    assert budget.line("four") == "four"

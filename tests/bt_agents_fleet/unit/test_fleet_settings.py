@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The settings of a robot that has joined a fleet, its password, and what the files share."""
+
+from __future__ import annotations
+
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.state_folder import FLEET_SETTINGS
+from bt_agents_fleet.fleet_settings import (
+    FleetSettings,
+    checked_robot,
+    password_of,
+    read_settings,
+    read_status,
+    write_settings,
+)
+from bt_agents_fleet.shares import SharedLayers, Shares
+
+ROOT = Path(__file__).parents[3]
+ANNA = FleetSettings(robot="anna", address="host=db.example sslmode=verify-full")
+
+
+def test_settings_are_read_as_they_were_written_and_are_for_their_owner_alone(tmp_path):
+    folder = tmp_path / "state"
+    file = write_settings(folder, ANNA)
+    write_settings(folder, ANNA)
+    assert read_settings(folder) == ANNA
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+
+
+def test_who_has_not_joined_is_told_how(tmp_path):
+    with pytest.raises(Refused, match=r"NOT_JOINED.*bt-agents fleet join"):
+        read_settings(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "{}", '{"robot": "a", "address": 3}', '{"robot": "a", "address": "b", "c": 1}'],
+)
+def test_settings_that_make_no_sense_are_refused(tmp_path, text):
+    (tmp_path / FLEET_SETTINGS).write_text(text)
+    with pytest.raises(Refused, match="BAD_SETTINGS"):
+        read_settings(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["", "Anna", "a b", "-a", "a" * 64, "ä", "a/b", "a\n"])
+def test_a_name_that_no_robot_has_is_refused(name):
+    with pytest.raises(Refused, match="BAD_ROBOT"):
+        checked_robot(name)
+
+
+def test_the_password_comes_from_its_file_or_the_environment(tmp_path):
+    file = tmp_path / "password"
+    file.write_text("secret\n")
+    file.chmod(0o600)
+    with_file = FleetSettings(robot="anna", address="", password_file=str(file))
+    assert password_of(with_file, {"BT_AGENTS_FLEET_PASSWORD": "other"}) == "secret"
+    assert password_of(ANNA, {"BT_AGENTS_FLEET_PASSWORD": "other"}) == "other"
+    assert password_of(ANNA, {}) == ""
+
+
+def test_a_password_that_others_may_read_is_refused(tmp_path):
+    file = tmp_path / "password"
+    file.write_text("secret\n")
+    file.chmod(0o640)
+    settings = FleetSettings(robot="anna", address="", password_file=str(file))
+    with pytest.raises(Refused, match=r"PASSWORD_READABLE.*chmod 600"):
+        password_of(settings)
+    file.unlink()
+    with pytest.raises(Refused, match="PASSWORD_UNREADABLE"):
+        password_of(settings)
+
+
+def test_a_status_that_is_not_there_or_damaged_is_none(tmp_path):
+    assert read_status(tmp_path) == {}
+    (tmp_path / "fleet-status.json").write_text("{")
+    assert read_status(tmp_path) == {}
+
+
+def test_a_change_of_an_agents_file_changes_what_is_shared(tmp_path):
+    trees = Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))
+    shares = Shares(trees)
+    assert shares.read() == {}
+    agent = trees / "agents" / "attentive_guide.yaml"
+    text = agent.read_text()
+    agent.write_text(text.replace("update: huber}", "update: huber, share: place}"))
+    assert shares.read() == {"attentive_guide": SharedLayers.PLACES}
+    agent.write_text("broken: [")
+    assert shares.read() == {}
+
+
+@pytest.mark.parametrize(
+    ("share", "layers"),
+    [("place", SharedLayers.PLACES), ("everything", SharedLayers.ALL), ("nothing", None)],
+)
+def test_layers_of_persons_are_shared_where_the_scene_file_and_the_agents_both_say_so(
+    tmp_path, share, layers
+):
+    trees = Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))
+    with (trees / "scene.yaml").open("a") as scene:
+        scene.write("\nshare_persons: true\n")
+    agent = trees / "agents" / "attentive_guide.yaml"
+    written = agent.read_text().replace("update: huber}", f"update: huber, share: {share}}}")
+    agent.write_text(written)
+    assert Shares(trees).read().get("attentive_guide") is layers
+
+
+def test_without_the_client_of_the_database_the_command_says_what_it_needs():
+    program = (
+        "import sys; sys.modules['psycopg'] = None; sys.argv = ['bt-agents', 'fleet', 'status']\n"
+        "from bt_agents_tools.cli import main\n"
+        "main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: this command needs the package psycopg; install it with")
+    assert "pip install 'bt-agents[fleet]'" in done.stderr

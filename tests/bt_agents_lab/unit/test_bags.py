@@ -1,0 +1,329 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of ``ros2 bag record`` are read as journals are, and what they do not tell is said."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import zstandard
+from click.testing import CliRunner
+from mcap.data_stream import RecordBuilder
+from mcap.records import Header, Schema
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+
+from bag_fixture import write_bag
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.person_mention import PersonMention
+from bt_agents_interfaces.msg import Bookmark
+from bt_agents_lab.cli.journal import journal
+from bt_agents_lab.cli.replay import replay
+from bt_agents_lab.cli.what_if import what_if
+from bt_agents_lab.recorder import reading
+from bt_agents_lab.recorder.bag import recorded_files
+from bt_agents_lab.recorder.erasure import erase_from_journals
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_lab.replay.findings import ReplayVerdict
+from bt_agents_lab.replay.recording_index import read
+from bt_agents_lab.replay.trees import replay_runs
+from bt_agents_studio.studio import Studio
+from bt_agents_tools.cli.main import bt_agents
+from journal_fixture import PublishedMessage, Town, morning
+from studio_harness import SPACE
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
+    return morning(tmp_path_factory.mktemp("trees") / "trees")
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {},
+        {"files": 3, "chunks": CompressionType.ZSTD},
+        {"files": 2, "packed": True},
+        {"use_chunking": False, "packed": True},
+        {"is_sent_known": False},
+        {"namespace": "/robot1"},
+    ],
+    ids=["plain", "split and zstd", "zstd files", "fastwrite", "no send times", "namespace"],
+)
+def test_everything_in_a_bag_is_done_again(town: Town, tmp_path: Path, how: dict[str, object]):
+    bag = write_bag(tmp_path / "morning", town.published, **how)
+    result = CliRunner().invoke(replay, [str(bag)])
+    assert result.exit_code == 0, result.output
+    assert "decisions                   4             0             0" in result.output
+    assert "runs of trees               4             0             0  34 ticks" in result.output
+    # What rosbag2 has missed is nowhere written down.
+    assert "does not tell which messages its recorder has missed" in result.output
+    assert "all that was recorded is equal" in result.output
+    assert "everything is equal" not in result.output
+
+
+def test_each_command_that_reads_journals_reads_a_bag(town: Town, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", town.published, files=2, packed=True)
+    shown = CliRunner().invoke(journal, [str(bag), "--out", str(tmp_path / "rounds.csv")]).output
+    assert "morning_0.mcap.zstd" in shown
+    assert "morning_1.mcap.zstd" in shown
+    assert f"{len(town.published)} messages" in shown
+    assert "bert wins" in shown
+    assert len((tmp_path / "rounds.csv").read_text().splitlines()) == 1 + 4 + 8 + 4
+    outlook = CliRunner().invoke(what_if, [str(bag), "--learning-rate", "0.5"])
+    assert "4 rounds" in outlook.output
+    reasons = CliRunner().invoke(bt_agents, ["why", "--journal", str(bag), "4"])
+    assert reasons.output.startswith("round 4: bert")
+
+
+def test_what_two_recorders_received_is_read_once(town: Town, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", town.published)
+    other = shutil.copytree(bag, tmp_path / "other")
+    assert len(JournalReader([bag, other]).entries()) == len(town.published)
+
+
+def test_what_a_bag_has_missed_is_never_a_difference(town: Town, tmp_path: Path) -> None:
+    for place, one in enumerate(town.published[:15]):
+        rest = [*town.published[:place], *town.published[place + 1 :]]
+        recording = read([write_bag(tmp_path / str(place), rest)])
+        found = list(replay_runs(recording.runs.values()))
+        assert not [each for each in found if each.verdict is ReplayVerdict.DIFFERENT]
+        if one.topic in ("/agents/records", "/agents/status"):
+            assert [each for each in found if each.verdict is ReplayVerdict.NOT_RECORDED]
+
+
+def test_two_systems_in_one_bag_are_told_apart_by_their_namespace(
+    town: Town, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = Town(tmp_path / "trees")
+    both = [
+        PublishedMessage(topic=f"/robot{number}{one.topic}", message=one.message)
+        for number, system in ((1, town), (2, other))
+        for one in system.published
+    ]
+    bag = write_bag(tmp_path / "both", both)
+    with pytest.raises(Refused, match=r"SEVERAL_SYSTEMS.* /robot1, /robot2 .*ROS_NAMESPACE"):
+        JournalReader([bag]).entries()
+    monkeypatch.setenv("ROS_NAMESPACE", "robot1")
+    result = CliRunner().invoke(replay, [str(bag), "--json"])
+    assert json.loads(result.output)["counts"]["decisions"]["equal"] == 4
+    assert "namespaces /robot1, /robot2, this is the one in /robot1" in result.output
+    assert len(read([bag], "/robot2").rounds) == 0
+    assert read([bag], "/robot2").counts["/robot1/bt_agents/auctions"] == 4
+
+
+def test_a_file_that_is_not_there_and_messages_that_are_not_are_counted(
+    town: Town, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "morning", town.published, files=5)
+    (bag / "morning_2.mcap").unlink()
+    result = CliRunner().invoke(replay, [str(bag)])
+    assert result.exit_code == 2
+    assert "names 'morning_2.mcap', which is not there; copy all of its folder" in result.output
+    assert "is said to hold 50 messages, found 40" in result.output
+
+
+def test_a_definition_that_the_recorder_did_not_find_is_named(town: Town, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", town.published, definitions=False)
+    [first, *_] = read([bag]).problems
+    assert "its recorder has not found the definition of bt_agents_interfaces/msg/" in first
+
+
+def test_a_bag_whose_recorder_was_killed_is_read_without_its_metadata(
+    town: Town, tmp_path: Path
+) -> None:
+    bag = write_bag(tmp_path / "morning", town.published)
+    (bag / "metadata.yaml").unlink()
+    [file] = bag.iterdir()
+    file.write_bytes(file.read_bytes()[:-40])
+    assert len(JournalReader([bag]).entries()) == len(town.published)
+
+
+@pytest.mark.parametrize("name", ["morning_0.db3", "morning_0.db3.zstd"])
+def test_a_bag_in_sqlite_is_refused_with_how_to_convert_it(tmp_path: Path, name: str) -> None:
+    bag = tmp_path / "morning"
+    bag.mkdir()
+    (bag / name).write_bytes(b"SQLite format 3\0")
+    for path in (bag, bag / name):
+        with pytest.raises(Refused, match=f"ros2 bag convert -i {bag} -o out.yaml") as refused:
+            JournalReader([path])
+        assert refused.value.code == "SQLITE_BAG"
+    (bag / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n  storage_identifier: sqlite3\n"
+        f"  relative_file_paths: [{name}]\n"
+    )
+    with pytest.raises(Refused, match="storage_id: mcap, all_topics: true"):
+        JournalReader([bag])
+
+
+def test_a_folder_without_a_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(Refused, match="NO_RECORDING: there is no journal and no bag"):
+        JournalReader([tmp_path])
+
+
+def no_yaml(text: str) -> str:
+    return text.replace(": ", ":{", 1)
+
+
+def nested(_: str) -> str:
+    return "[" * 100_000
+
+
+def anchors(_: str) -> str:
+    rows = [f"x{n}: &x{n} [{', '.join([f'*x{n - 1}'] * 9)}]" for n in range(1, 30)]
+    return "x0: &x0 [1]\n" + "\n".join(rows)
+
+
+def too_large(text: str) -> str:
+    return text + "#" * 2_000_000
+
+
+def without_files(text: str) -> str:
+    return text.replace("relative_file_paths", "files_of_others")
+
+
+def other_folders(text: str) -> str:
+    return text.replace("morning_0.mcap", "../../../secret.mcap")
+
+
+def other_numbers(text: str) -> str:
+    return text.replace("message_count: 50", f"message_count: {'9' * 5000}")
+
+
+@pytest.mark.parametrize(
+    "spoil", [no_yaml, nested, anchors, too_large, without_files, other_folders]
+)
+def test_a_broken_metadata_file_costs_no_message_and_is_named(
+    town: Town, tmp_path: Path, spoil: Callable[[str], str]
+) -> None:
+    bag = write_bag(tmp_path / "morning", town.published)
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(spoil(metadata.read_text()))
+    (tmp_path / "secret.mcap").write_bytes(b"nobody asked for it")
+    reader = JournalReader([bag])
+    assert len(reader.entries()) == len(town.published)
+    assert reader.files == [bag / "morning_0.mcap"]
+    assert str(bag) in reader.problems[0]
+
+
+def test_a_number_that_is_no_count_is_unknown(town: Town, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", town.published)
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(other_numbers(metadata.read_text()))
+    assert recorded_files(bag).messages is None
+
+
+def test_a_torn_packed_file_is_read_up_to_where_it_ends(town: Town, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", town.published, packed=True, use_chunking=False)
+    file = bag / "morning_0.mcap.zstd"
+    whole = file.read_bytes()
+    for cut in range(0, len(whole), 199):
+        file.write_bytes(whole[:cut])
+        reader = JournalReader([file])
+        assert len(reader.entries()) <= len(town.published)
+        assert reader.problems
+
+
+def packed(*parts: bytes) -> bytes:
+    """Return a packed file with a header and some more bytes."""
+    builder = RecordBuilder()
+    Header(profile="ros2", library="libmcap 1.1.0").write(builder)
+    return zstandard.compress(b"".join((MCAP0_MAGIC, builder.end(), *parts)))
+
+
+def record(opcode: int, length: int, there: int = 0) -> bytes:
+    """Return the head of a record, and as many bytes of it as are there."""
+    return bytes([opcode]) + length.to_bytes(8, "little") + bytes(there)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (lambda: zstandard.compress(bytes(1000)), "is no MCAP"),
+        (lambda: b"no zstd at all", "only"),
+        (lambda: packed(record(6, 2**60)), "unpack it with 'zstd -d'"),
+        (lambda: packed(record(6, 2**26 + 1, 2**26 + 1)), "unpack it with 'zstd -d'"),
+        (lambda: packed(record(10, 0)), "is torn"),
+        (lambda: packed(record(10, 2**20, 2**20)), "is torn"),
+    ],
+    ids=["other content", "no zstd", "endless record", "large record", "empty record", "other"],
+)
+def test_a_small_packed_file_with_much_in_it_is_not_unpacked_at_once(
+    tmp_path: Path, content: Callable[[], bytes], why: str
+) -> None:
+    path = tmp_path / "a.mcap.zstd"
+    path.write_bytes(content())
+    tracemalloc.start()
+    reader = JournalReader([path])
+    assert reader.entries() == []
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 10_000_000
+    assert why in reader.problems[0]
+
+
+def test_a_packed_file_is_read_up_to_a_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    builder = RecordBuilder()
+    Schema(id=1, name="a/msg/B", encoding="ros2msg", data=bytes(1000)).write(builder)
+    path = tmp_path / "a.mcap.zstd"
+    path.write_bytes(packed(builder.end() * 100))
+    monkeypatch.setattr(reading, "MOST_UNPACKED_FILE", 50_000)
+    reader = JournalReader([path])
+    reader.entries()
+    assert "holds more than 50000 bytes" in reader.problems[0]
+
+
+def test_the_studio_looks_back_into_a_bag_beside_the_journals(town: Town, tmp_path: Path) -> None:
+    town.write(tmp_path / "journal-2026-05-04_001.mcap")
+    write_bag(tmp_path / "rosbag2_2026", town.published, files=2)
+    (tmp_path / "notes").mkdir()
+    studio = Studio("studio", space=SPACE, journal=tmp_path)
+    shown = {one.name: one.bytes for one in studio.journal_list()}
+    assert list(shown) == ["rosbag2_2026", "journal-2026-05-04_001.mcap"]
+    of_bag, of_journal = (studio.recorded(name, 0.0) for name in shown)
+    assert of_bag.newest("rounds") == of_journal.newest("rounds")
+    assert len(of_bag.newest("rounds")) == 4
+
+
+def test_a_topic_of_another_program_makes_no_other_system(town: Town, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", town.published, namespace="/robot1")
+    other = tmp_path / "chat.mcap"
+    with other.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        channel = writer.register_channel("/chat/answers", "cdr", schema)
+        writer.add_message(channel, log_time=1, data=b"", publish_time=1)
+        writer.finish()
+    assert len(JournalReader([bag, other]).entries()) == len(town.published) + 1
+
+
+def test_a_path_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BtAgentsError, match=r"no journal .*nowhere: No such file"):
+        JournalReader([tmp_path / "nowhere"])
+
+
+def test_forgetting_leaves_bags_and_names_them(town: Town, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "journal" / "morning", town.published)
+    shutil.copy(bag / "morning_0.mcap", tmp_path / "journal" / "b.mcap.zstd")
+    found = erase_from_journals(tmp_path / "journal", PersonMention("carla"))
+    assert [one.name for one in found.bags] == ["b.mcap.zstd", "morning"]
+    assert (bag / "morning_0.mcap").exists()
+
+
+def test_the_label_of_a_moment_in_a_bag_is_shown(town: Town, tmp_path: Path) -> None:
+    marked = PublishedMessage(topic="/bt_agents/bookmarks", message=Bookmark(label="they laughed"))
+    bag = write_bag(tmp_path / "morning", [*town.published, marked])
+    assert "marked: they laughed" in CliRunner().invoke(journal, [str(bag)]).output
+
+
+def test_a_file_of_a_bag_stands_for_itself(town: Town, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "morning", town.published, files=2)
+    result = CliRunner().invoke(replay, [str(bag / "morning_1.mcap")])
+    assert "as no host has sent its texts before" in result.output
+    assert "not recorded" in result.output

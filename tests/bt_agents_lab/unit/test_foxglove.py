@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The layout for Foxglove names topics and fields that there are, and its page names them all."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from collections.abc import Iterator
+from importlib.resources import files
+from typing import Any
+
+import pytest
+import yaml
+
+from bt_agents_interfaces.msg import MarketStatus
+from bt_agents_ros.system_topics import published_by, topic_called
+from bt_agents_ros.types import load_type
+from checkout import ROOT
+
+TEXT = (files("bt_agents_lab") / "foxglove" / "bt_agents.json").read_text()
+LAYOUT: dict[str, Any] = json.loads(TEXT)
+PANELS: dict[str, dict[str, Any]] = LAYOUT["configById"]
+PAGE = (ROOT / "docs" / "foxglove.md").read_text()
+
+TOPIC = re.compile(r"(?:/[A-Za-z0-9_]+)+")
+STEP = re.compile(
+    r"\.(?P<name>[A-Za-z0-9_]+)|\[(?P<slice>-?\d*:?-?\d*)\]"
+    r"|\{(?P<field>\w+)(?:==|!=|<=|>=|<|>)(?P<value>[^}]+)\}"
+)
+WHOLE = re.compile(r"u?int\d+|octet")
+NUMBER = re.compile(r"(u?int\d+|octet|float|double)")
+
+
+def paths_of(panel: dict[str, Any]) -> list[str]:
+    """Return the message paths and topics that a panel names."""
+    return [
+        *(one["value"] for one in panel.get("paths", ())),
+        *(panel[key] for key in ("path", "topicPath", "topicToRender") if key in panel),
+    ]
+
+
+PATHS = [(name, path) for name, panel in PANELS.items() for path in paths_of(panel)]
+
+
+def types_of_reference() -> dict[str, str]:
+    """Return the type of each topic, as the generated reference has it."""
+    rows = re.findall(
+        r"^\| `([^`]+)` \| `(\w+/msg/\w+)` \|",
+        (ROOT / "docs" / "ros_reference.md").read_text(),
+        re.MULTILINE,
+    )
+    return dict(rows)
+
+
+def reference_type(topic: str) -> str:
+    """Return the type of a topic; the host has the name that it has without being given one."""
+    known = types_of_reference()
+    name = topic.removeprefix("/")
+    found = known.get(topic) or known.get(name) or known[re.sub("^agents/", "<host>/", name)]
+    assert found
+    return found
+
+
+def field_type(type_name: str, field: str) -> str:
+    """Return the type of a field of a message, as ``float64[]``; KeyError when it has none."""
+    assert "/" in type_name, f"{type_name} has no fields"
+    package, name = type_name.split("/")[:: 2 if "/msg/" in type_name else 1]
+    fields = load_type(f"{package}/msg/{name}").get_fields_and_field_types()
+    return re.sub(r"^sequence<(.+?)(?:, \d+)?>$", r"\1[]", fields[field])
+
+
+def check_filter(type_name: str, field: str, value: str) -> None:
+    found = field_type(type_name, field)
+    if value.startswith("$"):
+        assert value[1:] in LAYOUT["globalVariables"]
+    elif found == "boolean":
+        assert value in ("true", "false")
+    elif found == "string":
+        assert re.fullmatch(r'"[^"]*"', value)
+    else:
+        assert WHOLE.fullmatch(found)
+        assert re.fullmatch(r"-?\d+", value)
+
+
+def end_type(path: str) -> str:
+    """Return the type of what a message path leads to, after all its parts were looked up."""
+    topic = TOPIC.match(path)
+    assert topic
+    found, place = reference_type(topic[0]), topic.end()
+    while place < len(path):
+        step = STEP.match(path, place)
+        assert step, path[place:]
+        if step["name"]:
+            assert not found.endswith("[]"), f"{found} has no fields"
+            found = field_type(found, step["name"])
+        elif step["slice"] is not None:
+            assert found.endswith("[]")
+            found = found.removesuffix("[]")
+        else:
+            check_filter(found, step["field"], step["value"])
+        place = step.end()
+    return found
+
+
+@pytest.mark.parametrize(("panel", "path"), PATHS)
+def test_each_message_path_leads_to_what_its_panel_can_show(panel: str, path: str) -> None:
+    found = end_type(path)
+    match panel.partition("!")[0]:
+        case "Plot":
+            assert NUMBER.fullmatch(found)
+        case "StateTransitions" | "Indicator":
+            assert found in ("string", "boolean") or WHOLE.fullmatch(found)
+        case "Table":
+            assert found.endswith("[]")
+            assert "/" in found
+        case "DiagnosticSummary":
+            assert found == "diagnostic_msgs/msg/DiagnosticArray"
+        case other:
+            assert other == "RawMessages"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "/no_topic.state",
+        "/market.no_field",
+        "/auctions.ranking.score",
+        "/market.agent[0]",
+        "/scene/live.values[:]{name==1}.value",
+        "/scene/live.values[:]{no_field==1}.value",
+        "/feedback{agent==$nobody}.after[0]",
+        "/market.state.more",
+        "/market state",
+    ],
+)
+def test_a_message_path_that_leads_nowhere_would_be_noticed(wrong: str) -> None:
+    with pytest.raises((AssertionError, KeyError, ValueError)):
+        end_type(wrong)
+
+
+def test_a_journal_holds_what_the_panels_show() -> None:
+    own = {one.name for one in published_by("journal")}
+    for _, path in PATHS:
+        match = TOPIC.match(path)
+        assert match
+        topic = topic_called(match[0])
+        assert "journal" in topic.listeners or topic.name in own, path
+
+
+def test_the_panels_stand_in_the_layout_each_once() -> None:
+    def leaves(node: Any) -> Iterator[str]:
+        if isinstance(node, str):
+            yield node
+            return
+        assert node["direction"] in ("row", "column")
+        assert 0 < node["splitPercentage"] < 100
+        yield from leaves(node["first"])
+        yield from leaves(node["second"])
+
+    assert sorted(leaves(LAYOUT["layout"])) == sorted(PANELS)
+    assert len({panel["foxglovePanelTitle"] for panel in PANELS.values()}) == len(PANELS)
+
+
+def test_the_states_of_the_market_are_named_as_its_message_names_them() -> None:
+    for rule in PANELS["Indicator!market"]["rules"]:
+        assert getattr(MarketStatus, rule["label"].upper()) == int(rule["rawValue"])
+
+
+def test_the_plots_show_the_parameters_and_an_agent_of_the_shipped_trees() -> None:
+    parameters = list(yaml.safe_load((ROOT / "trees" / "scene.yaml").read_text())["parameters"])
+    assert [one["label"] for one in PANELS["Plot!profile"]["paths"]] == parameters
+    assert [re.findall(r'"(\w+)"', one["value"]) for one in PANELS["Plot!scene"]["paths"]] == [
+        [name] for name in parameters
+    ]
+    assert (ROOT / "trees" / "agents" / f"{LAYOUT['globalVariables']['agent']}.yaml").exists()
+
+
+def test_the_page_has_a_row_for_each_panel_with_its_message_paths() -> None:
+    rows = {
+        cells[0]: re.findall("`([^`]+)`", cells[-1])
+        for line in PAGE.splitlines()
+        if (cells := [one.strip() for one in line.strip("|").split("|")]) and len(cells) == 3
+    }
+    for panel in PANELS.values():
+        assert rows[panel["foxglovePanelTitle"]] == paths_of(panel)
+
+
+def test_the_layout_for_a_namespace_has_all_its_topics_there() -> None:
+    [script] = re.findall(r"^sed -E '(.+)' bt_agents.json", PAGE, re.MULTILINE)
+    text = subprocess.run(
+        ["sed", "-E", script], input=TEXT, capture_output=True, text=True, check=True, timeout=10
+    ).stdout
+    for panel in json.loads(text)["configById"].values():
+        for path in paths_of(panel):
+            assert path.startswith("/robot1/") != (path == "/diagnostics")

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording is begun, marked and ended by hand, and each file is complete in itself."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from bt_agents_lab.recorder import recording_control
+from bt_agents_lab.recorder.daily_recorder import DailyRecorder, lock_folder
+from bt_agents_lab.recorder.recording_control import MarkedMoment, RecordingControl, RecordingState
+from journal_fixture import recorded, ticks
+
+
+class Recording:
+    """A recorder and its control, with what was made known."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.today = date(2026, 3, 1)
+        self.states: list[RecordingState] = []
+        self.bookmarks: list[MarkedMoment] = []
+        self.recorder = DailyRecorder(
+            folder, days=0, today=lambda: self.today, report=lambda _text, _is_error: None
+        )
+        self.control = RecordingControl(self.recorder, self, lambda: 10**9)
+
+    def on_state(self, state: RecordingState) -> None:
+        self.states.append(state)
+
+    def on_bookmark(self, moment: MarkedMoment) -> None:
+        self.bookmarks.append(moment)
+
+    def begin(self, label: str = "") -> str:
+        return self.control.start(label=label, notes="", author="")
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Iterator[Recording]:
+    one = Recording(tmp_path)
+    yield one
+    one.recorder.close()
+
+
+def code(call: Callable[[], object]) -> str:
+    with pytest.raises(Refused) as refused:
+        call()
+    return refused.value.code
+
+
+def test_a_journal_records_from_its_start_without_a_label(recording: Recording) -> None:
+    [state] = recording.states
+    assert state.is_recording
+    assert state.label == ""
+    assert state.file == "journal-2026-03-01_001.mcap"
+
+
+def test_what_is_received_between_stop_and_start_is_in_no_file(recording: Recording) -> None:
+    recording.recorder.record(recorded(1))
+    recording.control.stop()
+    recording.recorder.record(recorded(2))
+    recording.begin()
+    recording.recorder.record(recorded(3))
+    recording.control.stop()
+    first, second = sorted(recording.folder.glob("*.mcap"))
+    assert ticks(first) == [1]
+    assert ticks(second) == [3]
+
+
+def test_a_new_recording_begins_with_the_facts_that_hold_then(recording: Recording) -> None:
+    recording.control.stop()
+    recording.recorder.record(recorded(7), fact="market")
+    recording.recorder.record(recorded(8), fact="market")
+    recording.begin()
+    recording.control.stop()
+    assert ticks(sorted(recording.folder.glob("*.mcap"))[-1]) == [8]
+
+
+def test_label_notes_and_author_are_known_until_the_next_start(recording: Recording) -> None:
+    recording.control.stop()
+    recording.control.start(label="morning", notes="a class", author="anna")
+    state = recording.states[-1]
+    assert (state.label, state.notes, state.author) == ("morning", "a class", "anna")
+    recording.control.stop()
+    assert recording.states[-1].label == "morning"
+    assert not recording.states[-1].is_recording
+    recording.begin("noon")
+    assert recording.states[-1].file == "journal-2026-03-01_003.mcap"
+    assert recording.states[-1].notes == ""
+
+
+def test_bookmarks_are_counted_and_made_known(recording: Recording) -> None:
+    recording.control.mark(label="odd", notes="", author="anna")
+    recording.control.mark(label="", notes="again", author="")
+    assert [one.label for one in recording.bookmarks] == ["odd", ""]
+    assert recording.states[-1].bookmarks == 2
+
+
+def test_what_does_not_fit_the_state_is_refused_and_changes_nothing(recording: Recording) -> None:
+    assert code(recording.begin) == "RECORDING_ALREADY"
+    recording.control.stop()
+    assert code(recording.control.stop) == "NOT_RECORDING"
+    assert code(lambda: recording.control.mark(label="", notes="", author="")) == "NOT_RECORDING"
+    assert len(recording.states) == 2
+    assert recording.bookmarks == []
+
+
+def test_too_many_bookmarks_are_refused(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_control, "MOST_BOOKMARKS", 1)
+    recording.control.mark(label="", notes="", author="")
+    assert code(lambda: recording.control.mark(label="", notes="", author="")) == "TOO_MANY"
+
+
+def test_a_folder_that_cannot_be_written_or_is_taken_is_told(recording: Recording) -> None:
+    recording.control.stop()
+    other = lock_folder(recording.folder)
+    assert code(recording.begin) == "IN_USE"
+    os.close(other)
+    moved = recording.folder.with_name("moved")
+    recording.folder.rename(moved)
+    recording.folder.write_text("no folder")
+    assert code(recording.begin) == "CANNOT_WRITE"
+    recording.folder.unlink()
+    moved.rename(recording.folder)
+    assert "is being recorded" in recording.begin()
+
+
+def test_another_day_is_another_file_of_the_same_recording(recording: Recording) -> None:
+    recording.control.stop()
+    recording.begin("night")
+    recording.today = date(2026, 3, 2)
+    recording.recorder.flush(10**9)
+    recording.control.check_file()
+    assert recording.states[-1].file == "journal-2026-03-02_001.mcap"
+    assert recording.states[-1].label == "night"
+    told = len(recording.states)
+    recording.control.check_file()
+    assert len(recording.states) == told

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Acts as a person sees them: what is said, asked and shown, and when an answer is awaited."""
+
+from __future__ import annotations
+
+from bt_agents_robot.acts import Act, ActKind, Ask, Drive, Say, Show
+
+
+def _shown(act: Act) -> tuple[ActKind, str, str, tuple[str, ...], float]:
+    return act.kind, act.text, act.clip, act.choices, act.rate
+
+
+def test_each_act_says_what_a_person_sees_of_it() -> None:
+    say = Say(" Hello ", 1.5, pace=1.0, voice=None)
+    ask = Ask("Shall we go?", ["Yes", " "], 0.0, pace=1.0, voice=None)
+    assert _shown(say) == (ActKind.SAY, "Hello", "", (), 1.5)
+    assert _shown(ask) == (ActKind.ASK, "Shall we go?", "", ("Yes",), 1.0)
+    assert _shown(Show("map", "Gate 4", 0.0, pace=1.0)) == (ActKind.SHOW, "Gate 4", "map", (), 1.0)
+    assert _shown(Drive("gate", pace=1.0)) == (ActKind.DRIVE, "gate", "", (), 1.0)
+
+
+def test_a_question_waits_from_the_end_of_its_words_to_its_answer() -> None:
+    ask = Ask("Shall we go?", ["Yes", "No"], 10.0, pace=1.0, voice=None)
+    ask.begin(0.0)
+    assert not ask.is_waiting
+    assert not ask.begins_waiting(0.1)
+    assert ask.begins_waiting(ask.duration_s)
+    assert ask.is_waiting
+    assert not ask.receive("perhaps")
+    assert ask.is_waiting
+    assert ask.receive("yes")
+    assert not ask.is_waiting

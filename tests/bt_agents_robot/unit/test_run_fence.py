@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which runs are over for the robot."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents_core.run_key import RunKey
+from bt_agents_robot.run_fence import MOST_RUNS, RunFence
+
+NOBODY = RunKey(epoch="")
+
+
+def run(round_: int, agent: str = "leo", epoch: str = "e1") -> RunKey:
+    return RunKey(epoch=epoch, round=round_, agent=agent)
+
+
+def fence(*named: RunKey) -> RunFence:
+    subject = RunFence()
+    for one in named:
+        subject.on_market(one)
+    return subject
+
+
+@pytest.mark.parametrize(
+    ("named", "goal", "over"),
+    [
+        ([], run(3), False),
+        ([run(3)], run(3), False),
+        ([run(3)], run(4), False),
+        ([run(3)], run(2), True),
+        ([run(3, "leo"), run(3, "mira")], run(3, "leo"), True),
+        ([run(3, "leo")], run(3, "mira"), False),
+        ([run(3, "leo"), run(3, "")], run(3, "leo"), True),
+        ([run(3, "leo"), run(4, "mira")], run(3, "leo"), True),
+        ([run(3, "leo"), run(3, "mira"), run(3, "leo")], run(3, "leo"), False),
+    ],
+    ids=[
+        "no market was heard",
+        "under way",
+        "its award is not known yet",
+        "of an earlier round",
+        "the round went to another agent",
+        "the round goes to another agent, which is not known yet",
+        "nobody has the robot any more",
+        "the market is at a later round",
+        "awarded once more",
+    ],
+)
+def test_what_the_market_has_gone_on_from_is_over(named, goal, over):
+    assert fence(*named).is_over(goal) is over
+
+
+def test_what_belongs_to_no_run_is_never_over():
+    assert not fence(run(3), run(4)).is_over(NOBODY)
+
+
+def test_a_run_of_an_unknown_market_is_let_in():
+    assert not fence(run(3)).is_over(run(1, epoch="of a host without a market"))
+
+
+def test_the_last_run_of_an_earlier_market_may_clean_up_until_the_next_one_awards_a_run():
+    subject = fence(run(3), run(0, "", epoch="e2"))
+    assert not subject.is_over(run(3))
+    subject.on_market(run(1, "mira", epoch="e2"))
+    assert subject.is_over(run(3))
+
+
+def test_of_many_markets_and_runs_the_last_are_remembered():
+    subject = fence(*(run(1, str(n)) for n in range(2 * MOST_RUNS)))
+    assert not subject.is_over(run(1, "0"))
+    assert subject.is_over(run(1, str(2 * MOST_RUNS - 2)))
+    for number in range(2 * MOST_RUNS):
+        subject.on_market(run(1, epoch=f"m{number}"))
+    assert not subject.is_over(run(1, epoch="m0"))
+    assert subject.is_over(run(1, epoch=f"m{2 * MOST_RUNS - 2}"))

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What nodes of one process hand over waits for its receiver, bounded, each with its own copy."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from bt_agents_ros.local_bus import Channel, LocalBus, LocalQueue, LocalReader
+
+EVENTS = Channel(kind=list, depth=3, is_reliable=True, is_latched=False)
+FACT = replace(EVENTS, depth=1, is_latched=True)
+
+
+@pytest.fixture
+def bus() -> LocalBus:
+    return LocalBus(lambda: 7, "this process")
+
+
+def reader(bus: LocalBus, channel: Channel = EVENTS, topic: str = "t") -> LocalReader:
+    return bus.add_reader(topic, channel, LocalQueue(bus, object(), channel.depth))
+
+
+def taken(queue: LocalQueue) -> list[Any]:
+    return [queue.take().message for _ in range(len(queue))]
+
+
+def test_a_receiver_that_changes_its_message_changes_nobody_elses(bus: LocalBus) -> None:
+    first, second = reader(bus, FACT), reader(bus, FACT)
+    writer = bus.add_writer("t", FACT, deepcopy)
+    sent = [1]
+    bus.publish(writer, sent)
+    sent.append(2)
+    first.queue.take().message.append(3)
+    assert second.queue.take().message == [1]
+    late = reader(bus, FACT)
+    late.queue.take().message.append(4)
+    assert taken(reader(bus, FACT).queue) == [[1]]
+
+
+def test_a_queue_holds_the_depth_of_its_subscription_and_drops_the_oldest(bus: LocalBus) -> None:
+    writer, slow = bus.add_writer("t", EVENTS, deepcopy), reader(bus)
+    for number in range(5):
+        bus.publish(writer, [number])
+    assert taken(slow.queue) == [[2], [3], [4]]
+
+
+def test_a_late_reader_gets_what_latched_publishers_keep_and_nothing_of_others(
+    bus: LocalBus,
+) -> None:
+    first = bus.add_writer("t", replace(FACT, depth=2), deepcopy)
+    gone = bus.add_writer("t", FACT, deepcopy)
+    volatile = bus.add_writer("t", EVENTS, deepcopy)
+    for number in range(3):
+        bus.publish(first, [number])
+        bus.publish(volatile, [-number])
+    bus.publish(gone, [9])
+    bus.remove(gone)
+    assert taken(reader(bus, replace(FACT, depth=9)).queue) == [[1], [2]]
+    assert taken(reader(bus).queue) == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "hears"),
+    [
+        ({}, True),
+        ({"is_reliable": False}, True),
+        ({"is_latched": True}, False),
+        ({"kind": dict}, False),
+    ],
+)
+def test_ends_of_a_topic_match_as_in_dds(
+    bus: LocalBus, asked: dict[str, Any], hears: bool
+) -> None:
+    writer, other = bus.add_writer("t", EVENTS, deepcopy), reader(bus, replace(EVENTS, **asked))
+    assert bool(bus.readers_of(writer)) is bool(bus.writers_of(other)) is hears
+    best_effort = bus.add_writer("u", replace(EVENTS, is_reliable=False), deepcopy)
+    reader(bus, topic="u")
+    assert not bus.readers_of(best_effort)
+
+
+def test_queues_take_turns_however_much_one_of_them_holds(bus: LocalBus) -> None:
+    writer, other = bus.add_writer("t", EVENTS, deepcopy), bus.add_writer("u", EVENTS, deepcopy)
+    busy, quiet = reader(bus), reader(bus, topic="u")
+    bus.publish(writer, [1])
+    bus.publish(writer, [2])
+    bus.publish(other, [3])
+    turns = []
+    while bus.pending:
+        queue = next(iter(bus.pending))
+        turns.append((queue is busy.queue, queue.take().message))
+    assert turns == [(True, [1]), (False, [3]), (True, [2])]
+    assert not len(quiet.queue)
+
+
+def test_what_is_destroyed_receives_nothing_more(bus: LocalBus) -> None:
+    writer, ended = bus.add_writer("t", EVENTS, deepcopy), reader(bus)
+    bus.publish(writer, [1])
+    bus.remove(ended)
+    ended.queue.put([2])
+    bus.publish(writer, [3])
+    assert not bus.pending
+    assert ended.queue.take() is None
+
+
+def test_a_request_comes_with_its_sender_and_its_answer_with_its_number(bus: LocalBus) -> None:
+    server = bus.add_server("/s", int, LocalQueue(bus, object(), 2))
+    assert bus.server_of("/s", str) is None
+    found = bus.server_of("/s", int)
+    assert found is server
+    answers: list[tuple[int, Any]] = []
+    numbers = [
+        bus.call(found, text, lambda *answer: answers.append(answer)) for text in ("a", "b")
+    ]
+    requests = [server.queue.take(), server.queue.take()]
+    assert [(one.request, one.sender) for one in requests] == [
+        ("a", "this process"),
+        ("b", "this process"),
+    ]
+    requests[1].answer("B")
+    requests[0].answer("A")
+    assert answers == [(numbers[1], "B"), (numbers[0], "A")]
+    bus.remove(server)
+    assert bus.server_of("/s", int) is None
+
+
+def test_what_goes_out_is_written_in_order_and_once(bus: LocalBus) -> None:
+    written: list[int] = []
+    for number in range(3):
+        bus.send_out(lambda number=number: written.append(number))
+    bus.write_out()
+    bus.write_out()
+    assert written == [0, 1, 2]
+
+
+def test_of_several_states_that_wait_others_get_the_last_after_what_led_to_it(
+    bus: LocalBus,
+) -> None:
+    written: list[str] = []
+    for name, state_of in (("idle", "market"), ("end", None), ("busy", "market"), ("on", "robot")):
+        bus.send_out(lambda name=name: written.append(name), state_of)
+    bus.write_out()
+    assert written == ["end", "busy", "on"]

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many messages of each sender are accepted, on a clock turned by hand."""
+
+from __future__ import annotations
+
+from bt_agents_ros.workarounds.sender_identity import SenderRates
+
+
+class Rates:
+    """Ten messages a second of each sender."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._rates = SenderRates(10.0, lambda: self.now)
+
+    def accepted(self, sender: str, at: float) -> bool:
+        self.now = at
+        return self._rates(sender)
+
+
+def test_a_sender_within_its_rate_is_heard() -> None:
+    rates = Rates()
+
+    assert all(rates.accepted("a", at=0.125 * number) for number in range(50))
+
+
+def test_of_a_flood_as_many_are_accepted_as_the_rate_allows() -> None:
+    rates = Rates()
+
+    assert sum(rates.accepted("a", at=number / 1024) for number in range(1024)) in (9, 10)
+
+
+def test_a_flood_of_one_sender_takes_nothing_from_another() -> None:
+    rates = Rates()
+    for number in range(100):
+        at = number / 8
+        rates.accepted("flood", at)
+        assert not rates.accepted("flood", at)
+        assert rates.accepted("a", at)
+
+
+def test_senders_without_number_do_not_fill_the_memory() -> None:
+    rates = Rates()
+    for number in range(5_000):
+        rates.accepted(f"sender {number}", at=0.0)
+
+    assert len(rates._rates._next_s) <= 1_000

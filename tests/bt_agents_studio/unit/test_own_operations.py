@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the studio does itself: answers, messages, dry runs, kept values, and files to download."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bt_agents.host.tuning.tunable import parameters_of
+from bt_agents_interfaces.msg import Auction, Bookmark, RankedBid, RecordingStatus
+from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_studio.access import SessionRole
+from bt_agents_studio.records import ListeningRecord
+from bt_agents_tools.client.write_back import ParameterState
+from checkout import ROOT
+from journal_fixture import recorded
+from studio_harness import ServedStudio, served
+
+AGENT = """\
+format: 1
+agent: waiter
+title: Waiter
+description: Waits.
+profile: {age: 3, familiarity: 3, mood: 3}
+tunables:
+  patience: {default: 5 s, min: 1 s, max: 30 s, description: how long} # a comment
+tree: {wait: "${patience}"}
+"""
+TYPES = "bt_agents_interfaces/msg/"
+
+
+async def ask(
+    one: ServedStudio, name: str, role: SessionRole = SessionRole.AUTHOR, **fields: Any
+) -> dict[str, Any]:
+    async with one.client(role) as client:
+        answer = await client.post(f"/api/do/{name}", json=fields)
+        return dict(await answer.json())
+
+
+def test_an_answer_and_a_message_are_handed_on() -> None:
+    async def test(one: ServedStudio) -> None:
+        done = await ask(one, "answer", text="yes")
+        assert done == {"accepted": True, "code": "", "message": "answered yes"}
+        done = await ask(one, "publish", topic="door", values=["data=1"])
+        assert done["message"] == "published on door"
+        assert one.caller.calls == [
+            ("", "answer", {"text": "yes"}),
+            ("", "publish", {"topic": "door", "values": ["data=1"]}),
+        ]
+
+    served(test)
+
+
+@pytest.mark.parametrize("name", ["answer", "dry_run", "keep", "publish"])
+def test_who_may_only_look_does_none_of_it(name: str) -> None:
+    async def test(one: ServedStudio) -> None:
+        assert (await ask(one, name, SessionRole.VIEW))["code"] == "FORBIDDEN"
+        assert one.caller.calls == []
+
+    served(test)
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "code"),
+    [
+        ("answer", {"text": 1}, "BAD_FIELD"),
+        ("answer", {"words": "yes"}, "BAD_FIELD"),
+        ("publish", {"topic": "a" * 1001}, "BAD_FIELD"),
+        ("publish", {"values": "data=1"}, "BAD_FIELD"),
+        ("keep", {"profile": "yes"}, "BAD_FIELD"),
+        ("dry_run", {"across": "age", "up": "height"}, "UNKNOWN_PARAMETER"),
+        ("dry_run", {"names": ["weight"], "values": [1]}, "UNKNOWN_PARAMETER"),
+        ("dry_run", {"across": "age", "up": "mood", "names": ["age"], "values": [1]}, "BAD_FIELD"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(name: str, fields: dict[str, Any], code: str) -> None:
+    async def test(one: ServedStudio) -> None:
+        done = await ask(one, name, **fields)
+        assert (done.get("accepted", False), done["code"]) == (False, code)
+        assert one.caller.calls == []
+
+    served(test)
+
+
+def previewed(strategy: str) -> Any:
+    ranking = [
+        RankedBid(agent="young", vector=[1.0, 3.0], contributions=[0.0, 0.0]),
+        RankedBid(agent="old", vector=[5.0, 3.0], contributions=[4.0, 0.0]),
+    ]
+    auction = Auction(
+        strategy=strategy, winner="young", ranking=ranking, preview=True, tie_break="name"
+    )
+    return type("Answer", (), {"accepted": True, "code": "", "message": "", "auction": auction})
+
+
+DRY_RUN = {"names": ["age", "mood"], "values": [1, 3], "across": "age", "up": "mood"}
+
+
+def test_a_dry_run_asks_once_where_the_map_can_be_computed() -> None:
+    async def test(one: ServedStudio) -> None:
+        one.caller.previewed = previewed("manhattan")
+        record = (await ask(one, "dry_run", **DRY_RUN))["record"]
+        assert one.caller.calls == [("", "preview", {"age": 1.0, "mood": 3.0})]
+        assert record["round"]["winner"] == "young"
+        assert (record["map"]["agents"], record["map"]["is_asked"]) == (["old", "young"], False)
+        assert record["map"]["winners"][0] == 1
+        assert record["map"]["winners"][-1] == 0
+
+    served(test)
+
+
+def test_a_dry_run_asks_at_a_bounded_number_of_places_elsewhere() -> None:
+    async def test(one: ServedStudio) -> None:
+        one.caller.previewed = previewed("softmax")
+        record = (await ask(one, "dry_run", **DRY_RUN))["record"]
+        assert len(one.caller.calls) == 1 + 7 * 7
+        assert record["map"]["is_asked"]
+        assert record["map"]["winners"] == [0] * 49
+
+    served(test)
+
+
+@pytest.fixture
+def trees(tmp_path: Path) -> Path:
+    folder = tmp_path / "trees"
+    (folder / "agents").mkdir(parents=True)
+    shutil.copy(ROOT / "trees" / "scene.yaml", folder)
+    (folder / "agents" / "waiter.yaml").write_text(AGENT)
+    return folder
+
+
+def tuned(trees: Path, patience: float) -> dict[str, tuple[Path, Sequence[ParameterState]]]:
+    [agent] = read_trees(trees).agents
+    states = [
+        ParameterState(parameter=one, value=patience if one.key == "patience" else one.default)
+        for one in parameters_of(agent)
+    ]
+    return {"/agents": (trees, states)}
+
+
+def test_what_is_kept_is_shown_first_and_then_written_as_it_was_shown(trees: Path) -> None:
+    file = trees / "agents" / "waiter.yaml"
+
+    async def test(one: ServedStudio) -> None:
+        one.caller.hosts = tuned(trees, 20.0)
+        record = (await ask(one, "keep"))["record"]
+        assert "+  patience: {default: 20 s," in record["diff"]
+        assert file.read_text() == AGENT
+        one.caller.hosts = tuned(trees, 25.0)
+        changed = await ask(one, "keep", digest=record["digest"])
+        assert (changed["accepted"], changed["code"]) == (False, "CHANGED")
+        assert file.read_text() == AGENT
+        one.caller.hosts = tuned(trees, 20.0)
+        done = await ask(one, "keep", digest=record["digest"])
+        assert done["message"] == f"waiter.patience: 5 s → 20 s  in {file}"
+        assert file.read_text() == AGENT.replace("default: 5 s", "default: 20 s")
+
+    served(test)
+
+
+def test_where_nothing_was_tuned_there_is_nothing_to_keep(trees: Path) -> None:
+    async def test(one: ServedStudio) -> None:
+        one.caller.hosts = tuned(trees, 5.0)
+        done = await ask(one, "keep")
+        assert (done["accepted"], done["record"]["diff"]) == (True, "")
+
+    served(test)
+
+
+def test_a_broken_file_is_told_and_nothing_is_written(trees: Path) -> None:
+    file = trees / "agents" / "waiter.yaml"
+
+    async def test(one: ServedStudio) -> None:
+        one.caller.hosts = tuned(trees, 20.0)
+        file.write_text(AGENT + "tree: twice\n")
+        done = await ask(one, "keep")
+        assert not done["accepted"]
+        assert "waiter.yaml" in done["message"]
+
+    served(test)
+
+
+def test_a_bag_is_listed_and_no_file_to_download(tmp_path: Path) -> None:
+    bag = tmp_path / "rosbag2_2026"
+    bag.mkdir()
+    (bag / "metadata.yaml").write_text("what it holds")
+
+    async def test(one: ServedStudio) -> None:
+        one.studio._journal = tmp_path
+        async with one.client(SessionRole.VIEW) as client:
+            found = await (await client.get("/api/journals")).json()
+            assert found == [{"name": "rosbag2_2026", "bytes": 13, "label": ""}]
+            refused = await client.get("/api/journals/rosbag2_2026")
+            assert (refused.status, (await refused.json())["code"]) == (400, "NO_FILE")
+
+    served(test)
+
+
+def test_recordings_are_listed_with_their_labels_and_downloaded(tmp_path: Path) -> None:
+    file = JournalFile(tmp_path / "journal-2026-03-01_001.mcap")
+    file.add(recorded(1), 1)
+    file.close()
+    content = file.path.read_bytes()
+    (tmp_path / "secret.sqlite").write_text("secret")
+
+    async def test(one: ServedStudio) -> None:
+        one.studio._journal = tmp_path
+        async with one.client(SessionRole.VIEW) as client:
+            found = await (await client.get("/api/journals")).json()
+            assert found == [{"name": file.path.name, "bytes": len(content), "label": ""}]
+            answer = await client.get(f"/api/journals/{file.path.name}")
+            assert await answer.read() == content
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+            assert answer.headers["Content-Disposition"].startswith("attachment")
+            for name in ("secret.sqlite", "..%2fsecret.sqlite", "%2fetc%2fpasswd"):
+                refused = await client.get(f"/api/journals/{name}")
+                assert (refused.status, (await refused.json())["code"]) == (404, "NO_JOURNAL")
+        async with one.client() as client:
+            assert (await client.get(f"/api/journals/{file.path.name}")).status == 401
+
+    served(test)
+
+
+def test_the_recording_and_its_bookmarks_are_shown_until_no_journal_is_there() -> None:
+    async def test(one: ServedStudio) -> None:
+        studio, at_s = one.studio, 1000.0
+        status = RecordingStatus(recording=True, file="a.mcap", label="class")
+        studio.receive(f"{TYPES}RecordingStatus", status, at_s, False)
+        for _ in range(2):  # a latched one comes again
+            studio.receive(f"{TYPES}Bookmark", Bookmark(label="odd"), at_s, False)
+        heard = {"door": ListeningRecord(type="std_msgs/msg/Bool", fields={"data": "boolean"})}
+        studio.graph(heard, True)
+        assert studio.store.get("recording").label == "class"
+        assert len(studio.store.keys("bookmarks")) == 1
+        assert studio.store.keys("listening") == ("door",)
+        studio.graph({}, False)
+        assert studio.store.get("recording") is None
+        assert studio.store.keys("listening") == ()
+        [mark] = studio.history.newest("bookmarks")
+        assert mark.label == "odd"
+
+    served(test)

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The map of who would win is that of the strategy at every place."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from bt_agents_studio.scene_map import (
+    COARSEST,
+    FINEST,
+    Axis,
+    MapBid,
+    computed_map,
+    is_computed,
+    map_record,
+    side_length,
+)
+
+AGE = Axis(name="age", minimum=1.0, maximum=5.0)
+MOOD = Axis(name="mood", minimum=1.0, maximum=5.0)
+SCENE = {"age": 3.0, "familiarity": 2.0, "mood": 4.0}
+
+
+def bid(
+    agent: str,
+    *vector: float,
+    weights: tuple[float, ...] = (),
+    bonus: float = 0.0,
+    last_run: int = 0,
+) -> MapBid:
+    return MapBid(agent=agent, vector=vector, weights=weights, bonus=bonus, last_run=last_run)
+
+
+YOUNG, OLD = bid("young", 1.0, 2.0, 3.0), bid("old", 5.0, 2.0, 3.0)
+
+
+def winners(*bids: MapBid, strategy: str = "manhattan", scene: dict[str, float] = SCENE):
+    found = computed_map(strategy, bids, scene, AGE, MOOD, "name")
+    side = len(found.xs)
+    names = [found.agents[number] for number in found.winners]
+    return found, [names[row * side : (row + 1) * side] for row in range(side)]
+
+
+def test_the_nearest_wins_at_each_place() -> None:
+    found, rows = winners(YOUNG, OLD)
+    assert (found.across, found.up, found.is_asked) == ("age", "mood", False)
+    for row in rows:
+        for age, name in zip(found.xs, row, strict=True):
+            assert name == ("young" if age < 3.0 else "old")
+
+
+def test_rows_go_up_and_columns_across() -> None:
+    glad, sad = bid("glad", 3.0, 2.0, 5.0), bid("sad", 3.0, 2.0, 1.0)
+    _, rows = winners(glad, sad)
+    assert set(rows[0]) == {"sad"}
+    assert set(rows[-1]) == {"glad"}
+
+
+def test_weights_count_where_the_strategy_has_them() -> None:
+    careless = bid("careless", 1.0, 2.0, 3.0, weights=(0.1, 1.0, 1.0))
+    _, plain = winners(careless, OLD)
+    _, weighted = winners(careless, OLD, strategy="weighted_manhattan")
+    assert plain[0][-1] == "old"
+    assert weighted[0].count("careless") > plain[0].count("careless")
+
+
+def test_a_missing_value_counts_for_nobody() -> None:
+    near, far = bid("near", 3.0, 2.0, 3.0), bid("far", 3.0, 5.0, 3.0)
+    _, rows = winners(near, far, scene={**SCENE, "familiarity": math.nan})
+    assert {name for row in rows for name in row} == {"far"}  # equal, and first by name
+
+
+def test_of_equals_the_tie_break_decides() -> None:
+    first, second = bid("a", 3.0, 2.0, 3.0, last_run=7), bid("b", 3.0, 2.0, 3.0, last_run=2)
+    by_runs = computed_map("manhattan", (first, second), SCENE, AGE, MOOD, "least_recently_run")
+    by_name = computed_map("manhattan", (first, second), SCENE, AGE, MOOD, "name")
+    assert (by_runs.agents, by_name.agents) == (("b",), ("a",))
+
+
+def test_profiles_may_leave_out_the_last_parameters() -> None:
+    _, rows = winners(bid("young", 1.0, 2.0), bid("old", 5.0, 2.0))
+    assert (rows[0][0], rows[0][-1]) == ("young", "old")
+
+
+def test_a_bonus_is_taken_off_the_distance_everywhere() -> None:
+    seldom = bid("young", 1.0, 2.0, 3.0, bonus=2.0)
+    _, plain = winners(YOUNG, OLD, strategy="bounded_ucb")
+    found, forgiven = winners(seldom, OLD, strategy="bounded_ucb")
+    ahead = [age for age, name in zip(found.xs, forgiven[0], strict=True) if name == "young"]
+    assert max(ahead) == pytest.approx(4.0, abs=0.11)
+    assert plain[0].count("young") < forgiven[0].count("young")
+
+
+def test_only_where_the_scene_moves_nothing_but_the_distance_a_map_is_computed() -> None:
+    computed = {"manhattan", "weighted_manhattan", "euclidean", "ucb", "bounded_ucb"}
+    others = {"softmax", "rules", "external", "thompson", "expected_manhattan", "of a plug-in"}
+    assert {one for one in computed | others if is_computed(one)} == computed
+
+
+@pytest.mark.parametrize(
+    ("bids", "width", "side"), [(4, 3, FINEST), (10_000, 64, COARSEST), (10_000, 4, 15)]
+)
+def test_the_map_is_coarser_where_many_bid(bids: int, width: int, side: int) -> None:
+    assert side_length(bids, width) == side
+
+
+def test_a_parameter_that_is_not_there_is_refused() -> None:
+    height = Axis(name="height", minimum=0.0, maximum=1.0)
+    with pytest.raises(Refused, match="no scene parameter 'height'"):
+        computed_map("manhattan", (YOUNG,), SCENE, height, MOOD, "name")
+
+
+def test_nobody_is_a_winner_without_a_name() -> None:
+    found = map_record(AGE, MOOD, (1.0, 5.0), (1.0,), [["", "old"]], is_asked=True)
+    assert (found.agents, found.winners) == (("", "old"), (0, 1))

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The studio of a system: which process it is, and what happens where it cannot run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.listening import STUDIO_PORTS, listen
+from bt_agents_tools.cli import run_system
+from bt_agents_tools.cli.run_system import studio_plan
+
+
+def test_addresses_of_an_earlier_start_are_not_told_again(tmp_path: Path) -> None:
+    (tmp_path / "studio.json").write_text("{}")
+    plan = studio_plan(Path("trees"), tmp_path, tmp_path / "journal", browser_robot=True)
+    assert plan is not None
+    assert not plan.addresses.exists()
+    assert plan.asks_person
+    assert not plan.component.needed
+    with plan.listening:
+        number = plan.listening.fileno()
+        assert plan.component.descriptors == (number,)
+        folders = ("trees", str(tmp_path), str(tmp_path / "journal"))
+        assert plan.component.arguments == (*folders, str(number))
+
+
+def test_two_systems_have_ports_of_their_own(tmp_path: Path) -> None:
+    plans = [studio_plan(tmp_path, tmp_path, tmp_path, browser_robot=False) for _ in range(2)]
+    listening = [plan.listening for plan in plans if plan is not None]
+    ports = {one.getsockname()[1] for one in listening}
+    for one in listening:
+        one.close()
+    assert len(ports) == 2
+    assert ports <= set(STUDIO_PORTS)
+
+
+def test_without_a_free_port_the_system_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with listen("127.0.0.1", [0]) as taken:
+        port = taken.getsockname()[1]
+        monkeypatch.setattr(run_system, "STUDIO_PORTS", [port])
+        assert studio_plan(tmp_path, tmp_path, tmp_path, browser_robot=False) is None
+    assert capsys.readouterr().err == f"no studio: port {port} is taken\n"
+
+
+def test_without_its_package_the_system_goes_on_and_one_line_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run_system, "find_spec", lambda _name: None)
+    assert studio_plan(Path("trees"), tmp_path, tmp_path, browser_robot=False) is None
+    said = "no studio: it needs the package aiohttp; pip install aiohttp gets it"
+    assert capsys.readouterr().err == f"{said}\n"
+    with pytest.raises(BtAgentsError, match="pip install aiohttp"):
+        studio_plan(Path("trees"), tmp_path, tmp_path, browser_robot=True)

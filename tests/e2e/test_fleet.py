@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot of a fleet: a running system, `bt-agents fleet`, and a database."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import stat
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from command_server import CommandServer
+from postgres_server import running_server
+from programs import HANG_S, ROOT, Program, children
+
+pytestmark = pytest.mark.e2e
+
+AGENT = ROOT / "trees" / "agents" / "attentive_guide.yaml"
+
+
+def until(done: Callable[[], object]) -> None:
+    end = time.monotonic() + HANG_S
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def run(
+    tmp_path: Path, commands: CommandServer, environment: dict[str, str]
+) -> Callable[..., str]:
+    """What runs a command beside others, and returns what it prints."""
+
+    def made(*arguments: str, code: int = 0) -> str:
+        ended = commands.run(*arguments, folder=tmp_path, environment=environment, together=True)
+        assert ended.code == code, ended.out
+        return str(ended.out)
+
+    return made
+
+
+def test_a_robot_joins_a_fleet_shares_what_it_learns_and_shows_where_the_rest_came_from(
+    trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
+) -> None:
+    agent = trees / "agents" / AGENT.name
+    text = agent.read_text()
+    assert "update: huber}" in text
+    agent.write_text(text.replace("update: huber}", "update: huber, share: everything}"))
+
+    password = tmp_path / "password"
+    password.write_text("secret\n")
+    password.chmod(0o600)
+    with running_server() as server:
+        up = start("up", "--no-voice", "--no-studio", folder=tmp_path)
+        up.until("ready")
+        assert "NOT_JOINED" in run("fleet", "status", code=1)
+        joined = run(
+            "fleet", "join", server.address, "--robot", "anna", "--password-file", str(password)
+        )
+        assert "joined as anna" in joined
+        (settings,) = (tmp_path / "state").rglob("fleet.json")
+        assert stat.S_IMODE(settings.stat().st_mode) == 0o600
+        assert "secret" not in settings.read_text()
+        fleet = start("fleet", "run", folder=tmp_path)
+        fleet.until("up to date")
+        command = Path(f"/proc/{fleet.process.pid}/cmdline").read_bytes()
+        assert b"secret" not in command
+
+        run("feedback", "direct", "age=5", "--agent", "attentive_guide", "--reason", "for Anna")
+        until(lambda: server.execute("SELECT 1 FROM step WHERE event = 'feedback'"))
+        assert "for Anna" not in str(server.execute("SELECT row_to_json(step)::text FROM step"))
+
+        server.execute("INSERT INTO robot (robot) VALUES ('ben')")
+        server.execute(
+            "INSERT INTO step (robot, number, agent, layer, base, event, kind, target, weight, "
+            "changes, stamp) SELECT 'ben', of_ben.n, agent, layer, base, event, kind, target, "
+            "weight, changes, stamp - of_ben.n FROM step, generate_series(1, 200) AS of_ben (n) "
+            "WHERE event = 'feedback'"
+        )
+        until(lambda: "ben" in run("profile", "history", "attentive_guide"))
+        history = run("profile", "history", "attentive_guide")
+        assert re.search(r"201 .* fleet +ben +age .* direct there, its step 1, with 199", history)
+
+        server.kill()
+        fleet.until("DATABASE_AWAY")
+        run("feedback", "direct", "age=5", "--agent", "attentive_guide")
+        server.start()
+        until(lambda: server.execute("SELECT 1 FROM step WHERE robot = 'anna' OFFSET 1") != [])
+        status = run("fleet", "status")
+        assert re.search(r"^anna +2 ", status, re.M)
+        assert "200 steps of other robots taken in, 0 refused" in status
+        code, _ = fleet.stop()
+        assert code == 0, fleet.output
+        found = json.loads(run("fleet", "status", "--json"))
+        assert [one["robot"] for one in found["robots"]] == ["anna", "ben"]
+        assert "anna has left the fleet" in run("fleet", "leave", "--erase", "--yes")
+        assert not settings.exists()
+        code, _ = up.stop()
+        assert code == 0, up.output
+
+
+def test_up_keeps_a_robot_that_has_joined_up_to_date_and_restarts_what_does_so(
+    trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
+) -> None:
+    agent = trees / "agents" / AGENT.name
+    agent.write_text(agent.read_text().replace("huber}", "huber, share: everything}"))
+
+    def teach() -> None:
+        run("feedback", "direct", "age=5", "--agent", "attentive_guide")
+
+    with running_server() as server:
+        run("fleet", "join", server.address, "--robot", "anna")
+        up = start("up", "--no-voice", "--no-studio", folder=tmp_path)
+        up.until("ready")
+        up.until("fleet up to date")
+        teach()
+        until(lambda: server.execute("SELECT 1 FROM step"))
+        second = start("fleet", "run", folder=tmp_path)
+        second.until("FLEET_RUNS")
+        assert second.stop()[0] == 0, second.output
+        server.kill()
+        up.until("fleet DATABASE_AWAY")
+        server.start()
+        up.until("fleet up to date")
+        os.kill(fleet_process(up), signal.SIGKILL)
+        up.until("fleet ended .killed by signal 9.: starting it again")
+        up.until("fleet is back")
+        teach()
+        until(lambda: server.execute("SELECT 1 FROM step OFFSET 1"))
+        code, _ = up.stop()
+        assert code == 0, up.output
+        assert "had to be killed" not in up.output
+        alone = start("up", "--no-voice", "--no-studio", "--no-fleet", folder=tmp_path)
+        alone.until("ready")
+        assert fleet_processes(alone) == []
+        code, _ = alone.stop()
+        assert code == 0, alone.output
+
+
+def test_of_the_parts_of_a_system_the_feedback_node_brings_what_learns_together(
+    trees: Path, tmp_path: Path, start: Callable[..., Program], run: Callable[..., str]
+) -> None:
+    with running_server() as server:
+        run("fleet", "join", server.address, "--robot", "anna")
+        found = {}
+        for part in ("market", "feedback"):
+            up = start("up", "--only", part, folder=tmp_path)
+            up.until("fleet up to date" if part == "feedback" else "ready")
+            found[part] = len(fleet_processes(up))
+            code, _ = up.stop()
+            assert code == 0, up.output
+        assert found == {"market": 0, "feedback": 1}
+
+
+def fleet_process(up: Program) -> int:
+    (found,) = fleet_processes(up)
+    return found
+
+
+def fleet_processes(up: Program) -> list[int]:
+    """Return the processes of a system that learn together with others."""
+    return [
+        one
+        for one in children(up.process.pid)
+        if b"bt_agents_fleet.process" in Path(f"/proc/{one}/cmdline").read_bytes()
+    ]

@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the pages of the studio change: recordings, answers, messages, dry runs, kept values."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+
+from bt_agents_tools.launcher.domain_lock import reserve_domain
+from checkout import ROOT
+from studio_browser import LIMIT_MS, System, announce, open_page, serve, stop
+
+pytestmark = pytest.mark.e2e
+
+ASKER = """\
+format: 1
+agent: asker
+title: Asker
+description: Asks.
+profile: {age: 1, familiarity: 3, mood: 3}
+learning_rate: 0.5
+tunables:
+  patience: {default: 60 s, min: 1 s, max: 90 s, description: how long to wait} # a comment
+tree:
+  sequence:
+    - ask: {text: "Shall we go?", choices: ["yes", "no"], wait: "${patience}"}
+    - say: "You said ${answer}."
+    - wait: 60 s
+"""
+LISTENER = """\
+format: 1
+agent: listener
+title: Listener
+description: Listens.
+profile: {age: 5, familiarity: 3, mood: 3}
+tree:
+  sequence:
+    - wait_for: {topic: buttons/go, type: std_msgs/msg/Bool, until: msg.data}
+    - say: pressed
+    - wait_for: {topic: door/state, type: std_msgs/msg/String, until: msg.data == "open"}
+    - say: opened
+    - wait: 60 s
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A trees folder with an agent that asks and one that listens."""
+    trees = tmp_path_factory.mktemp("of_pages") / "trees"
+    (trees / "agents").mkdir(parents=True)
+    shutil.copy(ROOT / "trees" / "scene.yaml", trees)
+    shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
+    (trees / "agents" / "asker.yaml").write_text(ASKER)
+    (trees / "agents" / "listener.yaml").write_text(LISTENER)
+    return trees
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory, folder: Path) -> Iterator[System]:
+    running = System(tmp_path_factory.mktemp("state"), str(folder), "--journal")
+    try:
+        running.start()
+        yield running
+    finally:
+        running.end()
+
+
+def test_a_recording_is_begun_marked_listed_and_downloaded(page: Page, tmp_path: Path) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Recording", exact=True)
+    expect(panel).to_contain_text("is being recorded")
+    panel.get_by_role("button", name="Stop").click()
+    expect(panel).to_contain_text("Nothing is recorded now")
+    panel.get_by_label("Label of the recording").fill("a class")
+    panel.get_by_label("Notes").fill("twelve children")
+    panel.get_by_role("button", name="Start").click()
+    expect(panel).to_contain_text("a class is being recorded")
+    panel.get_by_label("Bookmark").fill("they laughed")
+    panel.get_by_role("button", name="Mark this moment").click()
+    expect(panel).to_contain_text("Bookmarks: 1")
+    expect(page.locator(".marks rect")).to_have_count(1)
+    page.wait_for_timeout(3000)  # the journal writes once a second
+
+    open_page(page, "System")
+    row = page.get_by_label("Recordings").locator("li", has_text="a class")
+    with page.expect_download() as download:
+        row.get_by_role("link", name="Download").click()
+    saved = tmp_path / "saved.mcap"
+    download.value.save_as(saved)
+    assert b"twelve children" in _unpacked(saved)
+
+    row.get_by_role("button", name="Look into it").click()
+    bookmarks = page.get_by_label("Bookmarks")
+    expect(bookmarks.locator("option")).to_have_count(2)
+    bookmarks.select_option(index=1)
+    expect(page.locator(".time")).to_contain_text(".mcap")
+    page.get_by_role("button", name="Back to now").click()
+
+
+def test_the_command_line_and_the_page_speak_of_one_recording(page: Page, system: System) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Recording", exact=True)
+    expect(panel).to_contain_text("is being recorded")
+    again = system.start_program("record", "start", "another")
+    again.until("RECORDING_ALREADY: .*stop it before another one begins")
+    system.start_program("record", "stop").until("nothing is recorded now")
+    expect(panel).to_contain_text("Nothing is recorded now")
+    begun = ("record", "start", "school class", "--notes", "twelve children, rain")
+    system.start_program(*begun).until("'school class' is being recorded")
+    expect(panel).to_contain_text("school class is being recorded")
+    system.start_program("record", "mark", "they laughed").until("marked in .*: they laughed")
+    expect(panel).to_contain_text("Bookmarks: 1")
+
+
+def _unpacked(file: Path) -> bytes:
+    from bt_agents_lab.recorder.reading import JournalReader
+
+    return b"".join(entry.data for entry in JournalReader([file]).entries())
+
+
+def test_a_question_is_answered_by_its_choice_and_by_words(page: Page) -> None:
+    for reply in ("yes", "no"):
+        announce(page, "somebody to ask", age=1, familiarity=3, mood=3)
+        panel = page.get_by_label("Open questions")
+        expect(panel).to_contain_text("Shall we go?")
+        if reply == "yes":
+            panel.get_by_label("Another answer").fill("perhaps")
+            panel.get_by_role("button", name="Answer", exact=True).click()
+            expect(panel.locator("output")).to_contain_text("'perhaps' is no answer; asked is: ")
+            panel.get_by_role("button", name="yes").click()
+        else:
+            panel.get_by_label("Another answer").fill("no")
+            panel.get_by_role("button", name="Answer", exact=True).click()
+        expect(panel.locator("output")).to_contain_text(f"answered '{reply}' to: Shall we go?")
+        expect(panel).to_contain_text("The robot asks nothing now")
+        open_page(page, "Live")
+        expect(page.get_by_label("What happened")).to_contain_text(f"You said {reply}.")
+        stop(page)
+
+
+def test_what_a_tree_waits_for_is_pressed_and_published(page: Page) -> None:
+    announce(page, "somebody with a door", age=5, familiarity=3, mood=3)
+    panel = page.get_by_label("What trees wait for")
+    expect(panel).to_contain_text("buttons/go")
+    panel.get_by_role("button", name="Press").click()
+    expect(panel.locator("output")).to_contain_text("published on buttons/go")
+    expect(panel).to_contain_text("door/state")
+    panel.get_by_label("data").fill("open")
+    panel.get_by_role("button", name="Publish").click()
+    expect(panel.locator("output")).to_contain_text("published on door/state")
+    open_page(page, "Live")
+    expect(page.get_by_label("What happened")).to_contain_text("opened")
+    stop(page)
+
+
+def test_the_switch_says_at_once_whether_somebody_is_there(page: Page) -> None:
+    announce(page, "somebody who comes and leaves", age=5, familiarity=3, mood=3)
+    open_page(page, "Live")
+    expect(page.get_by_role("button", name="Stop")).to_be_enabled()
+    open_page(page, "World")
+    switch = page.get_by_role("switch", name="Somebody is there")
+    for _ in range(2):
+        switch.click()
+        expect(switch).to_be_checked()
+        switch.click()
+        expect(switch).not_to_be_checked()
+    stop(page)
+
+
+def test_values_are_given_as_they_stand_with_one_tick_or_by_the_keyboard(page: Page) -> None:
+    open_page(page, "World")
+    panel = page.get_by_label("Play the world")
+    given = panel.locator(".give").get_by_role("checkbox")
+    every = panel.get_by_label("Give all values as they stand")
+    for one in given.all():
+        expect(one).not_to_be_checked()
+    every.focus()
+    page.keyboard.press("Space")
+    for one in given.all():
+        expect(one).to_be_checked()
+    given.first.uncheck()
+    assert every.evaluate("box => box.indeterminate")
+    every.check()
+    every.uncheck()
+    slider = page.locator("#world-age")
+    before = slider.input_value()
+    slider.press("Enter")
+    expect(given.first).to_be_checked()
+    expect(slider).to_have_value(before)
+    panel.get_by_label("Label").fill("somebody as the sliders stand")
+    panel.get_by_role("button", name="Announce the scene").click()
+    open_page(page, "Market")
+    bids = page.get_by_label("Bids")
+    expect(bids).to_contain_text("somebody as the sliders stand")
+    open_page(page, "Live")
+    expect(page.get_by_role("button", name="Stop")).to_be_enabled()
+    stop(page)
+
+
+def test_a_dry_run_says_who_would_win_and_from_where_on_somebody_else(page: Page) -> None:
+    open_page(page, "Market")
+    panel = page.get_by_label("Who would win?")
+    panel.locator("#dry-run-age").fill("1")
+    panel.get_by_role("button", name="Try").click()
+    expect(panel.locator(".would-win")).to_contain_text("asker would win")
+    expect(panel).to_contain_text("Computed from these bids")
+    expect(panel.locator(".map title", has_text="listener").first).to_be_attached()
+    panel.locator("#dry-run-age").fill("5")
+    panel.get_by_role("button", name="Try").click()
+    expect(panel.locator(".would-win")).to_contain_text("listener would win")
+
+
+def test_the_course_of_a_profile_shows_what_moved_it(page: Page) -> None:
+    serve(page, "somebody who judges", age=2, familiarity=4, mood=4)
+    stop(page)
+    open_page(page, "Market")
+    page.get_by_role("button", name="Bad").click()
+    panel = page.get_by_label("Feedback", exact=True)
+    newest = panel.locator(".feedback li").first
+    expect(newest).to_contain_text("learning rate 0.5 · weight")
+    panel.get_by_label("Profiles over time").select_option("asker|")
+    expect(panel.locator(".course circle title").first).to_contain_text("negative, button")
+    shares = page.get_by_label("Contributions over time", exact=True)
+    expect(shares.locator("rect").first).to_be_attached()
+    newest.get_by_role("button", name="Undo").click()
+    expect(panel.locator("output")).not_to_be_empty()
+
+
+def test_two_pages_that_change_one_value_are_told_and_nothing_is_lost(
+    page: Page, browser: Browser, system: System
+) -> None:
+    other = browser.new_context().new_page()
+    other.goto(system.address)
+    expect(other.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
+    name = "#tunable-asker-patience"
+    for one in (page, other):
+        open_page(one, "Tune")
+    page.locator(name).fill("30")
+    other.locator(name).fill("40")
+    other.locator(name).press("Enter")
+    told = page.get_by_role("alert")
+    expect(told).to_contain_text("Meanwhile it was changed: 60 → 40 by studio")
+    page.locator(name).press("Enter")
+    expect(page.locator(name)).to_have_value("30")
+    expect(other.locator(name)).to_have_value("40")
+    told.get_by_role("button", name="Set mine (30)").click()
+    expect(other.locator(name)).to_have_value("30")
+    expect(page.get_by_label("Changes")).to_contain_text("40 s → 30 s")
+    page.get_by_label("asker", exact=True).get_by_role(
+        "button", name="As in the file"
+    ).first.click()
+    expect(other.locator(name)).to_have_value("60")
+    other.context.close()
+
+
+def test_a_page_that_has_not_heard_of_a_change_yet_cannot_undo_it_unseen(
+    page: Page, browser: Browser, system: System
+) -> None:
+    context = browser.new_context()
+    held = threading.Event()
+
+    def hold(socket: WebSocketRoute) -> None:
+        server = socket.connect_to_server()
+        server.on_message(lambda text: None if held.is_set() else socket.send(text))
+
+    context.route_web_socket("**/api/socket", hold)
+    late = context.new_page()
+    late.goto(system.address)
+    expect(late.locator(".phase")).to_have_text("connected", timeout=LIMIT_MS)
+    name = "#tunable-asker-patience"
+    for one in (page, late):
+        open_page(one, "Tune")
+        expect(one.locator(name)).to_have_value("60")
+    held.set()
+    page.locator(name).fill("40")
+    page.locator(name).press("Enter")
+    expect(page.get_by_label("Changes")).to_contain_text("1 min → 40 s")
+    late.locator(name).fill("30")
+    late.locator(name).press("Enter")
+    expect(late.locator("output.answer")).to_contain_text(
+        "asker.patience was changed from 1 min to 40 s by studio"
+    )
+    expect(late.locator(name)).to_have_value("30")
+    expect(page.locator(name)).to_have_value("40")
+    context.close()
+    page.get_by_label("asker", exact=True).get_by_role(
+        "button", name="As in the file"
+    ).first.click()
+    expect(page.locator(name)).to_have_value("60")
+
+
+def test_a_learning_rate_is_frozen_and_a_profile_is_moved_and_comes_back(page: Page) -> None:
+    open_page(page, "Tune")
+    panel = page.get_by_label("asker", exact=True)
+    panel.get_by_role("button", name="Freeze").click()
+    expect(panel).to_contain_text("it does not learn")
+    page.get_by_label("Only what differs from the file").check()
+    expect(page.locator("#tunable-asker-patience")).to_have_count(0)
+    expect(page.locator("#tunable-asker-learning_rate")).to_have_value("0")
+    panel.get_by_text("Profile", exact=True).click()
+    slider = panel.get_by_label("age", exact=True)
+    slider.fill("2")
+    slider.press("End")
+    expect(page.locator("output.answer").first).to_contain_text("asker")
+    panel.get_by_role("button", name="As in the file").last.click()
+    expect(slider).to_have_value("1")
+    panel.get_by_role("button", name="As in the file").first.click()
+
+
+def test_what_is_kept_is_shown_before_it_is_written(page: Page, folder: Path) -> None:
+    file = folder / "agents" / "asker.yaml"
+    open_page(page, "Tune")
+    page.locator("#tunable-asker-patience").fill("50")
+    page.locator("#tunable-asker-patience").press("Enter")
+    expect(page.get_by_label("Changes")).to_contain_text("1 min → 50 s")
+    keep = page.get_by_label("Keep in the files")
+    keep.get_by_role("button", name="Show what would be written").click()
+    expect(keep.locator("pre")).to_contain_text("+  patience: {default: 50 s,")
+    assert file.read_text() == ASKER
+    page.locator("#tunable-asker-patience").fill("45")
+    page.locator("#tunable-asker-patience").press("Enter")
+    expect(page.get_by_label("Changes")).to_contain_text("50 s → 45 s")
+    keep.get_by_role("button", name="Write", exact=True).click()
+    expect(keep.locator("output")).to_contain_text("have changed since the change was shown")
+    assert file.read_text() == ASKER
+    keep.get_by_role("button", name="Show what would be written").click()
+    keep.get_by_role("button", name="Write", exact=True).click()
+    expect(keep.locator("output")).to_contain_text("asker.patience: 60 s → 45 s")
+    assert file.read_text() == ASKER.replace("default: 60 s", "default: 45 s")
+
+
+def test_the_health_of_the_system_is_shown_the_worst_first_and_says_since_when(
+    page: Page, folder: Path
+) -> None:
+    open_page(page, "System")
+    health = page.get_by_label("Health", exact=True)
+    hosts = health.locator("li", has_text="marketplace: hosts")
+    expect(hosts).to_contain_text(re.compile(r"in order since \d\d:\d\d:\d\d hosts: 1, agents: 2"))
+    files = health.locator("li", has_text="agents: files")
+    expect(files).to_contain_text("in order")
+    hosts.locator("summary").click()
+    expect(hosts.locator("dl")).to_contain_text("/agents")
+    file = folder / "agents" / "asker.yaml"
+    before = file.read_text()
+    file.write_text(before.replace("format: 1", "format: one"))
+    try:
+        expect(files).to_contain_text("error since")
+        expect(files).to_contain_text("asker.yaml")
+        expect(health.locator("li").first).to_contain_text("agents: files")
+    finally:
+        file.write_text(before)
+    expect(files).to_contain_text("in order")
+
+
+def test_without_a_journal_the_pages_say_how_to_get_one(
+    browser: Browser, tmp_path: Path, folder: Path
+) -> None:
+    system = System(tmp_path, str(folder), ROS_DOMAIN_ID=str(reserve_domain()))
+    try:
+        system.start()
+        page = browser.new_context().new_page()
+        page.goto(system.address)
+        open_page(page, "World")
+        panel = page.get_by_label("Recording", exact=True)
+        expect(panel).to_contain_text("'bt-agents up --journal' starts", timeout=LIMIT_MS)
+        page.context.close()
+    finally:
+        system.end()

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A tree of 2,000 nodes in the page of the studio: found, walked, moved and zoomed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from bt_agents_studio.records import NodeRecord, RunRecord, TreeNodeRecord, TreeRecord
+from studio_browser import opened_page
+from studio_harness import BackgroundStudio, background_studio
+
+pytestmark = pytest.mark.e2e
+
+AGENT = "large"
+GROUPS, LEAVES = 100, 19
+TIP = "tree/80.sequence/7.say"
+
+
+def node(path: str, parent: int, kind: str, name: str) -> TreeNodeRecord:
+    return TreeNodeRecord(
+        path=path, parent=parent, kind=kind, name=name, file="a.yaml", line=1, column=1
+    )
+
+
+def large_tree() -> TreeRecord:
+    """Return a root with 100 groups of 19 leaves, 2,001 nodes in all."""
+    nodes = [node("tree", -1, "selector", "everything")]
+    for group in range(GROUPS):
+        parent = len(nodes)
+        path = f"tree/{group}.sequence"
+        nodes.append(node(path, 0, "sequence", f"group {group}"))
+        nodes += [
+            node(f"{path}/{leaf}.say", parent, "say", f"sentence {group} {leaf} to somebody")
+            for leaf in range(LEAVES)
+        ]
+    return TreeRecord(agent=AGENT, host="agents", nodes=tuple(nodes))
+
+
+def run(tip: str) -> RunRecord:
+    now = time.time()
+    return RunRecord(
+        **dict.fromkeys(("host_instance", "epoch", "scene_id", "scene_label"), "x"),
+        **dict.fromkeys(("stop_reason", "message"), ""),
+        **dict.fromkeys(("ticks", "overruns"), 0),
+        agent=AGENT,
+        host="agents",
+        round=1,
+        event="STARTED",
+        outcome="NONE",
+        stopped_by="NOT_SAID",
+        began_s=now,
+        ended_s=None,
+        tick=1,
+        tip=tip,
+        orphans=(),
+        duration_s=0.0,
+    )
+
+
+def status(name: str, message: str = "") -> NodeRecord:
+    return NodeRecord(
+        **dict.fromkeys(("starts", "successes", "failures"), 1),
+        status=name,
+        message=message,
+        since_s=time.time(),
+        tick=1,
+        busy_s=0.0,
+        reason=message,
+    )
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[BackgroundStudio]:
+    with background_studio() as served:
+        served.put("trees", AGENT, large_tree())
+        served.put("runs", AGENT, run(TIP))
+        yield served
+
+
+@pytest.fixture
+def page(browser: Browser, studio: BackgroundStudio) -> Iterator[Page]:
+    with opened_page(browser, studio.address) as opened:
+        expect(shown(opened, TIP)).to_be_in_viewport()
+        yield opened
+
+
+def shown(page: Page, path: str) -> Locator:
+    return page.locator(f'.node[data-path="{path}"]')
+
+
+def middle(found: Locator) -> tuple[float, float]:
+    box = found.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_only_what_is_near_the_shown_part_is_drawn(page: Page) -> None:
+    assert page.locator(".node").count() < 200
+    page.get_by_role("tree").focus()
+    page.keyboard.press("Home")
+    expect(shown(page, "tree")).to_be_in_viewport()
+    expect(shown(page, TIP)).to_have_count(0)
+    page.get_by_role("button", name="Jump to the tip").click()
+    expect(shown(page, TIP)).to_be_in_viewport()
+    expect(shown(page, TIP)).to_have_class("node invalid tip")
+    assert page.locator(".node").count() < 200
+
+
+def test_results_of_a_search_are_gone_through_forwards_and_back(page: Page) -> None:
+    search = page.get_by_role("searchbox")
+    search.fill("sentence 42")
+    expect(page.get_by_label("Tree")).to_contain_text("19 found")
+    for path, number in (("0", 1), ("1", 2)):
+        search.press("Enter")
+        expect(shown(page, f"tree/42.sequence/{path}.say")).to_be_in_viewport()
+        expect(page.get_by_label("Tree")).to_contain_text(f"{number} of 19 found")
+    for path in ("0", "18"):
+        search.press("Shift+Enter")
+        expect(shown(page, f"tree/42.sequence/{path}.say")).to_be_in_viewport()
+
+
+def test_a_result_below_a_folded_node_is_unfolded(page: Page) -> None:
+    group = shown(page, "tree/50.sequence")
+    search = page.get_by_role("searchbox")
+    search.fill("group 50")
+    search.press("Enter")
+    expect(group).to_be_in_viewport()
+    group.dblclick()
+    expect(group).to_have_attribute("aria-expanded", "false")
+    expect(shown(page, "tree/50.sequence/3.say")).to_have_count(0)
+    search.fill("sentence 50 3")
+    search.press("Enter")
+    expect(shown(page, "tree/50.sequence/3.say")).to_be_in_viewport()
+    expect(group).to_have_attribute("aria-expanded", "true")
+
+
+def test_the_wheel_zooms_at_the_pointer(page: Page) -> None:
+    for _ in range(3):
+        page.get_by_role("button", name="larger").click()
+    group = shown(page, "tree/50.sequence")
+    page.get_by_role("searchbox").fill("group 50")
+    page.get_by_role("searchbox").press("Enter")
+    expect(group).to_be_in_viewport()
+    before = middle(group)
+    page.mouse.move(*before)
+    page.mouse.wheel(0, 150)
+    expect(page.get_by_role("tree")).to_have_attribute("data-zoom", "1.56")
+    assert middle(group) == pytest.approx(before, abs=2)
+
+
+def test_a_drag_moves_the_tree_and_chooses_nothing(page: Page) -> None:
+    page.get_by_role("button", name="Jump to the tip").click()
+    expect(shown(page, TIP)).to_be_in_viewport()
+    x, y = middle(shown(page, TIP))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60, steps=4)
+    page.mouse.up()
+    assert middle(shown(page, TIP)) == pytest.approx((x, y - 60), abs=2)
+    expect(page.locator('[aria-selected="true"]')).to_have_count(0)
+    shown(page, TIP).click()
+    expect(shown(page, TIP)).to_have_attribute("aria-selected", "true")
+
+
+def test_the_keyboard_zooms_fits_searches_and_finds_the_tip(page: Page) -> None:
+    tree = page.get_by_role("tree")
+    tree.focus()
+    page.keyboard.press("End")
+    last = shown(page, f"tree/{GROUPS - 1}.sequence/{LEAVES - 1}.say")
+    expect(last).to_be_in_viewport()
+    expect(last).to_be_focused()
+    page.keyboard.press("t")
+    expect(shown(page, TIP)).to_be_in_viewport()
+    page.keyboard.press("0")
+    expect(page.locator(".node .name")).to_have_count(0)
+    for _ in range(8):
+        page.keyboard.press("+")
+    expect(page.locator(".node .name").first).to_be_visible()
+    page.keyboard.press("/")
+    expect(page.get_by_role("searchbox")).to_be_focused()
+
+
+def test_whole_names_and_reasons_are_said_where_the_pointer_rests(
+    page: Page, studio: BackgroundStudio
+) -> None:
+    path = "tree/80.sequence/3.say"
+    reason = "the robot does not speak, as its server has not answered for ten seconds"
+    studio.put("nodes", f"{AGENT}|{path}", status("FAILURE", reason))
+    expect(shown(page, path)).to_have_class("node failure")
+    said = shown(page, path).locator("> title").text_content() or ""
+    assert "sentence 80 3 to somebody" in said
+    assert reason in said
+    assert path in said
+
+
+def test_a_place_of_the_map_is_brought_into_view(page: Page) -> None:
+    strip = page.locator(".tree-map")
+    box = strip.bounding_box()
+    assert box is not None
+    strip.click(position={"x": box["width"] / 2, "y": box["height"] - 2})
+    expect(shown(page, f"tree/{GROUPS - 1}.sequence/{LEAVES - 1}.say")).to_be_visible()
+    mark = strip.locator("div").bounding_box()
+    assert mark is not None
+    assert mark["y"] + mark["height"] == pytest.approx(box["y"] + box["height"], abs=8)

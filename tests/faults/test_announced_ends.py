@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An end that is stored is announced by the next market, if the first is killed in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.scene import AGAIN
+from bt_agents_tools.launcher.supervisor import Component
+from dying_market import DIES_WHILE
+from processes import NodeProcess, System, write_trees
+from programs import ROOT
+
+pytestmark = pytest.mark.e2e
+
+TIMES = 5
+"""How often the market of a system is killed: a dead one counts as a reader for 20 s."""
+
+twice = pytest.mark.parametrize("attempt", [1, 2])
+"""With both tests 20 kills."""
+
+
+@pytest.fixture
+def fatal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file whose existence kills a market at its next end."""
+    file = tmp_path / "fatal"
+    monkeypatch.setenv(DIES_WHILE, str(file))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests" / "harness"), prepend=":")
+    return file
+
+
+def start(system: System, tmp_path: Path) -> NodeProcess:
+    trees = write_trees(tmp_path / "leo", leo=(4.5, "say: leo speaks"))
+    market = system.start(
+        Component(
+            name="marketplace",
+            module="dying_market",
+            parameters={
+                "trees": str(trees),
+                "scenes": str(tmp_path / "scenes.json"),
+                "collect_deadline": 0.05,
+                "on_new_scene": "reject",
+            },
+        )
+    )
+    system.host("agents", trees)
+    system.until_ready(hosts=1, agents=1)
+    return market
+
+
+def kill_at_the_end(
+    system: System, market: NodeProcess, fatal: Path, end: Callable[[], None]
+) -> str:
+    """Kill the market when a scene ends, and start it again; return its epoch."""
+    market.expect_end()
+    fatal.touch()
+    end()
+    system.until(lambda: market.ended, "the market dies")
+    assert not fatal.exists()
+    epoch = system.kill_market(market)
+    market.start()
+    system.until_ready(hosts=1, agents=1, after=epoch)
+    return epoch
+
+
+@twice
+def test_the_end_of_a_run_is_announced_once_when_the_market_dies_right_before(
+    system: System, tmp_path: Path, fatal: Path, attempt: int
+) -> None:
+    del attempt
+    market = start(system, tmp_path)
+    for number in range(TIMES):
+        name = f"s{number}"
+        system.scene(name, age=5, familiarity=3, mood=3)
+        system.until_speaking("leo speaks")
+
+        epoch = kill_at_the_end(system, market, fatal, system.mouth.finish)
+
+        found = system.until_end_of(name)
+        assert (found.epoch, found.code, found.agent) == (epoch, "SUCCEEDED", "leo")
+    check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
+
+
+@twice
+def test_the_refusal_of_a_scene_is_announced_once_when_the_market_dies_right_before(
+    system: System, tmp_path: Path, fatal: Path, attempt: int
+) -> None:
+    del attempt
+    market = start(system, tmp_path)
+    for number in range(TIMES):
+        system.scene(f"first{number}", age=5, familiarity=3, mood=3)
+        system.until_speaking("leo speaks")
+        name = f"s{number}"
+
+        def refuse(name: str = name) -> None:
+            system.scene(name, age=5, familiarity=3, mood=3)
+
+        epoch = kill_at_the_end(system, market, fatal, refuse)
+
+        found = system.until_end_of(name)
+        assert (found.epoch, found.code) == (epoch, "BUSY")
+        system.mouth.holds = lambda _text: False
+        system.mouth.finish()
+        if "asked again as" in system.until_end_of(f"first{number}").message:
+            system.until_end_of(f"first{number}{AGAIN}")
+        system.mouth.holds = lambda _text: True
+    check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
+
+
+def check_that_no_end_comes_again(system: System, market: NodeProcess, names: list[str]) -> None:
+    """Start the market once more, which has heard that all ends were announced."""
+    system.until(lambda: not fresh_ends(system), "the last end is confirmed")
+    epoch = system.kill_market(market)
+    market.start()
+    system.until(
+        lambda: system.epoch != epoch and system.statuses[-1].agents == 1, "the next market"
+    )
+    assert [len(system.ends_of(name)) for name in names] == [1] * len(names)
+
+
+def fresh_ends(system: System) -> bool:
+    """Return whether ends are stored of which no market has stored that they were announced."""
+    return '"ends": []' not in (system.folder / "scenes.json").read_text(encoding="utf-8")

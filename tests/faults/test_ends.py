@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All parts of a system are told to end at once, as Ctrl-C does under ``ros2 launch``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents_interfaces.msg import Profiles, Run
+from bt_agents_ros import qos
+from bt_agents_tools.launcher import components
+from feedback_node.ledger import Ledger
+from processes import System, write_trees
+
+pytestmark = pytest.mark.e2e
+
+SIMULATED = """
+format: 1
+title: one
+rounds: 1
+seed: 0
+scenes: [{age: 5, familiarity: 3, mood: 3}]
+feedback:
+  each:
+    leo: {mood: 5}
+"""
+
+
+@pytest.mark.parametrize(
+    "order",
+    ["host, market, feedback", "feedback, market, host", "market, feedback, host", "one process"],
+)
+def test_a_run_under_way_is_ended_announced_and_learned_from_in_any_order(
+    system: System, tmp_path: Path, order: str
+) -> None:
+    trees = write_trees(tmp_path / "a", leo=(4.0, "say: hello"))
+    simulated = tmp_path / "simulated.yaml"
+    simulated.write_text(SIMULATED)
+    ledger = tmp_path / "ledger.sqlite"
+    feedback = components.feedback(trees, str(ledger), simulated)
+    if order == "one process":
+        together = [components.market(trees), components.host(trees), feedback]
+        parts = {order: system.start(components.one_process(together))}
+    else:
+        parts = {
+            "market": system.market(trees, bid_deadline=5.0),
+            "feedback": system.start(feedback),
+            "host": system.host("agents", trees),
+        }
+    profiles: list[Profiles] = system.ros.collect(Profiles, "bt_agents/profiles", qos.FACT)
+    system.until_ready(hosts=1, agents=1)
+    system.until(lambda: profiles and profiles[-1].agents == ["leo"], "the profile of leo")
+    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.until_speaking("hello")
+    system.until(lambda: any(run.event == Run.STARTED for run in system.runs), "it has started")
+
+    for name in order.split(", "):
+        parts[name].terminate()
+    system.until(lambda: all(part.ended for part in parts.values()), "all have ended")
+
+    assert {name: part.exit_code for name, part in parts.items()} == dict.fromkeys(parts, 0)
+    assert [(run.outcome, run.agent) for run in system.runs if run.event == Run.ENDED] == [
+        (Run.CANCELLED, "leo")
+    ]
+    said = "".join(part.said for part in parts.values())
+    assert "[ERROR]" not in said, said
+    with Ledger(ledger) as book:
+        causes = [revision.cause for revision in book.history("leo")[1:]]
+    assert [cause.source for cause in causes] == ["simulated"]

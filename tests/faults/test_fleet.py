@@ -1,0 +1,796 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robots that learn together over a real database: outages, hostile rows, and who shares what."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from threading import Thread
+
+import pytest
+import yaml
+
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_fleet.database import FleetDatabase, FleetError, checked_address
+from bt_agents_fleet.fleet_sync import FleetSync
+from bt_agents_fleet.shares import SharedLayers
+from feedback_node.learning.fleet_steps import base_of
+from feedback_node.ledger.check import check
+from feedback_node.ledger.file import connect
+from feedback_node.management.management import ManagementAction
+from fleet_harness import LIMIT_S, FleetRobot, synchronise
+from ledger_fixture import SPACE
+from postgres_server import PostgresServer, running_server
+from simulated_fleet import NAN, Clock, largest_difference, learning
+
+pytestmark = pytest.mark.e2e
+
+BASE = base_of({"age": 3.0, "mood": 3.0})
+
+Make = Callable[..., FleetRobot]
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[PostgresServer]:
+    with running_server() as started:
+        yield started
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def database(server: PostgresServer, request: pytest.FixtureRequest) -> str:
+    """Return the address of an empty database."""
+    name = f"fleet_{abs(hash(request.node.name))}"
+    server.execute(f"CREATE DATABASE {name}")
+    return server.address.replace("/postgres?", f"/{name}?")
+
+
+@pytest.fixture
+def make(database: str, tmp_path: Path, clock: Clock) -> Iterator[Make]:
+    with ExitStack() as made:
+
+        def new(name: str, *, address: str = database, **fields: object) -> FleetRobot:
+            robot = FleetRobot(name, tmp_path, clock, address, **fields)
+            made.callback(robot.close)
+            return robot
+
+        yield new
+
+
+def rows(server: PostgresServer, database: str, query: str) -> list[tuple[object, ...]]:
+    return server.execute(query, address=database)
+
+
+def test_what_one_robot_was_taught_the_other_has_learned(make, clock):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    synchronise(anna, ben)
+    assert ben.robot.current() == anna.robot.current() == {"": (3.6, 3.0)}
+
+
+def test_the_history_names_the_robot_that_a_step_came_from(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    synchronise(anna, ben)
+    answer = ben.robot.manage(ManagementAction.HISTORY, agent="guide")
+    newest = json.loads(answer.document)["revisions"][-1]
+    assert (newest["cause"], newest["source"]) == ("fleet", "anna")
+    assert newest["reason"] == "direct there, its step 2"
+
+
+def test_a_second_cycle_changes_nothing(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    ben.robot.teach(FeedbackKind.POSITIVE, (1.0, 4.0))
+    synchronise(anna, ben)
+    before = [len(one.robot.ledger.entries()) for one in (anna, ben)]
+    synchronise(anna, ben)
+    assert [len(one.robot.ledger.entries()) for one in (anna, ben)] == before
+
+
+def test_a_robot_whose_step_is_late_in_time_is_put_in_order_with_the_others(make, clock):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach(values=(5.0, NAN))
+    clock.now += 1.0
+    ben.robot.teach(values=(1.0, NAN))
+    clock.now += 1.0
+    anna.robot.teach(values=(2.0, NAN))
+    synchronise(anna, ben)
+    synchronise(anna, ben)
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_twenty_robots_of_which_three_were_offline_for_an_hour_have_the_same_profiles(make, clock):
+    robots = [make(f"robot-{number:02}") for number in range(20)]
+    offline = robots[:3]
+    for minute in range(60):
+        for number, one in enumerate(robots):
+            clock.now += 3.0
+            if (minute + number) % 20 == 0:
+                place = ("", "lobby", "hall")[number % 3]
+                one.robot.teach(values=(1.0 + (number + minute) % 5, 2.0), place=place)
+        if minute % 20 == 19:
+            synchronise(*robots[3:])
+    assert largest_difference([one.robot for one in offline]) > 0.0
+    synchronise(*robots)
+    assert largest_difference([one.robot for one in robots]) <= 1e-9
+    total = sum(len(one.robot.steps()) for one in robots)
+    assert [one.sync.status.taken for one in robots] == [
+        total - len(one.robot.steps()) for one in robots
+    ]
+
+
+def test_what_persons_have_taught_stays_with_the_robot(make, server, database):
+    anna = make("anna", rule=learning(layers=("person", "place")))
+    ben = make("ben")
+    anna.robot.teach(person="Anna Smith", reason="Anna Smith said so", source="Anna Smith")
+    synchronise(anna, ben)
+    found = rows(server, database, "SELECT row_to_json(step)::text FROM step")
+    assert found
+    assert not any("anna smith" in str(row).lower() for row in found)
+
+
+def test_layers_of_persons_are_shared_where_both_robots_say_so_and_nothing_else_of_them(
+    make, server, database
+):
+    rule = learning(layers=("person", "place"))
+    anna = make("anna", rule=rule, share=SharedLayers.ALL)
+    ben = make("ben", rule=rule, share=SharedLayers.ALL)
+    anna.robot.teach(person="zoe", reason="zoe said so loudly", source="her phone")
+    ben.robot.teach(FeedbackKind.POSITIVE, (1.0, 4.0), person="zoe")
+    synchronise(anna, ben)
+    assert "person/zoe" in ben.robot.current()
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+    found = str(rows(server, database, "SELECT row_to_json(step)::text FROM step"))
+    assert "loudly" not in found
+    assert "phone" not in found
+
+
+def test_a_robot_whose_scene_file_does_not_say_so_takes_in_nothing_of_persons(make):
+    rule = learning(layers=("person", "place"))
+    anna = make("anna", rule=rule, share=SharedLayers.ALL)
+    ben = make("ben", rule=rule)
+    ben.robot.teach(person="zoe", values=(1.0, NAN))
+    own = ben.robot.profiles.profile("guide", "person/zoe")
+    anna.robot.teach(person="zoe")
+    synchronise(anna, ben)
+    assert ben.robot.profiles.profile("guide", "person/zoe") == own
+    assert (ben.sync.status.taken, ben.sync.status.refused) == (1, 0)
+    synchronise(ben, anna)
+    assert anna.sync.status.taken == 1
+    ben.shares = {"guide": SharedLayers.ALL}
+    synchronise(anna, ben)
+    ben.robot.shares_persons = True
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_a_database_that_gives_more_than_was_asked_for_is_refused_by_name(make):
+    rule = learning(layers=("person", "place"))
+    anna = make("anna", rule=rule, share=SharedLayers.ALL)
+    ben = make("ben", rule=rule)
+    anna.robot.teach(person="zoe")
+    anna.sync.cycle()
+    pull = ben.database.pull
+    ben.database.pull = lambda wanted: pull(
+        [replace(one, share=SharedLayers.ALL) for one in wanted]
+    )
+    ben.sync.cycle()
+    assert [one.code for one in ben.sync.status.aside] == ["NOT_SHARED"] * 2
+    assert "person/zoe" not in {layer for _, layer, _, _ in ben.robot.profiles.table()}
+
+
+@pytest.mark.parametrize(
+    ("share", "layers"),
+    [(SharedLayers.ALL_BUT_PERSONS, {"", "place/lobby"}), (SharedLayers.PLACES, {"place/lobby"})],
+)
+def test_a_robot_shares_what_the_file_of_its_agent_says(make, share, layers):
+    anna, ben = make("anna", share=share), make("ben")
+    anna.robot.teach()
+    anna.robot.teach(place="lobby")
+    synchronise(anna, ben)
+    changed = {layer for layer in ben.robot.current() if layer} | (
+        {""} if ben.robot.current()[""] != (3.0, 3.0) else set()
+    )
+    assert changed == layers
+
+
+def test_nothing_leaves_a_robot_that_shares_nothing(make, server, database):
+    anna = make("anna")
+    anna.shares = {}
+    anna.robot.teach()
+    synchronise(anna)
+    assert rows(server, database, "SELECT * FROM step") == []
+
+
+def test_what_was_learned_before_is_shared_when_the_file_says_so_later(make):
+    anna, ben = make("anna", share=SharedLayers.PLACES), make("ben")
+    anna.robot.teach()
+    anna.robot.teach(place="lobby")
+    synchronise(anna, ben)
+    assert ben.robot.current()[""] == (3.0, 3.0)
+    anna.shares = {"guide": SharedLayers.ALL_BUT_PERSONS}
+    synchronise(anna, ben)
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_what_was_passed_by_before_is_taken_in_when_the_file_says_so_later(make):
+    anna, ben = make("anna"), make("ben", share=SharedLayers.PLACES)
+    anna.robot.teach()
+    anna.robot.teach(place="lobby")
+    synchronise(anna, ben)
+    assert ben.robot.current()[""] == (3.0, 3.0)
+    ben.shares = {"guide": SharedLayers.ALL_BUT_PERSONS}
+    synchronise(anna, ben)
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_the_steps_of_others_count_as_much_as_the_file_says(make, clock):
+    anna = make("anna")
+    ben = make("ben", rule=learning(sources=("fleet",), weights=(0.5,)))
+    anna.robot.teach()
+    synchronise(anna, ben)
+    assert anna.robot.current()[""][0] == pytest.approx(3.6)
+    assert ben.robot.current()[""][0] == pytest.approx(3.3)
+
+
+def test_a_robot_learns_while_the_database_is_away_and_catches_up(make, server):
+    anna, ben = make("anna"), make("ben")
+    synchronise(anna, ben)
+    server.kill()
+    try:
+        for _ in range(5):
+            anna.robot.teach()
+            with pytest.raises(FleetError, match="DATABASE_AWAY"):
+                anna.sync.cycle()
+    finally:
+        server.start()
+    synchronise(anna, ben)
+    assert ben.sync.status.taken == 5
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_a_database_that_hangs_ends_a_cycle_in_time_and_nothing_is_lost_or_doubled(make, server):
+    anna, ben = make("anna"), make("ben")
+    synchronise(anna, ben)
+    anna.robot.teach()
+    server.hold_up()
+    try:
+        began = time.monotonic()
+        with pytest.raises(FleetError, match="DATABASE_AWAY"):
+            anna.sync.cycle()
+        assert time.monotonic() - began < 10 * LIMIT_S
+        anna.robot.teach()
+    finally:
+        server.go_on()
+    synchronise(anna, ben)
+    assert ben.sync.status.taken == 2
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_a_database_that_is_killed_again_and_again_loses_nothing_and_doubles_nothing(
+    make, server, database
+):
+    anna, ben = make("anna"), make("ben")
+    synchronise(anna, ben)
+    kills = 0
+
+    def kill() -> None:
+        nonlocal kills
+        for _ in range(4):
+            server.kill()
+            server.start()
+            kills += 1
+
+    killing = Thread(target=kill)
+    killing.start()
+    taught = 0
+    while killing.is_alive() or taught < 20:
+        anna.robot.teach(values=(1.0 + taught % 5, 2.0))
+        taught += 1
+        for one in (anna, ben):
+            with contextlib.suppress(FleetError):
+                one.sync.cycle()
+    killing.join()
+    synchronise(anna, ben)
+    assert kills == 4
+    assert rows(server, database, "SELECT count(*) FROM step") == [(taught,)]
+    assert ben.sync.status.taken == taught
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_a_process_that_was_restarted_goes_on_where_ledger_and_database_agree(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    synchronise(anna, ben)
+    rows_before = len(ben.robot.ledger.entries())
+    for one in (anna, ben):
+        one.restart()
+    synchronise(anna, ben)
+    assert len(ben.robot.ledger.entries()) == rows_before
+    anna.robot.teach()
+    synchronise(anna, ben)
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_an_answer_that_is_lost_does_not_double_a_step(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    anna.sync.cycle()
+    deliver = ben.sync._deliver
+
+    def deliver_and_lose(document: str) -> str:
+        deliver(document)
+        raise BtAgentsError("the feedback node has not answered")
+
+    ben.sync._deliver = deliver_and_lose
+    with pytest.raises(BtAgentsError):
+        ben.sync.cycle()
+    ben.sync._deliver = deliver
+    ben.sync.cycle()
+    assert [row.cause.cause for _, row in ben.robot.ledger.entries()] == ["authored", "fleet"]
+
+
+def test_steps_wait_for_a_feedback_node_that_is_away_and_are_pushed_all_the_same(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    anna.sync.cycle()
+    ben.feedback_node_is_there = False
+    ben.robot.teach()
+    with pytest.raises(BtAgentsError, match="away"):
+        ben.sync.cycle()
+    anna.sync.cycle()
+    assert anna.sync.status.taken == 1
+    ben.feedback_node_is_there = True
+    synchronise(anna, ben)
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_steps_wait_for_an_agent_that_no_host_has_introduced_yet(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    anna.sync.cycle()
+    agents, ben.robot.profiles._agents = ben.robot.profiles._agents, {}
+    ben.sync.cycle()
+    assert (ben.sync.status.taken, ben.sync.status.refused) == (0, 0)
+    ben.robot.profiles._agents = agents
+    ben.sync.cycle()
+    assert ben.sync.status.taken == 1
+
+
+def test_a_robot_with_another_version_of_the_file_takes_the_steps_when_it_has_the_same(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.introduce(authored=2.0)
+    anna.robot.teach()
+    synchronise(anna, ben)
+    assert ben.robot.current() == {"": (3.0, 3.0)}
+    ben.robot.introduce(authored=2.0)
+    synchronise(anna, ben)
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+def test_another_ledger_under_the_name_of_a_robot_is_refused(make, tmp_path, clock, database):
+    anna = make("anna")
+    anna.robot.teach()
+    synchronise(anna)
+    (tmp_path / "other").mkdir()
+    clock.now += 1.0
+    other = FleetRobot("anna", tmp_path / "other", clock, database)
+    with closing(other):
+        other.robot.teach(values=(1.0, 1.0))
+        other.robot.teach(values=(1.0, 1.0))
+        with pytest.raises(Refused, match="OTHER_LEDGER"):
+            other.sync.cycle()
+
+
+def test_a_ledger_that_joins_under_a_second_name_is_refused(make, clock, database):
+    anna = make("anna")
+    anna.robot.teach()
+    synchronise(anna)
+    with closing(FleetDatabase(database, "zoe", limit_s=LIMIT_S)) as second:
+        second.join()
+        anna.database.close()
+        anna.sync = FleetSync(
+            "zoe", SPACE, anna.path, second, lambda _document: "", lambda: anna.shares, wall=clock
+        )
+        with pytest.raises(FleetError, match="LEDGER_TAKEN"):
+            anna.sync.cycle()
+
+
+def test_a_robot_that_has_lost_its_ledger_gets_back_what_was_shared_under_another_name(make):
+    anna = make("anna")
+    anna.robot.teach()
+    synchronise(anna)
+    new = make("anna-2")
+    synchronise(new)
+    assert new.robot.current() == anna.robot.current()
+
+
+def test_a_robot_needs_no_right_to_make_tables(make, server, database):
+    make("anna")
+    server.execute("DROP ROLE IF EXISTS robots")
+    rows(server, database, "CREATE ROLE robots LOGIN")
+    tables = "SELECT, INSERT, UPDATE, DELETE ON ALL TABLES IN SCHEMA public"
+    rows(server, database, f"GRANT {tables} TO robots")
+    rows(server, database, "GRANT USAGE ON ALL SEQUENCES IN SCHEMA public TO robots")
+    ben = make("ben", address=database.replace("//fleet@", "//robots@"))
+    ben.robot.teach()
+    synchronise(ben)
+    assert rows(server, database, "SELECT robot FROM step") == [("ben",)]
+
+
+def test_a_server_over_the_net_is_believed_by_its_certificate_and_name_alone(tmp_path):
+    authority, other = tmp_path / "authority.crt", tmp_path / "other.crt"
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with running_server() as server:
+        server.certify(other)
+        server.certify(authority)
+        server.kill()
+        server.start(port)
+
+        def join(host: str, certificates: Path) -> None:
+            address = checked_address(
+                f"postgresql://fleet@{host}:{port}/postgres", f"{certificates}"
+            )
+            with closing(FleetDatabase(address, "anna", limit_s=LIMIT_S)) as database:
+                database.join()
+
+        join("localhost", authority)
+        with pytest.raises(FleetError, match="certificate verify failed"):
+            join("localhost", other)
+        with pytest.raises(FleetError, match="does not match host name"):
+            join("127.0.0.1", authority)
+
+
+def test_a_robot_joins_the_server_that_the_compose_file_describes(tmp_path):
+    deploy = Path(str(files("bt_agents_fleet"))) / "deploy"
+    service = yaml.safe_load((deploy / "compose.yaml").read_text())["services"]["database"]
+    of_image = service["environment"]
+    program, *settings = service["command"]
+    assert program == "postgres"
+    assert of_image["POSTGRES_PASSWORD_FILE"] == f"/run/secrets/{service['secrets'][0]}"
+    port = int(service["ports"][0].partition(":")[2])
+    assert port == 5432  # which an address without a port means
+    authority = tmp_path / "authority.crt"
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    # As its image does it, the data folder is made with the password and the arguments.
+    initdb = of_image["POSTGRES_INITDB_ARGS"].split()
+    with running_server(password="secret", initdb=initdb) as server:
+        server.execute(f"CREATE DATABASE {of_image['POSTGRES_DB']}")
+        server.certify(authority)
+        mounted = {
+            target: {"server.crt": server.certificate, "server.key": server.key}[Path(own).name]
+            for own, target, _ in (one.split(":") for one in service["volumes"][1:])
+        }
+        for target, file in mounted.items():
+            settings = [word.replace(target, str(file)) for word in settings]
+        assert not any("/etc/fleet" in word for word in settings)
+        server.kill()
+        server.start(port, settings)
+        user, name = of_image["POSTGRES_USER"], of_image["POSTGRES_DB"]
+        address = checked_address(f"postgresql://{user}@localhost:{port}/{name}", f"{authority}")
+
+        def join(password: str) -> None:
+            with closing(
+                FleetDatabase(address, "anna", password=password, limit_s=LIMIT_S)
+            ) as opened:
+                opened.join()
+
+        join("secret")
+        with pytest.raises(FleetError, match="password authentication failed"):
+            join("guessed")
+        assert service["healthcheck"]["test"] == ["CMD-SHELL", f"pg_isready -U {user} -d {name}"]
+
+
+def test_a_database_put_back_from_an_old_copy_is_filled_again(make, server, database):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    synchronise(anna, ben)
+    rows(server, database, "DELETE FROM step")
+    rows(server, database, "UPDATE robot SET position = 0")
+    rows(server, database, "ALTER SEQUENCE step_arrival_seq RESTART WITH 1")
+    anna.robot.teach()
+    for one in (anna, ben):
+        one.restart()
+    synchronise(anna, ben)
+    assert ben.sync.status.taken == 2
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+GOOD = {
+    "layer": "''",
+    "event": "'feedback'",
+    "kind": "0",
+    "target": """'{"age": 5}'""",
+    "weight": "1",
+    "changes": "0",
+    "stamp": "1700000000",
+}
+
+
+HOSTILE = (
+    ("weight", "'NaN'", "BAD_STEP"),
+    ("weight", "1e9", "BAD_STEP"),
+    ("stamp", "'Infinity'", "BAD_STEP"),
+    ("stamp", "1e11", "FROM_THE_FUTURE"),
+    ("kind", "9", "BAD_STEP"),
+    ("event", "'explode'", "BAD_STEP"),
+    ("changes", "-1", "BAD_STEP"),
+    ("target", """'{"age": 1e400}'""", "BAD_STEP"),
+    ("target", """'{"age": 99}'""", "OUT_OF_RANGE"),
+    ("target", """'{"age": "5"}'""", "BAD_STEP"),
+    ("target", """'{"shoe size": 5}'""", "UNKNOWN_PARAMETER"),
+    ("target", "'[1, 2, 3]'", "BAD_STEP"),
+    ("target", "to_jsonb(repeat('x', 1000000))", "BAD_STEP"),
+    ("layer", "repeat('place/x', 100000)", "BAD_LAYER"),
+    ("layer", "'cellar'", "BAD_LAYER"),
+)
+"""Column → what is in it instead of :data:`GOOD`, and the code that it is refused with."""
+
+
+def test_hostile_rows_are_refused_with_a_code_each_and_keep_no_other_out(make, server, database):
+    anna, ben = make("anna"), make("ben")
+    for one in ("agent", "layer", "target"):
+        rows(server, database, f"ALTER TABLE step DROP CONSTRAINT step_{one}_is_short")
+    for number, (field, value, _) in enumerate(HOSTILE, start=100):
+        columns = {**GOOD, "number": str(number), field: value}
+        rows(
+            server,
+            database,
+            f"INSERT INTO step (robot, agent, base, {', '.join(columns)}) "
+            f"VALUES ('anna', 'guide', '{BASE}', {', '.join(columns.values())})",
+        )
+    anna.robot.teach()
+    synchronise(anna, ben)
+    refused = {one.number: one.code for one in ben.sync.status.aside}
+    assert refused == {number: code for number, (_, _, code) in enumerate(HOSTILE, start=100)}
+    assert ben.sync.status.taken == 1
+    assert ben.robot.current() == anna.robot.current()
+    ben.restart()
+    synchronise(anna, ben)
+    assert (ben.sync.status.taken, ben.sync.status.refused) == (1, len(HOSTILE))
+
+
+def test_tables_of_a_newer_version_are_refused_by_name(make, server, database):
+    anna = make("anna")
+    rows(server, database, "INSERT INTO schema_version (version) VALUES (99)")
+    with pytest.raises(FleetError, match="SCHEMA_NEWER"):
+        anna.sync.cycle()
+    with pytest.raises(FleetError, match="SCHEMA_NEWER"):
+        anna.database.join()
+
+
+def test_a_database_without_tables_is_refused_by_name(database):
+    with (
+        closing(FleetDatabase(database, "anna", limit_s=LIMIT_S)) as opened,
+        pytest.raises(FleetError, match="SCHEMA_OLD"),
+    ):
+        opened.connect()
+
+
+def test_who_has_not_joined_is_refused_by_name(make, database):
+    make("anna")
+    with (
+        closing(FleetDatabase(database, "zoe", limit_s=LIMIT_S)) as opened,
+        pytest.raises(FleetError, match="NOT_JOINED"),
+    ):
+        opened.position()
+
+
+def test_many_robots_may_join_at_once(database):
+    found: list[BaseException] = []
+
+    def join(name: str) -> None:
+        with closing(FleetDatabase(database, name)) as opened:
+            try:
+                opened.join()
+            except BaseException as error:
+                found.append(error)
+
+    threads = [Thread(target=join, args=(f"robot-{number}",)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == []
+
+
+def test_a_push_wakes_a_robot_that_waits(make):
+    anna, ben = make("anna"), make("ben")
+    synchronise(anna, ben)
+    anna.robot.teach()
+    anna.sync.cycle()
+    began = time.monotonic()
+    ben.database.wait(60.0)
+    assert time.monotonic() - began < 30.0
+
+
+def test_who_leaves_may_take_its_steps_along(make, server, database):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach()
+    synchronise(anna, ben)
+    anna.database.leave(erase=True)
+    assert rows(server, database, "SELECT robot FROM robot") == [("ben",)]
+    assert rows(server, database, "SELECT * FROM step") == []
+
+
+def test_a_place_that_was_forgotten_is_not_taken_in_again(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach(place="lobby")
+    synchronise(anna, ben)
+    ben.robot.manage(ManagementAction.FORGET, agent="guide", layer="place/lobby")
+    ben.restart()
+    synchronise(anna, ben)
+    assert "place/lobby" not in ben.robot.current()
+
+
+def test_a_place_that_one_robot_has_forgotten_is_forgotten_by_all_and_by_the_database(
+    make, server, database
+):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach(place="lobby")
+    ben.robot.teach(place="lobby", values=(1.0, NAN))
+    anna.robot.teach(place="hall")
+    synchronise(anna, ben)
+    anna.robot.forget("place/lobby")
+    synchronise(anna, ben)
+    assert anna.robot.current().keys() == ben.robot.current().keys() == {"", "place/hall"}
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+    assert rows(server, database, "SELECT 1 FROM step WHERE layer = 'place/lobby'") == []
+    forgettings = "SELECT robot FROM step WHERE event = 'forget'"
+    assert rows(server, database, forgettings) == [("anna",)]
+    for one in (anna, ben):
+        one.restart()
+    synchronise(anna, ben)
+    assert rows(server, database, forgettings) == [("anna",)]
+    assert "place/lobby" not in ben.robot.current()
+
+
+def test_older_steps_of_a_robot_that_was_offline_do_not_bring_back_what_was_forgotten(
+    make, clock, server, database
+):
+    anna, ben, cleo = make("anna"), make("ben"), make("cleo")
+    anna.robot.teach(place="lobby")
+    cleo.robot.teach(place="lobby", values=(1.0, NAN))
+    clock.now += 60.0
+    anna.robot.forget("place/lobby")
+    synchronise(anna, ben)
+    clock.now += 60.0
+    synchronise(cleo, anna, ben)
+    assert rows(server, database, "SELECT 1 FROM step WHERE layer = 'place/lobby'") == []
+    for one in (anna, ben, cleo):
+        assert "place/lobby" not in one.robot.current()
+    assert largest_difference([anna.robot, ben.robot, cleo.robot]) <= 1e-9
+
+
+def test_what_is_learned_after_the_forgetting_counts_also_of_a_robot_that_did_not_know_of_it(
+    make, clock, server, database
+):
+    anna, ben, cleo = make("anna"), make("ben"), make("cleo")
+    anna.robot.teach(place="lobby")
+    cleo.robot.teach(place="lobby", values=(1.0, NAN))
+    clock.now += 60.0
+    anna.robot.forget("place/lobby")
+    clock.now += 60.0
+    cleo.robot.teach(place="lobby", values=(4.0, NAN))
+    synchronise(anna, ben)
+    synchronise(cleo, anna, ben)
+    synchronise(cleo, anna, ben)
+    # From the profile of the file, 3, towards 4 with the rate 0.3: what came before is gone.
+    assert cleo.robot.current()["place/lobby"][0] == pytest.approx(3.3)
+    assert largest_difference([anna.robot, ben.robot, cleo.robot]) <= 1e-9
+    kept = "SELECT robot, event FROM step WHERE layer = 'place/lobby'"
+    assert rows(server, database, kept) == [("cleo", "feedback")]
+    for one in (anna, ben, cleo):
+        with closing(connect(str(one.path), "ro")) as ledger:
+            assert check(ledger).problems == []
+        one.restart()
+    cleo.robot.teach(place="lobby", values=(4.0, NAN))
+    synchronise(cleo, anna, ben)
+    assert largest_difference([anna.robot, ben.robot, cleo.robot]) <= 1e-9
+
+
+def test_a_step_that_was_pushed_before_the_forgetting_was_known_is_not_doubled(
+    make, clock, server, database
+):
+    anna, ben = make("anna"), make("ben")
+    clock.now += 60.0
+    anna.robot.teach(place="lobby")
+    anna.robot.forget("place/lobby")
+    clock.now += 60.0
+    ben.robot.teach(place="lobby", values=(4.0, NAN))
+    ben.sync.cycle()
+    synchronise(anna, ben)
+    ben.shares = {"guide": SharedLayers.PLACES}
+    synchronise(ben, anna)
+    feedback = "SELECT count(*) FROM step WHERE event = 'feedback' AND robot = 'ben'"
+    assert rows(server, database, feedback) == [(2,)]  # the place and everybody, once each
+    assert anna.robot.current()["place/lobby"] == ben.robot.current()["place/lobby"]
+
+
+def test_a_person_who_is_shared_is_forgotten_everywhere_and_named_nowhere(make, server, database):
+    rule = learning(layers=("person", "place"))
+    anna, ben = (make(name, rule=rule, share=SharedLayers.ALL) for name in ("anna", "ben"))
+    anna.robot.teach(person="zoe")
+    synchronise(anna, ben)
+    assert "person/zoe" in ben.robot.current()
+    ben.robot.forget("person/zoe")
+    synchronise(anna, ben)
+    assert "person/zoe" not in anna.robot.current()
+    assert "zoe" not in str(rows(server, database, "SELECT row_to_json(step)::text FROM step"))
+    for one in (anna, ben):
+        one.robot.ledger.close()
+        assert b"zoe" not in one.path.read_bytes()
+
+
+def test_a_robot_that_has_another_version_of_the_file_forgets_all_the_same(make):
+    anna, ben = make("anna"), make("ben")
+    anna.robot.teach(place="lobby")
+    synchronise(anna, ben)
+    ben.robot.introduce(authored=2.0)
+    anna.robot.forget("place/lobby")
+    synchronise(anna, ben)
+    assert "place/lobby" not in ben.robot.current()
+
+
+def test_tables_of_the_first_version_are_brought_up_to_date_with_their_steps(
+    make, server, database
+):
+    anna = make("anna")
+    anna.robot.teach()
+    synchronise(anna)
+    rows(server, database, "DROP INDEX step_that_forgets")
+    rows(server, database, "DELETE FROM schema_version WHERE version = 2")
+    with pytest.raises(FleetError, match="SCHEMA_OLD"):
+        anna.database.robots()
+    anna.database.join()
+    ben = make("ben")
+    synchronise(anna, ben)
+    assert largest_difference([anna.robot, ben.robot]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("address", "says"),
+    [
+        ("postgresql://robots@db.example/fleet", "sslmode=verify-full"),
+        ("host=db.example sslmode=require", "sslmode=require"),
+    ],
+)
+def test_a_server_over_the_net_is_checked_by_its_certificate_unless_said_otherwise(address, says):
+    assert says in checked_address(address)
+
+
+def test_the_certificates_are_passed_on():
+    assert "sslrootcert=/etc/fleet.crt" in checked_address("host=a", "/etc/fleet.crt")
+
+
+def test_a_socket_needs_no_certificate():
+    assert "sslmode" not in checked_address("host=/run/postgresql dbname=fleet")
+
+
+@pytest.mark.parametrize(
+    ("address", "code"),
+    [
+        ("postgresql://robots:secret@db.example/fleet", "PASSWORD_IN_ADDRESS"),
+        ("postgresql://[", "BAD_ADDRESS"),
+        ("colour=green", "BAD_ADDRESS"),
+    ],
+)
+def test_an_address_that_cannot_be_used_is_refused(address, code):
+    with pytest.raises(FleetError) as refusal:
+        checked_address(address)
+    assert refusal.value.code == code
+    assert "secret" not in str(refusal.value)

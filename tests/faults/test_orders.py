@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pins and vetoes that were acknowledged outlive a market that is killed right afterwards."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents_interfaces.srv import OperateMarket
+from bt_agents_ros import qos
+from processes import System, write_trees
+
+pytestmark = pytest.mark.e2e
+
+ORDERS = (
+    (OperateMarket.Request.PIN, "leo", []),
+    (OperateMarket.Request.VETO, "leo", ["mira"]),
+    (OperateMarket.Request.UNPIN, "", ["mira"]),
+    (OperateMarket.Request.ALLOW, "", []),
+)
+"""Order → who is pinned and who is vetoed after it."""
+
+
+def test_a_pin_or_veto_that_was_acknowledged_counts_after_a_kill_right_after_the_answer(
+    system: System, tmp_path: Path
+) -> None:
+    trees = write_trees(tmp_path / "a", leo=(4.5, "wait: 0 s"), mira=(2.0, "wait: 0 s"))
+    market = system.market(trees, orders=str(tmp_path / "orders.json"))
+    system.host("agents", trees)
+    system.until_ready(hosts=1, agents=2)
+    orders = system.ros.node.create_client(
+        OperateMarket, "marketplace/operate", qos_profile=qos.SERVICE
+    )
+    for action, pinned, vetoed in ORDERS:
+        agent = (
+            "mira"
+            if action in (OperateMarket.Request.VETO, OperateMarket.Request.ALLOW)
+            else "leo"
+        )
+        answer = system.ask(orders, OperateMarket.Request(action=action, agent=agent))
+        market.kill()
+        epoch = system.epoch
+        assert answer.accepted, answer.message
+        market.start()
+        system.until(
+            lambda dead=epoch: system.epoch != dead and system.statuses[-1].agents == 2,
+            "the next market with all agents",
+        )
+        last = system.statuses[-1]
+        assert (last.pinned, list(last.vetoed)) == (pinned, vetoed)

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A short soak breaks no promise; ``BT_AGENTS_SOAK_MINUTES`` makes it a long one."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import soak
+
+MINUTES = float(os.environ.get("BT_AGENTS_SOAK_MINUTES", "1"))
+HANG_S = 60.0 * MINUTES + 240.0
+END_S = 30.0
+
+
+@pytest.mark.e2e
+def test_a_system_whose_processes_are_killed_and_hung_at_random_keeps_its_promises(
+    tmp_path: Path,
+) -> None:
+    command = [sys.executable, soak.__file__, str(MINUTES), "--seed", "1", "--any-time"]
+    with subprocess.Popen(
+        [*command, "--logs", str(tmp_path / "soak")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        try:
+            said, _ = process.communicate(timeout=HANG_S)
+        except subprocess.TimeoutExpired:
+            # It ends what it has started; when killed it would leave that behind.
+            process.send_signal(signal.SIGINT)
+            said, _ = process.communicate(timeout=END_S)
+            pytest.fail(f"still running after {HANG_S} s; its output:\n{said}")
+        finally:
+            process.kill()
+    assert process.returncode == 0, said
+    assert "a scene that was acknowledged ends exactly once" in said

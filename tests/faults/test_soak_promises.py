@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The checker of a soak finds each promise that is broken, and none that is held."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from soak_promises import (
+    EVERYTHING,
+    FEEDBACK_STORED,
+    NO_FAILURE,
+    NO_GROWTH,
+    ONE_ACTS,
+    ONE_END,
+    PROMISES,
+    RECOVERY,
+    SETTINGS_STORED,
+    Acted,
+    Event,
+    Failed,
+    Fault,
+    FeedbackAcknowledged,
+    FilesCounted,
+    LedgerRead,
+    Measured,
+    SceneAcknowledged,
+    SceneEnded,
+    SceneShown,
+    Served,
+    SettingRead,
+    SettingRequested,
+    check,
+    slope,
+)
+
+SCENE = SceneAcknowledged(at=1.0, scene="s1")
+SHOWN = SceneShown(at=1.1, scene="s1")
+END = SceneEnded(at=2.0, scene="s1", code="SUCCEEDED", epoch="e1")
+KILL = Fault(at=5.0, component="marketplace", kind="killed", over=5.0)
+KILL_OF_SCENE_LAYER = Fault(at=1.5, component="scene_layer", kind="killed", over=1.5)
+HANG = Fault(at=5.0, component="agents", kind="hung", over=7.0)
+
+
+def broken(*events: Event) -> dict[str, list[str]]:
+    """Return each promise that is broken, with how."""
+    return {
+        verdict.promise: [breach.text for breach in verdict.breaches]
+        for verdict in check(events)
+        if verdict.breaches
+    }
+
+
+def request(at: float, value: object, *, acknowledged: bool = True) -> SettingRequested:
+    return SettingRequested(at=at, name="alma.pause", value=value, acknowledged=acknowledged)
+
+
+def read(at: float, value: object) -> SettingRead:
+    return SettingRead(at=at, name="alma.pause", value=value)
+
+
+def served(fault: Fault, silence_s: float, *, overloaded: bool = False) -> Served:
+    return Served(at=fault.over + 5.0, fault=fault, silence_s=silence_s, overloaded=overloaded)
+
+
+def life(grows_by: float = 0.0, seconds: int = 600, **others: int) -> list[Event]:
+    """Return the measurements of a process that grows by so many MB a minute."""
+    return [
+        Measured(
+            at=float(at),
+            component="marketplace",
+            pid=1,
+            memory_mb=80.0 + grows_by * at / 60,
+            descriptors=40 + others.get("descriptors", 0) * at // 60,
+            threads=9 + others.get("threads", 0) * at // 60,
+        )
+        for at in range(0, seconds, 5)
+    ]
+
+
+def test_a_history_in_which_everything_holds_breaks_no_promise_and_puts_each_to_the_test() -> None:
+    events = [
+        SCENE, SHOWN, END, KILL, served(KILL, 2.0),
+        FeedbackAcknowledged(at=3.0, feedback="f1"),
+        LedgerRead(at=9.0, feedback=frozenset({"f1"})),
+        request(3.0, 0.2), read(8.0, 0.2),
+        Acted(at=1.0, until=2.0, run="/agents 1", what="/say"),
+        Acted(at=2.0, until=3.0, run="/agents 2", what="/say"),
+        *life(), *(FilesCounted(at=float(at), files=12) for at in range(0, 600, 5)),
+    ]  # fmt: skip
+    assert broken(*events) == {}
+    assert {verdict.promise for verdict in check(events) if verdict.checked} == set(PROMISES)
+
+
+def test_a_scene_without_an_end_is_found() -> None:
+    assert broken(SCENE, SHOWN) == {ONE_END: ["scene s1 has no end"]}
+    assert broken(SCENE) == {ONE_END: ["scene s1 has no end"]}
+
+
+def test_a_scene_with_two_ends_is_found_also_when_nobody_had_asked_for_it() -> None:
+    again = SceneEnded(at=3.0, scene="s1", code="LOST", epoch="e2")
+    assert broken(SCENE, END, again) == {ONE_END: ["scene s1 ends as SUCCEEDED and LOST"]}
+    assert broken(END, again) == {ONE_END: ["scene s1 ends as SUCCEEDED and LOST"]}
+
+
+def test_the_refusal_of_a_scene_that_comes_twice_is_no_end() -> None:
+    assert broken(SCENE, END, SceneEnded(at=3.0, scene="s1", code="DUPLICATE", epoch="e1")) == {}
+
+
+def test_an_end_that_the_next_market_announces_again_is_the_same_one() -> None:
+    assert broken(SCENE, END, replace(END, at=9.0)) == {}
+
+
+def test_a_scene_that_dies_with_the_scene_layer_before_the_market_had_it_may_have_no_end() -> None:
+    killed = [KILL_OF_SCENE_LAYER, served(KILL_OF_SCENE_LAYER, 1.0)]
+    assert broken(SCENE, *killed) == {}
+    assert broken(SCENE, SHOWN, *killed) == {ONE_END: ["scene s1 has no end"]}
+
+
+def test_a_scene_has_an_end_also_when_its_market_is_killed_at_once() -> None:
+    soon = Fault(at=SCENE.at + 0.05, component="marketplace", kind="killed", over=SCENE.at + 0.05)
+    assert broken(SCENE, SHOWN, soon)[ONE_END] == ["scene s1 has no end"]
+
+
+def test_feedback_that_is_not_in_the_ledger_is_found() -> None:
+    given = FeedbackAcknowledged(at=1.0, feedback="f1")
+    lost = {FEEDBACK_STORED: ["feedback f1 is not in the ledger"]}
+    assert broken(given, LedgerRead(at=2.0, feedback=frozenset({"f0"}))) == lost
+    assert broken(given) == lost, "a ledger that was never read holds nothing"
+    assert broken(given, LedgerRead(at=2.0, feedback=frozenset({"f1"}))) == {}
+
+
+def test_a_setting_that_is_not_the_one_acknowledged_last_is_found() -> None:
+    asked = [request(1.0, 0.2), request(2.0, 0.4)]
+    assert broken(*asked, read(3.0, 0.2)) == {
+        SETTINGS_STORED: ["alma.pause is 0.2, but 0.4 was acknowledged at 2.0 s"]
+    }
+    assert broken(*asked, read(3.0, 0.4)) == {}
+
+
+def test_a_setting_whose_request_had_no_answer_may_count_or_not() -> None:
+    asked = [request(1.0, 0.2), request(2.0, 0.4, acknowledged=False)]
+    assert broken(*asked, read(3.0, 0.2), read(4.0, 0.4)) == {}
+    assert SETTINGS_STORED in broken(*asked, read(3.0, 0.3))
+    later = request(40.0, 0.6)
+    assert SETTINGS_STORED in broken(*asked, later, read(41.0, 0.4))
+
+
+def test_two_agents_that_act_at_the_same_time_are_found() -> None:
+    first = Acted(at=1.0, until=3.0, run="/agents 1", what="/say")
+    second = Acted(at=2.5, until=4.0, run="/others 2", what="/drive")
+    assert broken(first, second) == {
+        ONE_ACTS: ["/drive of /others 2 beside /say of /agents 1, for 0.50 s"]
+    }
+
+
+def test_a_long_act_is_not_hidden_by_a_short_one_of_the_same_run() -> None:
+    long = Acted(at=1.0, until=9.0, run="/agents 1", what="/drive")
+    short = Acted(at=2.0, until=3.0, run="/agents 1", what="/say")
+    other = Acted(at=5.0, until=6.0, run="/others 2", what="/say")
+    assert broken(long, short) == {}
+    assert ONE_ACTS in broken(long, short, other)
+
+
+@pytest.mark.parametrize(
+    ("measured", "named"),
+    [
+        (life(grows_by=3.0), "memory_mb +3.00 a minute (at most 1)"),
+        (life(descriptors=4), "descriptors +4.0"),
+        (life(threads=2), "threads +2.0"),
+    ],
+)
+def test_a_process_that_grows_is_found(measured: list[Event], named: str) -> None:
+    [text] = broken(*measured)[NO_GROWTH]
+    assert text.startswith("marketplace (process 1, since 0 s): ")
+    assert named in text
+
+
+def test_a_short_life_and_a_single_peak_are_no_growth() -> None:
+    assert broken(*life(grows_by=30.0, seconds=200)) == {}
+    peak = Measured(
+        at=300.5, component="marketplace", pid=1, memory_mb=900.0, descriptors=400, threads=90
+    )
+    assert broken(*life(), peak) == {}
+
+
+def test_a_state_folder_in_which_files_gather_is_found() -> None:
+    files = [FilesCounted(at=float(at), files=10 + at // 20) for at in range(0, 600, 5)]
+    assert broken(*files) == {NO_GROWTH: ["files +3.00 a minute"]}
+
+
+def test_a_fault_after_which_nothing_is_served_or_only_late_is_found() -> None:
+    assert broken(KILL) == {RECOVERY: ["marketplace killed: no scene was served after it"]}
+    assert broken(HANG, served(HANG, 4.0)) == {RECOVERY: ["agents hung: nobody acted for 4.0 s"]}
+    assert broken(HANG, served(HANG, 2.0)) == {}
+
+
+def test_all_processes_at_once_may_take_longer_to_start_again() -> None:
+    all_at_once = replace(KILL, component=EVERYTHING)
+    assert broken(all_at_once, served(all_at_once, 5.0)) == {}
+    assert broken(all_at_once, served(all_at_once, 7.0)) == {
+        RECOVERY: ["everything killed: nobody acted for 7.0 s"]
+    }
+
+
+def test_how_long_recovery_takes_is_judged_only_on_a_machine_with_time_to_spare() -> None:
+    assert broken(KILL, served(KILL, 30.0, overloaded=True)) == {}
+
+
+def test_a_process_that_ends_by_itself_is_found() -> None:
+    assert broken(Failed(at=4.0, component="feedback", text="ended with exit code 1")) == {
+        NO_FAILURE: ["feedback: ended with exit code 1"]
+    }
+
+
+def test_the_slope_is_that_of_most_points() -> None:
+    line = [(float(at), 2.0 * at) for at in range(1000)]
+    assert slope(line) == 2.0
+    assert slope([*line, (1000.0, 1e9)]) == 2.0
+    assert slope([(1.0, 5.0)]) == 0.0

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Health of the feedback node: a ledger that takes nothing, profiles that no host has taken."""
+
+from __future__ import annotations
+
+from bt_agents_core.health import Health
+from feedback_node.health import ledger_health, profiles_health
+
+
+def test_a_ledger_that_could_not_record_is_an_error_with_the_reason():
+    assert ledger_health("l.sqlite", "").level is Health.OK
+    health = ledger_health("l.sqlite", "the disk takes no more")
+    assert (health.level, health.message) == (
+        Health.ERROR,
+        "nothing is learned: the disk takes no more",
+    )
+
+
+def test_profiles_that_their_hosts_have_not_taken_are_a_warning_that_names_the_agents():
+    assert profiles_health(2, ()).level is Health.OK
+    health = profiles_health(2, ["guide"])
+    assert health.level is Health.WARN
+    assert health.message == "their hosts bid with other profiles: guide"

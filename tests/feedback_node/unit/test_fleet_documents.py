@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Documents with steps of other robots, as the feedback node takes them in."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from feedback_node.learning import profiles as profiles_module
+from feedback_node.ledger import Ledger
+from feedback_node.management.fleet_documents import MOST_STEPS, refusals_of
+from feedback_node.management.management import ManagementAction
+from simulated_fleet import Clock, Robot, largest_difference
+
+
+@pytest.fixture
+def robots() -> tuple[Robot, Robot]:
+    clock = Clock()
+    return Robot("anna", clock), Robot("ben", clock)
+
+
+def document(**fields: Any) -> str:
+    usual = {"format": 1, "kind": "fleet", "robot": "ben", "agents": [], "steps": []}
+    return json.dumps({**usual, **fields})
+
+
+def take(robot: Robot, steps: list[Any]) -> list[str]:
+    answer = robot.manage(ManagementAction.IMPORT, document=document(steps=steps))
+    return [one["code"] for one in refusals_of(answer.document)]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"format": 2},
+        {"robot": "Ben"},
+        {"robot": 7},
+        {"agents": "guide"},
+        {"agents": [7]},
+        {"agents": ["guide"] * 1001},
+        {"steps": {}},
+        {"steps": [{}] * (MOST_STEPS + 1)},
+    ],
+)
+def test_a_document_that_makes_no_sense_is_refused_as_a_whole(robots, fields):
+    before = robots[1].ledger.entries()
+    with pytest.raises(Refused, match="BAD_DOCUMENT"):
+        robots[1].manage(ManagementAction.IMPORT, document=document(**fields))
+    assert robots[1].ledger.entries() == before
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"robot": "ben"}, "OWN_STEP"),
+        ({"robot": "../anna"}, "BAD_STEP"),
+        ({"number": 0}, "BAD_STEP"),
+        ({"number": True}, "BAD_STEP"),
+        ({"number": 2**63}, "BAD_STEP"),
+        ({"agent": "nobody"}, "UNKNOWN_AGENT"),
+        ({"agent": "x" * 201}, "BAD_STEP"),
+        ({"agent": "a\nb"}, "BAD_STEP"),
+        ({"layer": "person/anna"}, "PERSON_LAYER"),
+        ({"layer": "cellar"}, "BAD_LAYER"),
+        ({"base": "0" * 16}, "OTHER_BASE"),
+        ({"base": "zz"}, "BAD_STEP"),
+        ({"event": "set"}, "BAD_STEP"),
+        ({"kind": 7}, "BAD_STEP"),
+        ({"target": {}}, "BAD_STEP"),
+        ({"target": {"age": "5"}}, "BAD_STEP"),
+        ({"target": {"age": 10**400}}, "BAD_STEP"),
+        ({"target": {"size": 5}}, "UNKNOWN_PARAMETER"),
+        ({"target": {"age": 9}}, "OUT_OF_RANGE"),
+        ({"target": dict.fromkeys(map(str, range(101)), 1)}, "BAD_STEP"),
+        ({"weight": -1}, "BAD_STEP"),
+        ({"changes": -1}, "BAD_STEP"),
+        ({"arrival": -1}, "BAD_STEP"),
+        ({"stamp": 1e12}, "FROM_THE_FUTURE"),
+        ({"reason": "Anna said so"}, "BAD_STEP"),
+    ],
+)
+def test_a_step_that_makes_no_sense_is_refused_and_the_others_are_taken_in(robots, change, code):
+    anna, ben = robots
+    anna.teach()
+    anna.teach()
+    first, second = (one.fields() for one in anna.steps())
+    assert take(ben, [{**first, **change}, second]) == [code]
+    rows = ben.ledger.history("guide")[1:]
+    assert [row.cause.feedback_id for row in rows] == [f"fleet/anna/{second['number']}"]
+
+
+def test_a_step_that_is_no_mapping_is_refused(robots):
+    assert take(robots[1], [None, 7, "x", [], {}]) == ["BAD_STEP"] * 5
+
+
+def test_what_stands_twice_in_a_document_is_taken_once(robots):
+    anna, ben = robots
+    anna.teach()
+    fields = [one.fields() for one in anna.steps()]
+    assert take(ben, fields * 2) == []
+    assert len(ben.ledger.history("guide")) == 2
+
+
+def test_steps_of_a_layer_without_room_are_refused_and_the_others_taken(robots, monkeypatch):
+    anna, ben = robots
+    anna.teach(place="lobby")
+    monkeypatch.setattr(profiles_module, "MOST_LAYERS", 0)
+    assert set(take(ben, [one.fields() for one in anna.steps()])) == {"TOO_MANY_LAYERS"}
+    assert ben.current()[""] == anna.current()[""]
+
+
+def test_what_was_taken_in_is_there_after_a_restart_and_goes_on_in_the_same_order(tmp_path):
+    clock = Clock()
+    path = str(tmp_path / "ledger.sqlite")
+    anna, ben = Robot("anna", clock), Robot("ben", clock, path=path)
+    anna.teach(place="lobby")
+    ben.take(anna.steps())
+    ben.ledger.close()
+    clock.now += 1.0
+    anna.teach(place="lobby")
+    again = Robot("ben", clock, path=path)
+    again.take(anna.steps())
+    assert largest_difference([anna, again]) == 0.0
+    again.ledger.close()
+    Ledger(path).close()  # It checks every row.
+
+
+def test_a_host_hears_of_the_profile_once_for_all_steps_of_a_document(robots):
+    anna, ben = robots
+    for _ in range(3):
+        anna.teach()
+    steps = [one.fields() for one in anna.steps()]
+    done = ben.manage(ManagementAction.IMPORT, document=document(steps=steps))
+    assert [(one.revision.cause.source, one.text) for one in done.changes] == [
+        ("anna", "age 3 → 4.314")
+    ]
+
+
+def test_an_undo_is_one_for_the_fleet(robots):
+    anna, ben = robots
+    anna.teach()
+    ben.take(anna.steps())
+    anna.clock.now += 1.0
+    ben.manage(ManagementAction.UNDO, agent="guide")
+    anna.take(ben.steps())
+    assert anna.current() == ben.current() == {"": (3.0, 3.0)}
+
+
+def test_an_answer_of_a_version_without_fleets_is_refused_by_name():
+    for answer in ("", "[]", '{"format": 1}'):
+        with pytest.raises(Refused, match="BAD_ANSWER"):
+            refusals_of(answer)

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Types of the names and fields of other packages, compiled once for each checkout."""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import hashlib
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from checkout import ROOT
+
+PACKAGE = "py_trees_ros_interfaces"
+DEFINITIONS = ROOT / "tests/interfaces"
+SOURCE = DEFINITIONS / PACKAGE
+
+_LIBRARIES = (
+    "rosidl_generator_c",
+    "rosidl_typesupport_fastrtps_c",
+    "rosidl_typesupport_introspection_c",
+    "rosidl_typesupport_c",
+    "rosidl_generator_py",
+)
+_BUILD_LIMIT_S = 900.0
+_loaded: dict[str, ModuleType] = {}
+
+
+@contextmanager
+def compiled_types() -> Iterator[Path]:
+    """Make the package importable for a while; tests are skipped where it cannot be built.
+
+    Gives the prefix in which it is installed, where ROS finds it by ``AMENT_PREFIX_PATH``.
+    """
+    prefix = _built()
+    for name in _LIBRARIES:
+        ctypes.CDLL(str(prefix / f"lib/lib{PACKAGE}__{name}.so"), ctypes.RTLD_GLOBAL)
+    [modules] = prefix.glob("lib/python*/site-packages")
+    sys.path.append(str(modules))
+    # Extension modules cannot be loaded twice.
+    sys.modules.update(_loaded)
+    try:
+        yield prefix
+    finally:
+        sys.path.remove(str(modules))
+        names = [name for name in sys.modules if name.partition(".")[0] == PACKAGE]
+        _loaded.update({name: sys.modules.pop(name) for name in names})
+
+
+def _built() -> Path:
+    digest = hashlib.sha256()
+    for path in sorted(DEFINITIONS.rglob("*.*")):
+        digest.update(path.relative_to(DEFINITIONS).as_posix().encode() + path.read_bytes())
+    folder = ROOT / ".venv" / PACKAGE
+    prefix = folder / digest.hexdigest()[:12] / "prefix"
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not prefix.exists():
+            _build(prefix.parent)
+    return prefix
+
+
+def _build(folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    pip = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--wheel-dir", str(folder)]
+    done = subprocess.run(
+        [*pip, str(SOURCE)], capture_output=True, text=True, timeout=_BUILD_LIMIT_S, check=False
+    )
+    if done.returncode:
+        pytest.skip(f"{PACKAGE} cannot be built here: {done.stderr[-500:]}")
+    [wheel] = folder.glob("*.whl")
+    unpacked = folder / "unpacked"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(unpacked)
+    [data] = unpacked.glob("*.data/data")
+    data.rename(folder / "prefix")

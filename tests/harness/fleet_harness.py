@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robots with ledgers on the disk, each synchronised with a real database."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_fleet.database import FleetDatabase, FleetError
+from bt_agents_fleet.fleet_sync import FleetSync
+from bt_agents_fleet.shares import SharedLayers
+from feedback_node.management.management import ManagementAction
+from ledger_fixture import SPACE
+from simulated_fleet import Clock, Robot
+
+LIMIT_S = 2.0
+"""Longest time of a transaction; long enough for a machine that is busy [s]."""
+
+
+class FleetRobot:
+    """A robot that learns, and what synchronises its ledger."""
+
+    def __init__(
+        self,
+        name: str,
+        folder: Path,
+        clock: Clock,
+        address: str,
+        *,
+        share: SharedLayers = SharedLayers.ALL_BUT_PERSONS,
+        **fields: Any,
+    ) -> None:
+        self.path = folder / f"{name}.sqlite"
+        clock.now += 0.001  # No two ledgers begin at the same time.
+        persons = share is SharedLayers.ALL
+        self.robot = Robot(name, clock, path=str(self.path), shares_persons=persons, **fields)
+        self.shares = {"guide": share}
+        self.address = address
+        self.feedback_node_is_there = True
+        self.documents = 0
+        self.database = FleetDatabase(address, name, limit_s=LIMIT_S)
+        self.database.join()
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew with the process that synchronises."""
+        self.database.close()
+        self.sync = FleetSync(
+            self.robot.name,
+            SPACE,
+            self.path,
+            self.database,
+            self._deliver,
+            lambda: self.shares,
+            wall=self.robot.clock,
+        )
+
+    def _deliver(self, document: str) -> str:
+        if not self.feedback_node_is_there:
+            raise BtAgentsError("the feedback node is away")
+        self.documents += 1
+        return self.robot.manage(ManagementAction.IMPORT, document=document).document
+
+    def close(self) -> None:
+        self.database.close()
+        self.robot.ledger.close()
+
+
+def synchronise(*robots: FleetRobot) -> None:
+    """Let all of them push, and then all of them pull; a connection may have been lost before."""
+    for _ in range(2):
+        for one in robots:
+            try:
+                one.sync.cycle()
+            except FleetError:
+                one.sync.cycle()

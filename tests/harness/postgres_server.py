@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A PostgreSQL server of a test's own: on a socket in a temporary folder, as another user."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import psycopg
+import pytest
+
+_READY_S = 30.0
+_STOP_S = 20.0
+
+
+def programs() -> Path | None:
+    """Return the folder of the server's programs; None where it is not installed."""
+    found = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda one: one.parent.name)
+    on_path = shutil.which("postgres")
+    return found[-1] if found else Path(on_path).parent if on_path else None
+
+
+class PostgresServer:
+    """A server that can be killed, held up and started again; its data stay.
+
+    Args:
+        folder: For its data and its socket.
+        bin_folder: Of its programs.
+        password: Of the user who may do everything, for ``initdb``; empty for none.
+        initdb: Further options of ``initdb``.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        bin_folder: Path,
+        *,
+        password: str = "",
+        initdb: Sequence[str] = ("-A", "trust"),
+    ) -> None:
+        self._folder = folder
+        self._bin = bin_folder
+        self._process: subprocess.Popen[bytes] | None = None
+        options = ["-D", str(self._data), "-U", "fleet", "--no-sync", *initdb]
+        if password:
+            file = folder / "database.password"
+            file.write_text(password)
+            options += ["--pwfile", str(file)]
+        self._run("initdb", *options)
+
+    @property
+    def _data(self) -> Path:
+        return self._folder / "data"
+
+    @property
+    def address(self) -> str:
+        """Address of the database ``postgres``, as the user who may do everything."""
+        return f"postgresql://fleet@/postgres?host={self._folder}"
+
+    def start(self, port: int = 0, settings: Sequence[str] = ("-c", "ssl=on")) -> None:
+        """Start it on its socket; with a port also on this machine's net, with those settings."""
+        # Only processes are killed, so nothing has to be on the disk.
+        options = ["-D", str(self._data), "-k", str(self._folder), "-c", "fsync=off"]
+        of_net = ["-h", "localhost", "-p", str(port), *settings]
+        options += of_net if port else ["-h", ""]
+        self._process = subprocess.Popen(
+            self._as_user("postgres", *options),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        end = time.monotonic() + _READY_S
+        address = f"{self.address}&port={port}" if port else self.address
+        while True:
+            try:
+                psycopg.connect(address, connect_timeout=5).close()
+                return
+            except psycopg.OperationalError:
+                assert time.monotonic() < end, "PostgreSQL does not start"
+                time.sleep(0.02)
+
+    def execute(self, query: str, *, address: str = "") -> list[tuple[object, ...]]:
+        """Return the rows of a query, as somebody who is not of the fleet."""
+        with psycopg.connect(address or self.address, autocommit=True) as connection:
+            found = connection.execute(query.encode())
+            return found.fetchall() if found.description else []
+
+    def kill(self) -> None:
+        """End all processes of the server at once, as a crash does."""
+        self._signal(signal.SIGKILL)
+        assert self._process is not None
+        self._process.wait(_STOP_S)
+        (self._data / "postmaster.pid").unlink(missing_ok=True)
+
+    def hold_up(self) -> None:
+        """Stop all processes of the server without ending them."""
+        self._signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        self._signal(signal.SIGCONT)
+
+    def close(self) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self.go_on()
+            self.kill()
+
+    @property
+    def key(self) -> Path:
+        """File of the key of :meth:`certify`."""
+        return self._data / "server.key"
+
+    @property
+    def certificate(self) -> Path:
+        """File of the certificate of :meth:`certify`."""
+        return self._data / "server.crt"
+
+    def certify(self, authority: Path) -> None:
+        """Make a certificate for localhost, and write that which signs it into a file."""
+        key, certificate = self.key, self.certificate
+        command = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt"]
+        command += ["ec_paramgen_curve:prime256v1", "-nodes", "-days", "2", "-subj"]
+        command += ["/CN=localhost", "-addext", "subjectAltName=DNS:localhost"]
+        command += ["-keyout", str(key), "-out", str(certificate)]
+        subprocess.run(command, check=True, capture_output=True, timeout=60)
+        for file in (key, certificate):
+            shutil.chown(file, self._data.stat().st_uid, self._data.stat().st_gid)
+        key.chmod(0o600)
+        authority.write_bytes(certificate.read_bytes())
+
+    def _signal(self, number: int) -> None:
+        """Signal the server and the processes that it has made, each of a session of its own."""
+        assert self._process is not None
+        server = self._process.pid
+        children = Path(f"/proc/{server}/task/{server}/children")
+        for process in (server, *map(int, children.read_text().split())):
+            with suppress(ProcessLookupError):
+                os.kill(process, number)
+
+    def _as_user(self, program: str, *arguments: str) -> list[str]:
+        command = [str(self._bin / program), *arguments]
+        if os.geteuid() != 0:
+            return command
+        nobody = pwd.getpwnam("nobody")
+        user = [f"--reuid={nobody.pw_uid}", f"--regid={nobody.pw_gid}", "--clear-groups"]
+        return ["setpriv", *user, *command]
+
+    def _run(self, program: str, *arguments: str) -> None:
+        command = self._as_user(program, *arguments)
+        subprocess.run(command, check=True, capture_output=True, timeout=60, cwd=self._folder)
+
+
+@contextmanager
+def running_server(**options: Any) -> Iterator[PostgresServer]:
+    """Yield a server that runs; skip the test where PostgreSQL is not installed.
+
+    Args:
+        options: As of :class:`PostgresServer`.
+    """
+    found = programs()
+    if found is None:
+        pytest.skip("PostgreSQL is not installed: apt install postgresql")
+    # A path of a socket is short, so it is not in the folder of the test.
+    with tempfile.TemporaryDirectory(prefix="pg-", ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        if os.geteuid() == 0:
+            nobody = pwd.getpwnam("nobody")
+            os.chown(folder, nobody.pw_uid, nobody.pw_gid)
+        server = PostgresServer(folder, found, **options)
+        try:
+            server.start()
+            yield server
+        finally:
+            server.close()

@@ -1,0 +1,996 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Operates a whole system at random while its processes are killed: ``scripts/soak [MINUTES]``."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import click
+import rclpy
+from action_msgs.msg import GoalStatus, GoalStatusArray
+from rcl_interfaces.srv import GetParameters
+from rclpy.signals import SignalHandlerOptions
+
+from bt_agents_interfaces.msg import Auction, MarketStatus, OpenGoals, Run, SceneEnd
+from bt_agents_interfaces.srv import (
+    Analyze,
+    CancelRun,
+    GiveFeedback,
+    ManageProfiles,
+    OperateMarket,
+    PreviewAuction,
+    ReloadAgents,
+    Tune,
+)
+from bt_agents_ros import qos
+from bt_agents_ros.messages import seconds
+from bt_agents_ros.workarounds.cached_executor import CachedExecutor
+from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.domain_lock import reserve_domain
+from bt_agents_tools.launcher.supervisor import Component, Supervisor, set_discovery
+from programs import ROOT, Program, children
+from soak_promises import (
+    EVERYTHING,
+    FEEDBACK_STORED,
+    MOST_PER_MINUTE,
+    ONE_END,
+    RECOVERY,
+    Acted,
+    Event,
+    Failed,
+    Fault,
+    FeedbackAcknowledged,
+    FilesCounted,
+    LedgerRead,
+    Measured,
+    SceneAcknowledged,
+    SceneEnded,
+    SceneShown,
+    Served,
+    SettingRead,
+    SettingRequested,
+    Verdict,
+    check,
+    died_unsent,
+    growths,
+)
+
+OTHER_HOST = "other_agents"
+
+MODULES = {
+    "marketplace_node.node": "marketplace",
+    "scene_layer.node": "scene_layer",
+    "bt_agents.host.node": "agents",
+    "feedback_node.node": "feedback",
+    "bt_agents_robot.robot": "robot",
+}
+"""Module of a process of ``bt-agents up`` → its component."""
+
+SERVICES = {
+    "analyze": "scene_layer", "cancel": "marketplace", "operate": "marketplace",
+    "preview": "marketplace", "give": "feedback", "manage": "feedback",
+}  # fmt: skip
+"""Service that is asked → its component; those of hosts bear their name."""
+
+COMPONENTS = (*MODULES.values(), OTHER_HOST)
+
+AGENTS = {
+    "alma": ("agents", 1.5),
+    "bruno": ("agents", 2.5),
+    "carla": (OTHER_HOST, 3.5),
+    "dario": (OTHER_HOST, 4.5),
+}
+"""Agent → its host, and the age in its profile."""
+
+AGENT = """\
+format: 1
+agent: {name}
+title: {name}
+description: d
+profile: {{age: {age}, familiarity: 3, mood: 3}}
+tunables:
+  pause: {{default: 0.2 s, min: 0.1 s, max: 1 s, description: between two sentences}}
+tree:
+  sequence:
+    - parallel:
+        succeed_on: all
+        children:
+          - say: {text}
+          - show: {{text: {name}, duration: 300 ms}}
+    - wait: ${{pause}}
+    - say: bye
+"""
+
+ACTIONS = ("say", "show", "ask", "drive")
+FLOODER = ROOT / "benchmarks" / "flooder.py"
+FLOODS = ("small messages", "malformed messages", "parameters")
+"""Kinds of floods without large messages: the middleware keeps the room of the largest one."""
+
+FLOOD_S = 2.0
+"""How long a flood of the marketplace lasts [s]."""
+
+FLOODED_S = 5.0
+"""Until it is over, with the start of the process that floods [s]."""
+
+ANSWER_S = 5.0
+"""Until a request counts as unanswered [s]."""
+
+READY_S = 60.0
+"""Until a start, or the end of all scenes, counts as failed [s]."""
+
+SERVED_S = 30.0
+"""Until a fault counts as one that nothing was served after [s]."""
+
+PROBE_S = 0.3
+"""Time between two scenes after a fault while nothing is there to be served [s]."""
+
+STEADY_S = 11.0
+"""Life of a process before it is killed once more [s]; its supervisor would wait longer else."""
+
+TRAP_SHARE = 0.5
+"""Share of the kills that come right after the victim has answered or announced something."""
+
+TRAP_S = 4.0
+"""Longest wait for that [s]."""
+
+SETTLED_S = 1.5
+"""Time after a request or a start before what is in force is read [s]."""
+
+MEASURED_S = 5.0
+SPARE_SHARE = 0.15
+"""Idle share of all cores below which the machine counts as overloaded."""
+
+UNDER_WAY = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING)
+TRACES = ("Traceback (most recent call last)", "Fatal Python error", "terminate called")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HostComponent(Component):
+    """Second host of the system, under a name of its own."""
+
+    def command(self) -> list[str]:
+        return [*super().command(), "-r", f"__node:={self.name}"]
+
+
+@dataclass(eq=False, kw_only=True)
+class _Act:
+    """Goal at the robot: when it began, and when it ended or was seen last."""
+
+    at: float
+    until: float
+    action: str
+    over: bool = False
+
+
+@dataclass(eq=False, kw_only=True)
+class _Pending:
+    """Fault after which nothing was served yet, and the CPU times when it was made."""
+
+    fault: Fault
+    cpu: tuple[float, float]
+
+
+@dataclass(eq=False, kw_only=True)
+class Request:
+    """Call of a service; the answer counts also when nobody waits for it any more."""
+
+    future: Any
+    asked: float
+    answers: list[Any] = field(default_factory=list)
+
+
+def cpu_times() -> tuple[float, float]:
+    """Return the idle time and all time of all cores, in ticks of the kernel."""
+    values = [float(one) for one in Path("/proc/stat").read_text().splitlines()[0].split()[1:]]
+    return values[3] + values[4], sum(values[:8])
+
+
+class Soak:
+    """A system of real processes, its operator, the one who disturbs it, and the observer.
+
+    Args:
+        folder: For trees, state and logs.
+        seed: Of all that is left to chance.
+    """
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        self.folder = folder
+        self.events: list[Event] = []
+        self._chance = random.Random(seed)
+        self._began = time.monotonic()
+        self._wall = time.time() - self._began
+        self._market: Any = None
+        self._market_since = 0.0
+        self._ended: set[str] = set()
+        self._not_shown: dict[str, float] = {}
+        self._scene_layer_killed = -math.inf
+        self._acts: dict[tuple[str, bytes], _Act] = {}
+        self._runs: dict[bytes, str] = {}
+        self._pending: list[_Pending] = []
+        self._due: list[tuple[float, Callable[[], None]]] = []
+        self._floods: list[subprocess.Popen[bytes]] = []
+        self._stopped: set[int] = set()
+        self._since: dict[str, tuple[int, float]] = {}
+        self._next_fault = 5.0
+        self._next_probe = 0.0
+        self._trap = ""
+        self._trap_until = 0.0
+        self._faults = False
+        self._measured = 0.0
+        self._asked: dict[str, float] = {}
+        self._presets: dict[str, float] = {}
+        self._values: dict[str, float] = {}
+        self._numbers = 0
+        self.done: dict[str, int] = {}
+
+    def now(self) -> float:
+        return time.monotonic() - self._began
+
+    def _at(self, wall_s: float) -> float:
+        return wall_s - self._wall - self._began
+
+    # The system
+
+    def start(self) -> None:
+        """Start the processes, and wait until all agents are registered."""
+        for name, (host, age) in AGENTS.items():
+            trees = self._trees(host)
+            if not trees.exists():
+                (trees / "agents").mkdir(parents=True)
+                shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
+                shutil.copy(ROOT / "trees" / "scene.yaml", trees)
+            self._write_agent(name, age, "hello")
+        state = self.folder / "state"
+        environment = {
+            **os.environ,
+            "XDG_STATE_HOME": str(self.folder / "home"),
+            "PYTHONUNBUFFERED": "1",
+            "COLUMNS": "200",
+        }
+        self._up = Program(
+            (
+                "up",
+                str(self._trees("agents")),
+                "--no-voice",
+                "--state",
+                str(state),
+                "--on-new-scene",
+                "preempt",
+            ),
+            environment,
+        )
+        host = components.host(
+            self._trees(OTHER_HOST),
+            tunings=str(state / "other" / "tunings.sqlite"),
+            open_goals=str(state / "other" / "open-goals"),
+        )
+        self._supervisor = Supervisor(self.folder / "logs")
+        self._supervisor.start(
+            HostComponent(**{**vars(host), "name": OTHER_HOST, "parameters": host.parameters})
+        )
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self._executor = CachedExecutor()
+        self._node = rclpy.create_node("soak")
+        self._executor.add_node(self._node)
+        self._observe()
+        self._until(lambda: self._market and self._market.agents == len(AGENTS), "all agents")
+
+    def _trees(self, host: str) -> Path:
+        return self.folder / f"trees-{host}"
+
+    def _write_agent(self, name: str, age: float, text: str) -> None:
+        path = self._trees(AGENTS[name][0]) / "agents" / f"{name}.yaml"
+        new = path.with_suffix(".new")
+        new.write_text(AGENT.format(name=name, age=age, text=text))
+        new.replace(path)
+
+    def _observe(self) -> None:
+        node = self._node
+        for kind, topic, handle, profile in (
+            (SceneEnd, "bt_agents/scene_ends", self._on_end, qos.FACTS),
+            (Run, "bt_agents/runs", self._on_run, qos.FACTS),
+            (MarketStatus, "bt_agents/market", self._on_market, qos.FACTS),
+            (Auction, "bt_agents/auctions", lambda one: self._show(one.scene.scene_id), qos.FACTS),
+            (OpenGoals, "bt_agents/open_goals", self._on_open_goals, qos.FACTS),
+        ):
+            node.create_subscription(kind, topic, handle, profile)
+        for action in ACTIONS:
+            node.create_subscription(
+                GoalStatusArray, f"{action}/_action/status", self._states(action), qos.FACTS
+            )
+        make = partial(node.create_client, qos_profile=qos.SERVICE)
+        self._clients = {
+            "analyze": make(Analyze, "scene_layer/analyze"),
+            "cancel": make(CancelRun, "marketplace/cancel"),
+            "operate": make(OperateMarket, "marketplace/operate"),
+            "preview": make(PreviewAuction, "marketplace/preview"),
+            "give": make(GiveFeedback, "feedback/give"),
+            "manage": make(ManageProfiles, "feedback/manage"),
+        }
+        for host in ("agents", OTHER_HOST):
+            self._clients[f"{host}/tune"] = make(Tune, f"{host}/tune")
+            self._clients[f"{host}/reload"] = make(ReloadAgents, f"{host}/reload")
+            self._clients[f"{host}/get"] = make(GetParameters, f"{host}/get_parameters")
+
+    # What is heard
+
+    def _on_end(self, message: Any) -> None:
+        self._ended.add(message.scene_id)
+        self._spring("marketplace")
+        if message.scene_id:  # the scenes of a flood have none
+            self.events.append(
+                SceneEnded(
+                    at=self.now(), scene=message.scene_id, code=message.code, epoch=message.epoch
+                )
+            )
+
+    def _on_run(self, message: Any) -> None:
+        self._show(message.scene.scene_id)
+        at = self._at(seconds(message.header.stamp))
+        if message.event != Run.STARTED:
+            return
+        self._spring(message.host.strip("/"))
+        for pending in list(self._pending):
+            if at <= pending.fault.at:
+                continue
+            self._pending.remove(pending)
+            idle, total = (a - b for a, b in zip(cpu_times(), pending.cpu, strict=True))
+            overloaded = total > 0 and idle / total < SPARE_SHARE
+            silence_s = self._silence_s(pending.fault, at)
+            self.events.append(
+                Served(at=at, fault=pending.fault, silence_s=silence_s, overloaded=overloaded)
+            )
+            self._next_fault = self.now() + self._chance.uniform(2.0, 7.0)
+
+    def _silence_s(self, fault: Fault, until: float) -> float:
+        """Return the longest time between a fault and the next run in which nobody acted."""
+        signs = [fault.over, max(fault.over, until)]
+        for act in self._acts.values():
+            signs += [one for one in (act.at, act.until) if fault.over < one < until]
+        return max(b - a for a, b in pairwise(sorted(signs)))
+
+    def _on_market(self, message: Any) -> None:
+        if self._market is None or self._market.epoch != message.epoch:
+            self._market_since = self.now()
+        self._market = message
+        for scene in (message.scene_id, message.finished_scene_id, *message.waiting):
+            self._show(scene)
+
+    def _show(self, scene: str) -> None:
+        if self._not_shown.pop(scene, None) is not None:
+            self.events.append(SceneShown(at=self.now(), scene=scene))
+
+    def _on_open_goals(self, message: Any) -> None:
+        run = f"{message.host} {message.host_instance} {message.epoch}/{message.round}"
+        for goal in message.goals:
+            # A goal whose end is not confirmed is named again in the next run of its host.
+            self._runs.setdefault(bytes(goal.goal_id), run)
+
+    def _states(self, action: str) -> Callable[[Any, Any], None]:
+        def take(message: Any, info: Any) -> None:
+            at = self._at(int(info["source_timestamp"]) * 1e-9)
+            listed = {bytes(one.goal_info.goal_id.uuid): one.status for one in message.status_list}
+            for goal, status in listed.items():
+                act = self._acts.get((action, goal))
+                if act is None and status not in UNDER_WAY:
+                    continue  # it was over before anybody could see it begin
+                if act is None:
+                    act = self._acts[action, goal] = _Act(at=at, until=at, action=action)
+                if not act.over:
+                    act.until, act.over = at, status not in UNDER_WAY
+            for (other, goal), act in self._acts.items():
+                if other == action and goal not in listed and not act.over:
+                    act.over = True  # a robot that was started again knows nothing of it
+
+        return take
+
+    def _end_acts(self) -> None:
+        """Note that the robot was killed: whatever it did is over."""
+        now = self.now()
+        for act in self._acts.values():
+            if not act.over:
+                act.until, act.over = now, True
+
+    # Turning
+
+    def turn(self) -> None:
+        """Handle what has come, do what is due, and disturb when it is time."""
+        self._executor.spin_once(timeout_sec=0.02)
+        now = self.now()
+        due = [one for one in self._due if one[0] <= now]
+        self._due = [one for one in self._due if one[0] > now]
+        for _, act in due:
+            act()
+        self._take_lines()
+        if now - self._measured >= MEASURED_S:
+            self._measured = now
+            self._measure()
+        if self._pending and now >= self._next_probe:
+            self._next_probe = now + PROBE_S
+            self._probe()
+        for pending in list(self._pending):
+            if now - pending.fault.over > SERVED_S:
+                self._pending.remove(pending)
+                self._next_fault = now + 2.0
+        if self._trap:
+            if now > self._trap_until:
+                self._spring(self._trap)
+        elif self._faults and not (self._pending or self._stopped) and now >= self._next_fault:
+            self._disturb()
+
+    def _probe(self) -> None:
+        """Announce a scene when none is left, so that there is something to serve."""
+        client = self._clients["analyze"]
+        if not self._waiting() and client.service_is_ready():
+            future = client.call_async(self._scene())
+            future.add_done_callback(lambda done: self._take_scene(done.result()))
+
+    def _until(self, condition: Callable[[], Any], what: str, limit_s: float = READY_S) -> bool:
+        """Turn until a condition holds; return whether it did, and note when it did not."""
+        end = self.now() + limit_s
+        while not condition():
+            if self.now() > end:
+                self.events.append(
+                    Failed(at=self.now(), component="system", text=f"not in {limit_s:g} s: {what}")
+                )
+                return False
+            self.turn()
+        return True
+
+    def rest(self, seconds: float) -> None:
+        end = self.now() + seconds
+        while self.now() < end:
+            self.turn()
+
+    def _take_lines(self) -> None:
+        for name, lines in (("up", self._new_lines()), (OTHER_HOST, self._supervisor.poll())):
+            for line in lines:
+                own = "killed by signal 9" in line
+                if (" ended (" in line or "hangs (no" in line or "exit code" in line) and not own:
+                    component = line.split()[0] if name == "up" else name
+                    text = line.strip()
+                    self.events.append(Failed(at=self.now(), component=component, text=text))
+
+    def _new_lines(self) -> list[str]:
+        before = len(self._up.output)
+        return self._up.seen(0.0)[before:].splitlines()
+
+    def pids(self) -> dict[str, int]:
+        """Return component → process of those that live."""
+        found = {}
+        for parent, other in ((self._up.process.pid, ""), (os.getpid(), OTHER_HOST)):
+            for pid in children(parent):
+                with suppress(OSError):
+                    words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+                    for module, component in MODULES.items():
+                        if module in words and (not other or component == "agents"):
+                            found[other or component] = pid
+        now = self.now()
+        for component, pid in found.items():
+            if self._since.get(component, (0, 0.0))[0] != pid:
+                self._since[component] = (pid, now)
+        return found
+
+    def _measure(self) -> None:
+        at = self.now()
+        for component, pid in {**self.pids(), "up": self._up.process.pid}.items():
+            with suppress(OSError, ValueError):
+                statm = Path(f"/proc/{pid}/statm").read_text().split()
+                threads = len(list(Path(f"/proc/{pid}/task").iterdir()))
+                descriptors = len(list(Path(f"/proc/{pid}/fd").iterdir()))
+                memory_mb = int(statm[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+                self.events.append(
+                    Measured(
+                        at=at,
+                        component=component,
+                        pid=pid,
+                        memory_mb=memory_mb,
+                        descriptors=descriptors,
+                        threads=threads,
+                    )
+                )
+        files = sum(1 for one in (self.folder / "state").rglob("*") if one.is_file())
+        self.events.append(FilesCounted(at=at, files=files))
+
+    # Faults
+
+    def _disturb(self) -> None:
+        pids = self.pids()
+        now = self.now()
+        ready = [one for one in pids if now - self._since[one][1] >= STEADY_S]
+        if not ready:
+            self._next_fault = now + 1.0
+            return
+        kind = self._chance.choices(("killed", "hung", "flooded"), (55, 30, 15))[0]
+        number = 2 if kind == "killed" and self._chance.random() < 0.25 else 1
+        chosen = self._chance.sample(ready, min(number, len(ready)))
+        if kind == "killed" and self._chance.random() < TRAP_SHARE:
+            self._trap, self._trap_until = chosen[0], now + TRAP_S
+            return
+        for component in chosen:
+            getattr(self, f"_{kind}")(component, pids[component])
+
+    def _spring(self, component: str) -> None:
+        """Kill a component in the moment after it has answered or announced something."""
+        if self._trap == component:
+            self._trap = ""
+            pid = self.pids().get(component)
+            if pid is not None:
+                self._killed(component, pid)
+
+    def _pend(self, component: str, kind: str, over: float) -> None:
+        fault = Fault(at=self.now(), component=component, kind=kind, over=over)
+        self.events.append(fault)
+        self._pending.append(_Pending(fault=fault, cpu=cpu_times()))
+
+    def _killed(self, component: str, pid: int) -> None:
+        self._pend(component, "killed", self.now())
+        os.kill(pid, signal.SIGKILL)
+        self._note_end(component)
+
+    def _note_end(self, component: str) -> None:
+        """Note what is over with a component that was killed."""
+        if component == "robot":
+            self._end_acts()
+        elif component == "scene_layer":
+            self._scene_layer_killed = self.now()
+
+    def _kill_everything(self) -> None:
+        self._pend(EVERYTHING, "killed", self.now())
+        for component, pid in self.pids().items():
+            os.kill(pid, signal.SIGKILL)
+            self._note_end(component)
+
+    def _hung(self, component: str, pid: int) -> None:
+        lasts = self._chance.uniform(0.5, 3.0)
+        self._pend(component, "hung", self.now() + lasts)
+        os.kill(pid, signal.SIGSTOP)
+        self._stopped.add(pid)
+        self._due.append((self.now() + lasts, partial(self._go_on, pid)))
+
+    def _go_on(self, pid: int) -> None:
+        self._stopped.discard(pid)
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
+
+    def _flooded(self, component: str, _pid: int) -> None:
+        if component in ("feedback", "scene_layer", "agents", OTHER_HOST):
+            name, request = {
+                "feedback": ("give", GiveFeedback.Request(agent="nobody", values=[1.0] * 500)),
+                "scene_layer": ("analyze", Analyze.Request(names=["x"] * 500)),
+            }.get(component, (f"{component}/tune", Tune.Request(names=["x.y"] * 500)))
+            self._pend(component, "flooded", self.now())
+            for _ in range(300):
+                self._clients[name].call_async(request)
+            return
+        kind = self._chance.choice(FLOODS)
+        self._pend("marketplace", "flooded", self.now() + FLOODED_S)
+        flood = subprocess.Popen(
+            [sys.executable, str(FLOODER)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        assert flood.stdin is not None
+        flood.stdin.write(f"{kind}, marketplace, {FLOOD_S}\n".encode())
+        flood.stdin.close()
+        self._floods.append(flood)
+        self._due.append((self.now() + FLOODED_S, flood.kill))
+
+    # Operation
+
+    def ask(
+        self, service: str, request: Any, then: Callable[[Any], None] | None = None
+    ) -> Any | None:
+        """Ask a service; return the answer, None without one.
+
+        ``then`` takes the answer when it comes, also when nobody waits for it any more.
+        """
+        client = self._clients[service]
+        end = self.now() + ANSWER_S
+        while not client.service_is_ready():
+            if self.now() > end:
+                return None
+            self.turn()
+        future = client.call_async(request)
+        if then is not None:
+            future.add_done_callback(lambda done: then(done.result()))
+        owner = SERVICES.get(service, service.partition("/")[0])
+        future.add_done_callback(lambda _done: self._spring(owner))
+        while not future.done():
+            if self.now() > end:
+                return None
+            self.turn()
+        return future.result()
+
+    def operate(self) -> None:
+        """Do one thing that an operator does."""
+        weights = {
+            "scene": 40,
+            "cancel": 5,
+            "feedback": 12,
+            "undo": 4,
+            "tune": 10,
+            "preset": 4,
+            "pin": 4,
+            "veto": 4,
+            "award": 4,
+            "reload": 4,
+            "preview": 5,
+            "look": 8,
+        }
+        waiting = len(self._waiting())
+        action = self._chance.choices(list(weights), list(weights.values()))[0]
+        if waiting == 0 or (self._pending and self._chance.random() < 0.5):
+            action = "scene" if waiting < 6 else "look"
+        self.done[action] = self.done.get(action, 0) + 1
+        getattr(self, f"do_{action}")()
+
+    def _acknowledged(self) -> set[str]:
+        return {one.scene for one in self.events if isinstance(one, SceneAcknowledged)}
+
+    def _waiting(self) -> set[str]:
+        """Return the scenes without an end that may still have one; see :func:`died_unsent`."""
+        died = {
+            scene
+            for scene, at in self._not_shown.items()
+            if died_unsent(at, [self._scene_layer_killed])
+        }
+        return self._acknowledged() - self._ended - died
+
+    def do_scene(self) -> None:
+        for _ in range(self._chance.choice([1, 1, 1, 1, 4])):
+            if self.ask("analyze", self._scene(), self._take_scene) is None:
+                break
+
+    def _scene(self) -> Any:
+        return Analyze.Request(
+            names=["age", "familiarity", "mood"],
+            values=[self._chance.uniform(1.0, 5.0), 3.0, 3.0],
+            person=Analyze.Request.PRESENT,
+            urgent=self._chance.random() < 0.15,
+            announce=True,
+        )
+
+    def _take_scene(self, answer: Any) -> None:
+        if answer.accepted:
+            scene = answer.scene.scene_id
+            self.events.append(SceneAcknowledged(at=self.now(), scene=scene))
+            if scene not in self._ended:
+                self._not_shown[scene] = self.now()
+
+    def do_cancel(self) -> None:
+        # Only some forget the scenes that wait.
+        number = 0 if self._chance.random() < 0.2 else self._market.round
+        request = CancelRun.Request(reason="soak", by=Run.OPERATOR, round=number)
+        self.ask("cancel", request)
+
+    def do_feedback(self) -> None:
+        self._numbers += 1
+        feedback = f"soak-{self._numbers}"
+        kind = self._chance.choice(
+            [GiveFeedback.Request().kind, *(self._feedback_kinds())]  # DIRECT is the default
+        )
+        request = GiveFeedback.Request(
+            feedback_id=feedback, agent=self._chance.choice(list(AGENTS)), kind=kind, source="soak"
+        )
+        if kind == GiveFeedback.Request().kind:
+            request.values = [self._chance.uniform(1.0, 5.0) for _ in range(3)]
+
+        def take(answer: Any) -> None:
+            if answer.accepted:
+                self.events.append(FeedbackAcknowledged(at=self.now(), feedback=feedback))
+
+        self.ask("give", request, take)
+
+    @staticmethod
+    def _feedback_kinds() -> tuple[int, int]:
+        from bt_agents_interfaces.msg import Feedback
+
+        return Feedback.POSITIVE, Feedback.NEGATIVE
+
+    def do_undo(self) -> None:
+        agent = self._chance.choice(list(AGENTS))
+        self.ask("manage", ManageProfiles.Request(action=ManageProfiles.Request.UNDO, agent=agent))
+
+    def _set(self, name: str, value: object, *, acknowledged: bool) -> None:
+        self._asked[name] = self.now()
+        self.events.append(
+            SettingRequested(at=self.now(), name=name, value=value, acknowledged=acknowledged)
+        )
+
+    def do_tune(self) -> None:
+        agent = self._chance.choice(list(AGENTS))
+        value = round(self._chance.uniform(0.1, 0.6), 2)
+        name = f"{agent}.pause"
+        request = Tune.Request(action=Tune.Request.SET, names=[name], values=[f"{value} s"])
+        answer = self.ask(f"{AGENTS[agent][0]}/tune", request)
+        if answer is None or answer.accepted:
+            self._set(name, value, acknowledged=answer is not None)
+            self._values[name] = value if answer is not None else float("nan")
+
+    def do_preset(self) -> None:
+        """Save the value of an agent, or bring back what was saved before."""
+        agent = self._chance.choice(list(AGENTS))
+        name, service = f"{agent}.pause", f"{AGENTS[agent][0]}/tune"
+        value, saved = self._values.get(name), self._presets.get(agent)
+        if saved is None and value == value and value is not None:
+            request = Tune.Request(action=Tune.Request.SAVE, preset=agent, agents=[agent])
+            answer = self.ask(service, request)
+            if answer is not None and answer.accepted:
+                self._presets[agent] = value
+            return
+        if saved is None:
+            return
+        answer = self.ask(service, Tune.Request(action=Tune.Request.APPLY, preset=agent))
+        if answer is None or answer.accepted:
+            self._set(name, saved, acknowledged=answer is not None)
+            self._values[name] = saved if answer is not None else float("nan")
+        elif answer.code == "UNKNOWN_PRESET":
+            self._set(f"preset of {agent}", saved, acknowledged=True)
+            self._read(f"preset of {agent}", answer.code)
+
+    def _order(self, action: int, agent: str) -> bool:
+        request = OperateMarket.Request(action=action, agent=agent, author="soak")
+        answer = self.ask("operate", request)
+        name = "pinned" if action <= OperateMarket.Request.UNPIN else f"veto of {agent}"
+        value = {
+            OperateMarket.Request.PIN: agent,
+            OperateMarket.Request.UNPIN: "",
+            OperateMarket.Request.VETO: True,
+            OperateMarket.Request.ALLOW: False,
+        }[action]
+        if answer is None or answer.accepted:
+            self._set(name, value, acknowledged=answer is not None)
+        return answer is not None
+
+    def _order_for_a_while(self, do: int, undo: int) -> None:
+        agent = self._chance.choice(list(AGENTS))
+        self._order(do, agent)
+        self.rest(self._chance.uniform(0.0, 2.0))
+        self.do_look()
+        for _ in range(10):
+            if self._order(undo, agent):
+                break
+
+    def do_pin(self) -> None:
+        self._order_for_a_while(OperateMarket.Request.PIN, OperateMarket.Request.UNPIN)
+
+    def do_veto(self) -> None:
+        self._order_for_a_while(OperateMarket.Request.VETO, OperateMarket.Request.ALLOW)
+
+    def do_award(self) -> None:
+        agent = self._chance.choice(list(AGENTS))
+        self.ask("operate", OperateMarket.Request(action=OperateMarket.Request.AWARD, agent=agent))
+
+    def do_reload(self) -> None:
+        name = self._chance.choice(list(AGENTS))
+        host, age = AGENTS[name]
+        self._write_agent(name, age, f"hello {self._chance.randrange(1000)}")
+        self.ask(f"{host}/reload", ReloadAgents.Request())
+
+    def do_preview(self) -> None:
+        self.ask("preview", PreviewAuction.Request())
+
+    def do_look(self) -> None:
+        """Read what is in force of all that was asked for."""
+        for host in ("agents", OTHER_HOST):
+            names = [
+                f"{agent}.pause"
+                for agent, (of, _) in AGENTS.items()
+                if of == host and f"{agent}.pause" in self._asked
+            ]
+            if names:
+                answer = self.ask(f"{host}/get", GetParameters.Request(names=names))
+                if answer is not None and len(answer.values) == len(names):
+                    for name, value in zip(names, answer.values, strict=True):
+                        self._read(name, round(value.double_value, 2))
+        now = self.now()
+        asked = max((at for name, at in self._asked.items() if "." not in name), default=now)
+        market = self._market
+        down = "marketplace" not in self.pids()
+        if down or now - max(asked, self._market_since) < SETTLED_S:
+            return
+        self._read("pinned", market.pinned)
+        for agent in AGENTS:
+            self._read(f"veto of {agent}", agent in market.vetoed)
+
+    def _read(self, name: str, value: object) -> None:
+        self.events.append(SettingRead(at=self.now(), name=name, value=value))
+
+    # The whole
+
+    def run(self, minutes: float, tell: Callable[[str], None]) -> None:
+        """Operate and disturb the system for so long, and bring it to rest."""
+        self._faults = True
+        end, told = self.now() + 60.0 * minutes, self.now()
+        self._next_fault = self.now() + 3.0
+        while self.now() < end:
+            self.operate()
+            self.rest(self._chance.uniform(0.0, 0.4))
+            if self.now() - told > 60.0:
+                told = self.now()
+                tell(self.progress())
+        self._faults, self._trap = False, ""
+        self._until(lambda: not (self._pending or self._stopped), "the last fault is over")
+        tell("killing everything once more")
+        self._kill_everything()
+        self._until(lambda: len(self.pids()) == len(COMPONENTS), "everything is started again")
+        self._until(lambda: self._market.agents == len(AGENTS), "all agents are back")
+        self._until(self._served, "a scene is served")
+        end = self.now() + READY_S
+        while self._waiting() and self.now() < end:
+            self.turn()
+        self.rest(SETTLED_S)
+        self.do_look()
+
+    def _served(self) -> bool:
+        if not self._waiting():
+            self.do_scene()
+        return not self._pending
+
+    def progress(self) -> str:
+        """Return how far it has come, on a line."""
+        faults = sum(isinstance(one, Fault) for one in self.events)
+        scenes = len(self._acknowledged())
+        # What has no end yet, and what the ledger holds, is known only at the end.
+        broken = sum(
+            len(verdict.breaches)
+            for verdict in check(self._all())
+            if verdict.promise not in (ONE_END, FEEDBACK_STORED)
+        )
+        return f"{self.now() / 60:4.1f} min: {scenes} scenes, {faults} faults, {broken} breaches"
+
+    def _all(self) -> list[Event]:
+        """Return all events, with what the robot has done."""
+        acts = [
+            Acted(at=act.at, until=act.until, run=self._runs[goal], what=act.action)
+            for (_, goal), act in self._acts.items()
+            if goal in self._runs
+        ]
+        return [*self.events, *acts]
+
+    def close(self) -> list[Event]:
+        """End everything; return all events."""
+        for pid in list(self._stopped):
+            self._go_on(pid)
+        for flood in self._floods:
+            flood.kill()
+            flood.wait()
+        at = self.now()
+        try:
+            if self._up.process.poll() is None:
+                code, _ = self._up.stop()
+                if code != 0:
+                    self.events.append(Failed(at=at, component="up", text=f"exit code {code}"))
+        finally:
+            for pid in [*children(self._up.process.pid), self._up.process.pid]:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            self._supervisor.stop()
+            self._node.destroy_node()
+            self._executor.shutdown()
+            rclpy.try_shutdown()
+            (self.folder / "up.log").write_text(self._up.output)
+        self._read_ledger(at)
+        for log in sorted(self.folder.rglob("*.log*")):
+            text = log.read_text(errors="replace")
+            for trace in TRACES:
+                if trace in text:
+                    found = f"'{trace}' in {log.relative_to(self.folder)}"
+                    self.events.append(Failed(at=at, component=log.stem, text=found))
+        events = self._all()
+        with (self.folder / "events.jsonl").open("w") as file:
+            for one in sorted(events, key=lambda one: one.at):
+                kept = asdict(one) | {"event": type(one).__name__}
+                file.write(json.dumps(kept, default=list) + "\n")
+        return events
+
+    def _read_ledger(self, at: float) -> None:
+        ledger = self.folder / "state" / "ledger.sqlite"
+        with closing(sqlite3.connect(f"file:{ledger}?mode=ro", uri=True)) as db:
+            rows = db.execute("SELECT feedback_id FROM revision WHERE feedback_id IS NOT NULL")
+            self.events.append(LedgerRead(at=at, feedback=frozenset(row[0] for row in rows)))
+
+
+def table(verdicts: list[Verdict]) -> Iterator[str]:
+    """Return the lines of the promises, each with how often it was checked and broken."""
+    yield f"{'promise':<62}{'checked':>9}{'broken':>8}"
+    for verdict in verdicts:
+        yield f"{verdict.promise:<62}{verdict.checked:>9}{len(verdict.breaches):>8}"
+
+
+def recovery_table(events: list[Event]) -> Iterator[str]:
+    """Return the lines of the times in which nobody acted after a fault, by fault."""
+    kinds: dict[str, list[Served]] = {}
+    for one in events:
+        if isinstance(one, Served):
+            kinds.setdefault(f"{one.fault.component} {one.fault.kind}", []).append(one)
+            kinds.setdefault("all", []).append(one)
+    head = f"{'nobody acts after':<24}{'faults':>8}{'median':>10}{'worst':>9}"
+    yield head + "   of these with time to spare"
+    for name, found in sorted(kinds.items(), key=lambda kind: (kind[0] == "all", kind[0])):
+        times = [one.silence_s for one in found]
+        calm = [one.silence_s for one in found if not one.overloaded]
+        rest = f"{statistics.median(calm):>8.1f} s{max(calm):>7.1f} s" if calm else ""
+        line = f"{name:<24}{len(found):>8}{statistics.median(times):>8.1f} s{max(times):>7.1f} s"
+        yield f"{line}{len(calm):>8}{rest}"
+
+
+def growth_table(events: list[Event]) -> Iterator[str]:
+    """Return the lines of the worst growth of each component."""
+    by_component: dict[str, list[Any]] = {}
+    for growth in growths(events):
+        by_component.setdefault(growth.component, []).append(growth)
+    head = f"{'growth a minute':<18}{'lives':>7}{'longest':>11}"
+    yield head + f"{'MB':>10}{'descriptors':>14}{'threads':>10}"
+    for component, found in sorted(by_component.items()):
+        worst = [max(one.per_minute[name] for one in found) for name in MOST_PER_MINUTE]
+        longest = max(one.until - one.since for one in found)
+        yield (
+            f"{component:<18}{len(found):>7}{longest:>9.0f} s"
+            f"{worst[0]:>10.2f}{worst[1]:>14.2f}{worst[2]:>10.2f}"
+        )
+
+
+def soak(minutes: float, seed: int, folder: Path, tell: Callable[[str], None]) -> list[Verdict]:
+    """Run a soak; tell its progress and its tables, and return what became of each promise."""
+    running = Soak(folder, seed)
+    try:
+        running.start()
+        running.run(minutes, tell)
+    finally:
+        events = running.close()
+    verdicts = check(events)
+    tell("")
+    for lines in (table(verdicts), recovery_table(events), growth_table(events)):
+        for line in lines:
+            tell(line)
+        tell("")
+    tell("done: " + ", ".join(f"{name} {count}" for name, count in sorted(running.done.items())))
+    for verdict in verdicts:
+        for breach in verdict.breaches:
+            tell(f"broken at {breach.at:.1f} s (seed {seed}): {breach.promise}: {breach.text}")
+    return verdicts
+
+
+@click.command()
+@click.argument("minutes", type=click.FloatRange(min=0.1), default=10.0)
+@click.option("--seed", default=1, show_default=True, help="Of all that is left to chance.")
+@click.option("--any-time", is_flag=True, help="Recovery may take any time, as beside other work.")
+@click.option("--logs", default="", help="Folder for logs and events, instead of a new one.")
+def main(minutes: float, seed: int, any_time: bool, logs: str) -> None:
+    """Operate a whole system for MINUTES while its processes are killed, hung and flooded."""
+    set_discovery(os.environ)
+    os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
+    # A shell starts what runs in the background without SIGINT.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    folder = Path(logs).resolve() if logs else Path(tempfile.mkdtemp(prefix="bt-agents-soak-"))
+    folder.mkdir(parents=True, exist_ok=True)
+    click.echo(f"seed {seed}, {minutes:g} minutes; logs in {folder}")
+    verdicts = soak(minutes, seed, folder, click.echo)
+    judged = [one for one in verdicts if not (any_time and one.promise == RECOVERY)]
+    raise SystemExit(int(any(verdict.breaches for verdict in judged)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,420 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Promises of a running system, and whether the timed events of a soak have broken one; no ROS."""
+
+from __future__ import annotations
+
+import statistics
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+ONE_END = "a scene that was acknowledged ends exactly once"
+FEEDBACK_STORED = "feedback that was acknowledged is in the ledger"
+SETTINGS_STORED = "tunings, presets, pins, vetoes acknowledged are in force"
+ONE_ACTS = "no two agents act at the same time"
+NO_GROWTH = "no process grows, nor does the state folder"
+RECOVERY = "after a fault nobody waits longer than 3 s for the next act"
+NO_FAILURE = "no process ends or fails by itself"
+
+PROMISES = (
+    ONE_END, FEEDBACK_STORED, SETTINGS_STORED, ONE_ACTS, NO_GROWTH, RECOVERY, NO_FAILURE,
+)  # fmt: skip
+
+RECOVERY_S = 3.0
+"""Longest time without an act after a fault, on a machine with time to spare [s]."""
+
+EVERYTHING = "everything"
+"""Component of the fault that kills all processes at once."""
+
+RESTART_S = 6.0
+"""The same after all processes were killed at once, which start beside one another [s]."""
+
+LATE_S = 10.0
+"""A request without an answer may still be carried out for so long [s]."""
+
+WARM_UP_S = 60.0
+"""Life of a process before its growth counts [s]; caches and histories fill until then."""
+
+SHORTEST_LIFE_S = 240.0
+"""Life after which a slope says something [s]."""
+
+MOST_PER_MINUTE: Mapping[str, float] = {"memory_mb": 1.0, "descriptors": 1.0, "threads": 0.5}
+"""Growth of a process that is none, and the same of files in the state folder."""
+
+MOST_FILES_PER_MINUTE = 1.0
+
+_MOST_PAIRS = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that was seen from outside; ``at`` is the time since the soak began [s]."""
+
+    at: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneAcknowledged(Event):
+    """The scene layer has accepted a scene."""
+
+    scene: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneShown(Event):
+    """The market has shown that it has a scene."""
+
+    scene: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneEnded(Event):
+    """A market has announced an end of a scene."""
+
+    scene: str
+    code: str
+    epoch: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedbackAcknowledged(Event):
+    """The feedback node has accepted a feedback."""
+
+    feedback: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class LedgerRead(Event):
+    """The ids of all feedback in the ledger."""
+
+    feedback: frozenset[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingRequested(Event):
+    """A value was asked for: of a tunable, of a preset, of a pin or a veto.
+
+    Attributes:
+        acknowledged: Whether it was accepted, at ``at``; else it may count or not.
+    """
+
+    name: str
+    value: object
+    acknowledged: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingRead(Event):
+    """A value that is in force, read when the last request had surely been carried out."""
+
+    name: str
+    value: object
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acted(Event):
+    """The robot has acted for a run, from ``at`` until ``until``."""
+
+    until: float
+    run: str
+    what: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault(Event):
+    """A fault that was made: a component was killed, hung or flooded; ``over`` at the end."""
+
+    component: str
+    kind: str
+    over: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Served(Event):
+    """A run has started, the first one after a fault.
+
+    Attributes:
+        fault: The fault.
+        silence_s: The longest time in which nobody acted, between the end of the fault and ``at``
+            [s]; 0 when a run had started before the fault was over.
+        overloaded: Whether the machine had no time to spare meanwhile.
+    """
+
+    fault: Fault
+    silence_s: float
+    overloaded: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured(Event):
+    """What one process had in use."""
+
+    component: str
+    pid: int
+    memory_mb: float
+    descriptors: int
+    threads: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilesCounted(Event):
+    """How many files there were in the state folder."""
+
+    files: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failed(Event):
+    """A process that nobody killed has ended, or has written a traceback."""
+
+    component: str
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Breach:
+    """One moment at which a promise was broken."""
+
+    promise: str
+    at: float
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What became of one promise.
+
+    Attributes:
+        checked: How often it was put to the test.
+    """
+
+    promise: str
+    checked: int
+    breaches: tuple[Breach, ...]
+
+
+def check(events: Iterable[Event]) -> list[Verdict]:
+    """Return the verdict on each promise, from the events of a whole soak."""
+    ordered = sorted(events, key=lambda event: event.at)
+    checks = {
+        ONE_END: _check_ends,
+        FEEDBACK_STORED: _check_feedback,
+        SETTINGS_STORED: _check_settings,
+        ONE_ACTS: _check_acts,
+        NO_GROWTH: _check_growth,
+        RECOVERY: _check_recovery,
+        NO_FAILURE: _check_failures,
+    }
+    return [_verdict(promise, checks[promise](ordered)) for promise in PROMISES]
+
+
+_Findings = Iterator[tuple[float, str] | None]
+"""For each thing that was checked None, or when and how it broke the promise."""
+
+
+def _verdict(promise: str, findings: _Findings) -> Verdict:
+    found = list(findings)
+    breaches = [
+        Breach(promise=promise, at=one[0], text=one[1]) for one in found if one is not None
+    ]
+    return Verdict(promise=promise, checked=len(found), breaches=tuple(breaches))
+
+
+def _of(kind: type, events: Sequence[Event]) -> list:
+    return [event for event in events if isinstance(event, kind)]
+
+
+def _check_ends(events: Sequence[Event]) -> _Findings:
+    """Check scenes; one that the scene layer had not handed over when it was killed is its own.
+
+    The same end of the same market may be announced twice, as by the next start after a kill.
+    """
+    ends: dict[str, list[SceneEnded]] = defaultdict(list)
+    shown: dict[str, float] = {}
+    for event in events:
+        if isinstance(event, SceneEnded) and _is_new(event, ends[event.scene]):
+            ends[event.scene].append(event)
+        if isinstance(event, SceneShown | SceneEnded):
+            shown.setdefault(event.scene, event.at)
+    kills: dict[str, list[float]] = defaultdict(list)
+    for fault in _of(Fault, events):
+        if fault.kind == "killed":
+            kills[fault.component].append(fault.at)
+    acknowledged = _of(SceneAcknowledged, events)
+    for one in acknowledged:
+        until = shown.get(one.scene)
+        if until is None and died_unsent(one.at, kills["scene_layer"] + kills[EVERYTHING]):
+            continue
+        found = ends.pop(one.scene, [])
+        if len(found) == 1:
+            yield None
+        elif not found:
+            yield one.at, f"scene {one.scene} has no end"
+        else:
+            yield found[1].at, f"scene {one.scene} ends as {_join(end.code for end in found)}"
+    for scene, found in ends.items():
+        if len(found) > 1:
+            yield found[1].at, f"scene {scene} ends as {_join(end.code for end in found)}"
+
+
+def died_unsent(acknowledged_at: float, kills: Iterable[float]) -> bool:
+    """Return whether a scene that the market has not shown may have died with the scene layer.
+
+    Args:
+        acknowledged_at: When the answer of the scene layer came, perhaps after its end [s].
+        kills: When the scene layer was killed [s].
+    """
+    return any(acknowledged_at - 1.0 <= at for at in kills)
+
+
+def _is_new(end: SceneEnded, before: Sequence[SceneEnded]) -> bool:
+    announced_again = any((one.epoch, one.code) == (end.epoch, end.code) for one in before)
+    return end.code != "DUPLICATE" and not announced_again
+
+
+def _check_feedback(events: Sequence[Event]) -> _Findings:
+    reads = _of(LedgerRead, events)
+    for one in _of(FeedbackAcknowledged, events):
+        lost = [read for read in reads if read.at >= one.at and one.feedback not in read.feedback]
+        later = any(read.at >= one.at for read in reads)
+        if lost or not later:
+            yield (lost[0].at if lost else one.at), f"feedback {one.feedback} is not in the ledger"
+        else:
+            yield None
+
+
+def _check_settings(events: Sequence[Event]) -> _Findings:
+    requests: dict[str, list[SettingRequested]] = defaultdict(list)
+    for event in events:
+        if isinstance(event, SettingRequested):
+            requests[event.name].append(event)
+        elif isinstance(event, SettingRead) and event.name in requests:
+            asked = requests[event.name]
+            sure = [one for one in asked if one.acknowledged]
+            if not sure:
+                continue
+            last = sure[-1]
+            possible = [last.value] + [
+                one.value for one in asked if not one.acknowledged and one.at >= last.at - LATE_S
+            ]
+            if event.value in possible:
+                yield None
+            else:
+                yield (
+                    event.at,
+                    f"{event.name} is {event.value!r}, but {last.value!r} was acknowledged at "
+                    f"{last.at:.1f} s",
+                )
+
+
+def _check_acts(events: Sequence[Event]) -> _Findings:
+    acts: list[Acted] = _of(Acted, events)
+    latest: dict[str, Acted] = {}
+    for act in acts:
+        beside = [
+            other for run, other in latest.items() if run != act.run and other.until > act.at
+        ]
+        if beside:
+            overlap_s = min(beside[0].until, act.until) - act.at
+            yield (
+                act.at,
+                f"{act.what} of {act.run} beside {beside[0].what} of {beside[0].run}, "
+                f"for {overlap_s:.2f} s",
+            )
+        else:
+            yield None
+        if act.run not in latest or latest[act.run].until < act.until:
+            latest[act.run] = act
+
+
+@dataclass(frozen=True, kw_only=True)
+class Growth:
+    """Slopes of one process over its life, in the units of :data:`MOST_PER_MINUTE`."""
+
+    component: str
+    pid: int
+    since: float
+    until: float
+    per_minute: Mapping[str, float]
+
+
+def growths(events: Iterable[Event]) -> list[Growth]:
+    """Return the growth of each process that has lived long enough to judge it."""
+    lives: dict[tuple[str, int], list[Measured]] = defaultdict(list)
+    for one in _of(Measured, list(events)):
+        lives[one.component, one.pid].append(one)
+    found = []
+    for (component, pid), life in lives.items():
+        begin = life[0].at
+        grown = [one for one in life if one.at - begin >= WARM_UP_S]
+        if life[-1].at - begin < SHORTEST_LIFE_S or len(grown) < 2:
+            continue
+        per_minute = {
+            name: 60.0 * slope([(one.at, float(getattr(one, name))) for one in grown])
+            for name in MOST_PER_MINUTE
+        }
+        growth = Growth(
+            component=component, pid=pid, since=begin, until=life[-1].at, per_minute=per_minute
+        )
+        found.append(growth)
+    return found
+
+
+def slope(points: Sequence[tuple[float, float]]) -> float:
+    """Return the median of the slopes between points, which single outliers do not move."""
+    step = max(1, len(points) // _MOST_PAIRS)
+    kept = points[::step]
+    slopes = [
+        (later[1] - earlier[1]) / (later[0] - earlier[0])
+        for index, earlier in enumerate(kept)
+        for later in kept[index + 1 :]
+        if later[0] > earlier[0]
+    ]
+    return statistics.median(slopes) if slopes else 0.0
+
+
+def _check_growth(events: Sequence[Event]) -> _Findings:
+    for growth in growths(events):
+        bad = [
+            f"{name} {growth.per_minute[name]:+.2f} a minute (at most {most:g})"
+            for name, most in MOST_PER_MINUTE.items()
+            if growth.per_minute[name] > most
+        ]
+        text = f"{growth.component} (process {growth.pid}, since {growth.since:.0f} s)"
+        yield (growth.until, f"{text}: {'; '.join(bad)}") if bad else None
+    files = [(one.at, float(one.files)) for one in _of(FilesCounted, events)]
+    if files and files[-1][0] - files[0][0] >= SHORTEST_LIFE_S:
+        begin = files[0][0] + WARM_UP_S
+        per_minute = 60.0 * slope([one for one in files if one[0] >= begin])
+        bad_files = per_minute > MOST_FILES_PER_MINUTE
+        yield (files[-1][0], f"files {per_minute:+.2f} a minute") if bad_files else None
+
+
+def _check_recovery(events: Sequence[Event]) -> _Findings:
+    served = {id(one.fault): one for one in _of(Served, events)}
+    for fault in _of(Fault, events):
+        one = served.get(id(fault))
+        text = f"{fault.component} {fault.kind}"
+        if one is None:
+            yield fault.at, f"{text}: no scene was served after it"
+        elif one.overloaded:
+            continue
+        elif one.silence_s > (RESTART_S if fault.component == EVERYTHING else RECOVERY_S):
+            yield fault.at, f"{text}: nobody acted for {one.silence_s:.1f} s"
+        else:
+            yield None
+
+
+def _check_failures(events: Sequence[Event]) -> _Findings:
+    for _component, measured in groupby(
+        sorted(_of(Measured, events), key=lambda one: one.component), lambda one: one.component
+    ):
+        if any(True for _ in measured):
+            yield None
+    for one in _of(Failed, events):
+        yield one.at, f"{one.component}: {one.text}"
+
+
+def _join(words: Iterable[str]) -> str:
+    return " and ".join(words)

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Studio of a running system as a browser sees it, and what an operator does there."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, expect
+
+from programs import Program, children
+
+LIMIT_MS = 30_000
+
+
+class System:
+    """A running system and its studio, of the shipped trees folder or another one.
+
+    ``others`` are variables of its environment, for example another ROS domain.
+    """
+
+    def __init__(self, state: Path, trees: str = "trees", *options: str, **others: str) -> None:
+        self._state = state
+        self._trees = trees
+        self._options = options
+        self._environment = {
+            **os.environ,
+            "XDG_STATE_HOME": str(state),
+            "PYTHONUNBUFFERED": "1",
+            "COLUMNS": "120",
+            **others,
+        }
+        self.programs: list[Program] = []
+
+    def start(self) -> None:
+        self.up = self.start_program("up", self._trees, *self._options)
+        self.up.until("ready after")
+        self.address = self.up.until("studio: ").split()[-1]
+        [addresses] = self._state.glob("bt-agents/trees/*/studio.json")
+        told = json.loads(addresses.read_text())
+        self.to_look, self.for_person = told["view"], told["person"]
+
+    def start_program(self, *arguments: str) -> Program:
+        self.programs.append(Program(arguments, self._environment))
+        return self.programs[-1]
+
+    def end(self) -> None:
+        for program in self.programs:
+            for pid in [*children(program.process.pid), program.process.pid]:
+                try:
+                    os.kill(pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    continue
+            program.process.wait()
+            program.close()
+
+
+@contextmanager
+def opened_page(browser: Browser, address: str) -> Iterator[Page]:
+    """Open an address in a context of its own; an error that the page reports fails the test."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    page = context.new_page()
+    page.set_default_timeout(LIMIT_MS)
+    expect.set_options(timeout=LIMIT_MS)
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    yield page
+    context.close()
+    assert errors == []
+
+
+def open_page(page: Page, name: str) -> None:
+    page.get_by_role("navigation").get_by_role("link", name=name, exact=True).click()
+
+
+def announce(page: Page, label: str, **values: float) -> None:
+    """Announce a scene as an operator does: by sliders and a button."""
+    open_page(page, "World")
+    for name, value in values.items():
+        slider = page.locator(f"#world-{name}")
+        slider.fill(str(value))
+        page.locator(".control", has=slider).get_by_role("checkbox").check()
+    page.get_by_label("Label").fill(label)
+    page.get_by_role("button", name="Announce the scene").click()
+
+
+def serve(page: Page, label: str, **values: float) -> None:
+    """Announce a scene when nothing else runs, and wait until an agent runs for it."""
+    stop(page)
+    announce(page, label, **values)
+    open_page(page, "Live")
+    expect(page.get_by_label("Scene", exact=True)).to_contain_text(label)
+    expect(page.get_by_role("button", name="Stop")).to_be_enabled()
+
+
+def stop(page: Page) -> None:
+    """Stop whatever runs, so that the next scene comes at once."""
+    open_page(page, "Live")
+    button = page.get_by_role("button", name="Stop")
+    if button.is_enabled():
+        button.click()
+    expect(button).to_be_disabled()

@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is too large is refused before it becomes objects: requests, goals, answers, feedback."""
+
+from __future__ import annotations
+
+import gc
+import inspect
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
+from action_msgs.srv import CancelGoal
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.action import ActionClient, ActionServer
+from rclpy.serialization import deserialize_message, serialize_message
+from rosidl_parser import definition as idl
+
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces import action, msg, srv
+from bt_agents_interfaces.action import Say
+from bt_agents_interfaces.msg import Heartbeat, Scene, SceneValue
+from bt_agents_interfaces.srv import CancelRun, OperateMarket
+from bt_agents_ros import limits, qos
+from bt_agents_ros.base_node import BaseNode
+from bt_agents_ros.types import resolved, slots_of
+from bt_agents_ros.workarounds.bounded_types import bounded, bounded_by, serialized_size
+
+pytestmark = pytest.mark.ros
+
+
+def kinds() -> Iterator[Any]:
+    """Each message, request, response and part of an action that we have made."""
+    yield from (kind for _, kind in inspect.getmembers(msg, inspect.isclass))
+    for _, kind in inspect.getmembers(srv, lambda kind: hasattr(kind, "Request")):
+        yield from (kind.Request, kind.Response)
+    for _, kind in inspect.getmembers(action, lambda kind: hasattr(kind, "Impl")):
+        for service in (kind.Impl.SendGoalService, kind.Impl.GetResultService):
+            yield from (service.Request, service.Response)
+        yield kind.Impl.FeedbackMessage
+
+
+def entry_of(slot: Any) -> Any:
+    """Return one entry for a list of a rosidl type."""
+    kind = resolved(slot)
+    if hasattr(kind, "SLOT_TYPES"):
+        return kind()
+    if isinstance(kind, idl.AbstractGenericString):
+        return ""
+    return {"boolean": False, "float": 0.0, "double": 0.0, "octet": b"\0"}.get(kind.typename, 0)
+
+
+def taken(message: Any) -> Any:
+    """Return what a stand-in makes of a message."""
+    return deserialize_message(serialize_message(message), bounded(type(message)))
+
+
+LISTS = [
+    (kind, field, slot.value_type)
+    for kind in kinds()
+    for field, slot in slots_of(kind).items()
+    if isinstance(slot, idl.AbstractSequence)
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "slot"), LISTS, ids=[f"{kind.__name__}.{field}" for kind, field, _ in LISTS]
+)
+def test_each_list_is_counted_where_it_is_in_memory(kind: Any, field: str, slot: Any) -> None:
+    most = limits.ENTRIES_OF.get(f"{kind.__name__}.{field}", limits.LIST_ENTRIES)
+    largest = limits.BYTES_OF.get(kind.__name__, limits.MESSAGE_BYTES)
+    entry = entry_of(slot)
+    long = kind(**{field: [entry] * (most + 1)})
+    found = taken(long)
+
+    assert isinstance(found, Refused)
+    if len(serialize_message(long)) <= largest:
+        assert (
+            found.reason
+            == f"{kind.__name__}.{field} has {most + 1} entries, expected at most {most}"
+        )
+    else:
+        assert " bytes, expected at most " in found.reason
+    short = kind(**{field: [entry] * 3})
+    assert taken(short) == short
+
+
+@pytest.mark.parametrize("kind", list(kinds()), ids=lambda kind: str(kind.__name__))
+def test_the_size_is_that_of_the_serialized_message(kind: Any) -> None:
+    size = serialized_size(kind)
+    assert size is not None
+    seen: list[int] = []
+
+    def watched(address: int) -> int:
+        seen.append(size(address))
+        return seen[-1]
+
+    message = deserialize_message(serialize_message(kind()), bounded_by(kind, watched))
+    assert message == kind()
+    # What is serialized is rounded up to four bytes.
+    assert 0 <= len(serialize_message(kind())) - 4 - seen[0] < 4
+
+
+def test_a_large_request_is_refused_without_one_object_of_its_content() -> None:
+    values = CancelRun.Request(scene=Scene(values=[SceneValue()] * 400_000))
+    message = serialize_message(values)
+    gc.collect()
+    made: list[Any] = []
+    found = deserialize_message(message, bounded(CancelRun.Request))
+    made += [one for one in gc.get_objects() if type(one) is SceneValue]
+
+    assert isinstance(found, Refused)
+    assert found.code == limits.TOO_LARGE
+    assert len(made) <= 1
+
+
+def test_a_stand_in_keeps_nothing_of_what_it_has_made() -> None:
+    request = CancelRun.Request(reason="x" * 1000)
+    before = sys.getrefcount(None)
+    for _ in range(1000):
+        assert sys.getrefcount(taken(request)) <= 2
+    assert sys.getrefcount(None) < before + 500
+
+
+def test_where_the_size_cannot_be_known_the_content_is_counted() -> None:
+    stand_in = bounded_by(CancelRun.Request, None)
+
+    def found(reason: str) -> Any:
+        return deserialize_message(serialize_message(CancelRun.Request(reason=reason)), stand_in)
+
+    assert found("short").reason == "short"
+    assert found("x" * 20_001).code == limits.TOO_LARGE
+
+
+def test_a_type_without_the_library_is_measured_late_and_the_log_says_it(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    class Unknown:
+        __module__ = "no_such_package.srv._unknown"
+
+    assert serialized_size(Unknown) is None
+    assert "NOT_MEASURED: no_such_package" in capfd.readouterr().err
+
+
+def test_messages_in_a_list_of_another_package_are_counted() -> None:
+    states = GoalStatusArray(status_list=[GoalStatus()] * 1001)
+
+    found = taken(states)
+    assert found.reason == "GoalStatusArray.status_list has 1001 entries, expected at most 1000"
+
+
+class Speech:
+    """A server and a client of ``say``, and what comes of it."""
+
+    def __init__(self, ros: Any, result: str = "", feedback: int = 0) -> None:
+        self.said: list[str] = []
+        self.result = result
+        self.server = ActionServer(ros.node, Say, "say", self._say)
+        self.client = ActionClient(ros.node, Say, "say")
+        self.ros = ros
+        ros.until(self.client.server_is_ready)
+
+    def _say(self, handle: Any) -> Say.Result:
+        self.said.append(handle.request.text)
+        handle.succeed()
+        return Say.Result(message=self.result)
+
+    def send(self, text: str) -> Any:
+        future = self.client.send_goal_async(Say.Goal(text=text))
+        self.ros.until(future.done)
+        return future.result()
+
+    def close(self) -> None:
+        self.client.destroy()
+        self.server.destroy()
+
+
+@pytest.fixture
+def speech(ros: Any) -> Iterator[Speech]:
+    made = Speech(ros)
+    yield made
+    made.close()
+
+
+def test_a_goal_that_is_too_large_is_rejected_and_the_next_one_is_not(
+    speech: Speech, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert not speech.send("x" * limits.MESSAGE_BYTES).accepted
+    handle = speech.send("hello")
+    ended = handle.get_result_async()
+    speech.ros.until(ended.done)
+
+    assert speech.said == ["hello"]
+    assert "TOO_LARGE: an action: Say_SendGoal_Request has 2621" in capfd.readouterr().err
+
+
+def test_a_result_that_is_too_large_is_the_error_of_its_future(speech: Speech) -> None:
+    speech.result = "x" * limits.MESSAGE_BYTES
+    ended = speech.send("hello").get_result_async()
+    speech.ros.until(ended.done)
+
+    with pytest.raises(Refused, match="TOO_LARGE: Say_GetResult_Response has 2621"):
+        ended.result()
+
+
+def test_cancels_of_an_action_that_are_too_large_are_answered(speech: Speech) -> None:
+    client = speech.ros.node.create_client(CancelGoal, "say/_action/cancel_goal")
+    states = speech.ros.node.create_client(
+        Say.Impl.GetResultService, "say/_action/get_result", qos_profile=qos.SERVICE
+    )
+    request = CancelGoal.Request(goal_info=GoalInfo())
+    assert speech.ros.call(client, request).return_code == CancelGoal.Response.ERROR_NONE
+    answer = speech.ros.call(states, Say.Impl.GetResultService.Request())
+    assert answer.status == GoalStatus.STATUS_UNKNOWN
+
+
+def test_an_answer_that_is_too_large_is_the_error_of_its_future(ros: Any) -> None:
+    def answer(_request: Any, response: Any) -> Any:
+        response.message = "x" * limits.MESSAGE_BYTES
+        return response
+
+    ros.node.create_service(OperateMarket, "operate", answer)
+    client = ros.node.create_client(OperateMarket, "operate")
+    ros.until(client.service_is_ready)
+    future = client.call_async(OperateMarket.Request())
+    ros.until(future.done)
+
+    with pytest.raises(Refused, match="TOO_LARGE: OperateMarket_Response has 262165"):
+        future.result()
+
+
+@pytest.mark.parametrize("kind", [SetParameters, SetParametersAtomically])
+def test_parameters_that_are_too_large_are_refused_with_the_code(ros: Any, kind: Any) -> None:
+    ros.add(BaseNode("tuned"))
+    name = "set_parameters" + ("_atomically" if kind is SetParametersAtomically else "")
+    client = ros.node.create_client(kind, f"tuned/{name}")
+    large = [Parameter(name="x" * limits.MESSAGE_BYTES)]
+    answer = ros.call(client, kind.Request(parameters=large))
+    results = answer.results if kind is SetParameters else [answer.result]
+
+    assert [one.successful for one in results] == [False]
+    assert results[0].reason.startswith(f"TOO_LARGE: {kind.__name__}_Request has 2622")
+
+
+def test_no_more_parameters_are_set_at_once_than_a_node_takes_in_its_stride(ros: Any) -> None:
+    ros.add(BaseNode("tuned"))
+    client = ros.node.create_client(SetParameters, "tuned/set_parameters")
+    asked = [Parameter()] * 1_001
+    [answer] = ros.call(client, SetParameters.Request(parameters=asked)).results
+
+    expected = "SetParameters_Request.parameters has 1001 entries, expected at most 1000"
+    assert answer.reason == f"TOO_LARGE: {expected}"
+    assert len(ros.call(client, SetParameters.Request(parameters=asked[:1_000])).results) == 1_000
+
+
+def test_bytes_that_are_no_message_come_to_no_callback_and_are_logged_once(
+    ros: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    heard: list[Any] = []
+    ros.node.create_subscription(Heartbeat, "beats", heard.append, qos.EVENTS)
+    publisher = ros.node.create_publisher(Heartbeat, "beats", qos.EVENTS)
+    ros.until(publisher.get_subscription_count)
+    for _ in range(20):
+        publisher.publish(b"\x00\x01\x00\x00\xff\xff\xff\x7f")
+    publisher.publish(Heartbeat(agent="leo"))
+    ros.until(lambda: heard)
+
+    assert [one.agent for one in heard] == ["leo"]
+    assert capfd.readouterr().err.count("MALFORMED: /beats: 8 bytes are no Heartbeat") == 1

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clients that leave before their answers are sent: nobody else waits for them.
+
+The middleware waits only sometimes, so that here a clock makes every answer a slow one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from itertools import count
+from typing import Any
+
+import pytest
+import rclpy
+from rcl_interfaces.srv import GetParameters
+from rclpy.action import ActionServer, GoalResponse
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from bt_agents_interfaces.action import Say
+from bt_agents_ros.qos import SERVICE
+from graph import Ros
+
+ASKED = "/asked"
+REQUESTS = 30
+
+
+class Stranger:
+    """A participant of its own, with clients that come and go."""
+
+    def __init__(self, ros: Ros) -> None:
+        self.ros = ros
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = Node("stranger", context=self.context, enable_rosout=False)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def client(self, kind: Any = GetParameters, name: str = ASKED) -> Any:
+        """Return a client that knows the service, as the service knows it."""
+        client = self.node.create_client(kind, name, qos_profile=SERVICE)
+        self.ros.until(client.service_is_ready)
+        self.ros.until(lambda: self.readers(name))
+        return client
+
+    def leave(self, client: Any) -> None:
+        """Destroy a client; return when the graph does not show it any more."""
+        name = client.service_name
+        before = len(self.readers(name))
+        self.node.destroy_client(client)
+        end = time.monotonic() + 20.0
+        while len(self.readers(name)) == before:
+            assert time.monotonic() < end, "the client is still shown"
+            self.executor.spin_once(0.01)
+
+    def readers(self, name: str) -> list[Any]:
+        """Return who reads answers of a service, as the node that answers is shown."""
+        topic = f"rr{name}Reply"
+        return list(self.ros.node.get_subscriptions_info_by_topic(topic, no_mangle=True))
+
+    def answer(self, future: Any) -> Any:
+        """Return an answer that comes."""
+
+        def has_come() -> bool:
+            self.executor.spin_once(0)
+            return bool(future.done())
+
+        self.ros.until(has_come)
+        return future.result()
+
+
+@pytest.fixture
+def stranger(ros: Ros) -> Iterator[Stranger]:
+    made = Stranger(ros)
+    looks = count()
+    ros.executor._departed.clock = lambda: 0.06 * next(looks)
+    yield made
+    made.node.destroy_node()
+    made.executor.shutdown()
+    made.context.try_shutdown()
+
+
+class Service:
+    """A service that counts its requests and answers."""
+
+    def __init__(self, ros: Ros, on_request: Callable[[], None]) -> None:
+        self.requests = self.answers = 0
+        self._on_request = on_request
+        service = ros.node.create_service(GetParameters, ASKED, self._answer, qos_profile=SERVICE)
+        send = service.send_response
+
+        def send_counted(*answer: Any) -> None:
+            self.answers += 1
+            send(*answer)
+
+        service.send_response = send_counted
+
+    def _answer(self, _request: Any, response: Any) -> Any:
+        self.requests += 1
+        self._on_request()
+        return response
+
+
+@pytest.mark.filterwarnings("ignore:failed to send response:RuntimeWarning")
+def test_of_many_requests_of_a_client_that_leaves_one_is_answered_and_the_next_client_is(
+    ros: Ros, stranger: Stranger
+) -> None:
+    leaves = iter([lambda: stranger.leave(client)])
+    service = Service(ros, lambda: next(leaves, lambda: None)())
+    client = stranger.client()
+    for _ in range(REQUESTS):
+        client.call_async(GetParameters.Request())
+    ros.until(lambda: service.requests == REQUESTS)
+
+    assert service.answers == 1
+
+    other = stranger.client()
+    assert stranger.answer(other.call_async(GetParameters.Request())) is not None
+
+
+def test_a_client_that_is_there_is_answered_however_long_an_answer_takes(
+    ros: Ros, stranger: Stranger
+) -> None:
+    service = Service(ros, lambda: None)
+    client = stranger.client()
+    for _ in range(3):
+        assert stranger.answer(client.call_async(GetParameters.Request())) is not None
+
+    assert service.answers == 3
+
+
+@pytest.mark.filterwarnings("ignore:failed to send response:RuntimeWarning")
+def test_goals_of_a_client_that_has_left_are_not_begun(ros: Ros, stranger: Stranger) -> None:
+    asked: list[Any] = []
+
+    def decide(goal: Any) -> GoalResponse:
+        if not asked:
+            stranger.leave(client)
+        asked.append(goal)
+        return GoalResponse.REJECT
+
+    server = ActionServer(
+        ros.node,
+        Say,
+        "say",
+        lambda _goal: Say.Result(),
+        goal_callback=decide,
+        goal_service_qos_profile=SERVICE,
+    )
+    kind = Say.Impl.SendGoalService
+    client = stranger.client(kind, "/say/_action/send_goal")
+    for number in range(REQUESTS):
+        request = kind.Request()
+        request.goal_id.uuid = list(number.to_bytes(16, "big"))
+        client.call_async(request)
+    ros.until(lambda: asked)
+    other = stranger.client(kind, "/say/_action/send_goal")
+    stranger.answer(other.call_async(kind.Request()))
+
+    assert len(asked) == 2, "the first one, and that of the next client"
+    server.destroy()

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every node tells on ``/diagnostics`` how its parts are: once a second, and when that changes."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Float64
+
+from active_nodes import active_feedback, active_host, active_market, active_scene_layer
+from bt_agents_lab.node import JournalNode
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from checkout import ROOT
+from feedback_node.ledger import Ledger
+
+pytestmark = pytest.mark.ros
+
+OK, WARN, ERROR, STALE = (
+    DiagnosticStatus.OK,
+    DiagnosticStatus.WARN,
+    DiagnosticStatus.ERROR,
+    DiagnosticStatus.STALE,
+)
+
+
+class Monitor:
+    """What a monitor of diagnostics shows: the newest status of each part."""
+
+    def __init__(self, ros: Any) -> None:
+        self._ros = ros
+        self._received = ros.collect(DiagnosticArray, "/diagnostics", qos.EVENTS)
+
+    def status(self, name: str) -> Any:
+        for message in reversed(self._received):
+            for status in message.status:
+                if status.name == name:
+                    return status
+        return None
+
+    def until(self, name: str, level: bytes, words: str = "") -> Any:
+        def is_told() -> bool:
+            status = self.status(name)
+            return status is not None and status.level == level and words in status.message
+
+        self._ros.until(is_told)
+        return self.status(name)
+
+    def count(self, name: str) -> int:
+        return sum(status.name == name for message in self._received for status in message.status)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))
+
+
+def test_all_parts_of_a_system_are_told_with_level_words_and_values(
+    ros: Any, tmp_path: Path, folder: Path
+) -> None:
+    monitor = Monitor(ros)
+    (folder / "agents" / "broken.yaml").write_text("format: 1\nagent: broken\n")
+    trees = read_trees(folder, InstalledInterfaces())
+    space = trees.scene.space
+    ros.add(active_market(space, "epoch"))
+    nobody = monitor.until("marketplace: hosts", WARN)
+    assert nobody.message == "no host has registered, so nobody bids"
+    host = ros.add(active_host(trees))
+    ros.add(active_scene_layer(trees.scene))
+    ros.add(active_feedback(space, Ledger(":memory:")))
+    ros.add(JournalNode(tmp_path / "journal"))
+    hosts = monitor.until("marketplace: hosts", OK)
+    assert hosts.hardware_id == "marketplace"
+    assert {one.key: one.value for one in hosts.values} == {
+        "/agents": f"{len(trees.agents)} agents"
+    }
+    assert "broken.yaml" in monitor.until("agents: files", ERROR).message
+    for name in ("marketplace: queue", "agents: ticks", "agents: servers", "journal: recording"):
+        monitor.until(name, OK)
+    for name in ("feedback: ledger", "feedback: profiles"):
+        monitor.until(name, OK)
+    monitor.until("scene_layer: sources", WARN, "no reading so far")
+    before, began = monitor.count("agents: ticks"), time.monotonic()
+    ros.until(lambda: monitor.count("agents: ticks") >= before + 3)
+    assert time.monotonic() - began > 1.5
+    ros.remove(host)
+    gone = monitor.until("marketplace: hosts", ERROR)
+    assert gone.message == "1 of 1 hosts cannot be asked: /agents (it has no heartbeat)"
+
+
+def test_a_source_that_falls_silent_is_stale(ros: Any, folder: Path) -> None:
+    scene = read_trees(folder, InstalledInterfaces()).scene
+    source = next(one for one in scene.sources if one.type == "std_msgs/msg/Float64")
+    monitor = Monitor(ros)
+    ros.add(active_scene_layer(scene))
+    sensor = ros.node.create_publisher(Float64, source.topic, 10)
+    ros.until(sensor.get_subscription_count)
+    sensor.publish(Float64(data=3.0))
+
+    def standing() -> str:
+        status = monitor.status("scene_layer: sources")
+        return {one.key: one.value for one in status.values}[source.topic] if status else ""
+
+    ros.until(lambda: standing() == "its reading holds")
+    ros.until(lambda: standing() == "its last reading is stale")
+    assert monitor.status("scene_layer: sources").level == STALE

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs without a market: any program runs an agent by its name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+import yaml
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+
+from bt_agents.host.node import HostNode, make_node
+from bt_agents.host.run_server import MOST_REFUSALS
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Heartbeat, OpenGoals, Scene, SceneValue, TreeStatus
+from bt_agents_ros import qos
+from bt_agents_ros.types import fill
+from fake_market import folder, make_host
+from programs import ROOT
+from scripted_server import Script, ScriptedServer
+
+pytestmark = pytest.mark.ros
+
+
+def agent(name: str, tree: str, more: str = "") -> str:
+    return (
+        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
+        f"profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n  {tree}\n{more}\n"
+    )
+
+
+TALKER = agent("talker", "say: hello", "on_cancel: {say: good-bye}")
+QUICK = agent("quick", "wait: 0 s")
+TELLER = agent("teller", "say: 'age ${scene.age}'")
+DANCER = agent("dancer", "dance: {}")
+SKILL = """
+format: 1
+skills:
+  dance:
+    description: dances
+    action: {name: dance, type: nobody_has/action/Dance}
+"""
+
+
+class Client:
+    """A program that knows the name of an agent, and nothing of a market."""
+
+    def __init__(self, ros: Any) -> None:
+        self.ros = ros
+        self.feedback: list[TreeStatus] = []
+        self.action = ActionClient(ros.node, RunAgent, "agents/run")
+        ros.until(self.action.server_is_ready)
+
+    def send(self, agent: str, **fields: Any) -> Any:
+        future = self.action.send_goal_async(
+            RunAgent.Goal(agent=agent, **fields),
+            feedback_callback=lambda message: self.feedback.append(message.feedback.status),
+        )
+        self.ros.until(future.done)
+        return future.result()
+
+    def result(self, handle: Any) -> Any:
+        future = handle.get_result_async()
+        self.ros.until(future.done)
+        return future.result()
+
+    def refusal(self, agent: str, **fields: Any) -> tuple[str, str]:
+        answer = self.result(self.send(agent, **fields))
+        assert answer.status == GoalStatus.STATUS_ABORTED
+        assert answer.result.outcome == RunAgent.Result.REFUSED
+        return answer.result.code, answer.result.message
+
+
+@pytest.fixture
+def host(ros: Any, tmp_path: Path) -> HostNode:
+    trees = folder(tmp_path, QUICK, TALKER, TELLER)
+    node: HostNode = ros.add(make_host(trees, market=False))
+    return node
+
+
+@pytest.fixture
+def mouth(ros: Any) -> ScriptedServer:
+    return ScriptedServer(ros, script=Script(finish_s=None))
+
+
+@pytest.fixture
+def client(ros: Any, host: HostNode) -> Iterator[Client]:
+    one = Client(ros)
+    yield one
+    one.action.destroy()
+
+
+def test_an_agent_is_run_by_its_name_alone_and_tells_how_it_goes_on(
+    ros: Any, host: HostNode, client: Client, mouth: ScriptedServer
+) -> None:
+    beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
+    opened = ros.collect(OpenGoals, "bt_agents/open_goals", qos.FACT)
+    handle = client.send("talker")
+    ros.until(lambda: mouth.goals and client.feedback)
+    ros.until(lambda: opened and opened[-1].goals)
+    ros.until(lambda: beats and beats[-1].agent == "talker")
+    assert [(one.epoch, one.round) for one in (beats[-1], opened[-1], client.feedback[0])] == [
+        (host.instance, 1)
+    ] * 3
+    mouth.goals[0].finish()
+    answer = client.result(handle)
+    assert answer.status == GoalStatus.STATUS_SUCCEEDED
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+    ros.until(lambda: not opened[-1].goals)
+    assert client.result(client.send("quick")).status == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_cancel_runs_the_clean_up_of_the_agent(
+    ros: Any, client: Client, mouth: ScriptedServer
+) -> None:
+    handle = client.send("talker")
+    ros.until(lambda: mouth.goals)
+    handle.cancel_goal_async()
+    ros.until(lambda: len(mouth.goals) == 2)
+    assert (mouth.goals[0].cancels, mouth.goals[1].request.text) == (1, "good-bye")
+    mouth.goals[1].finish()
+    answer = client.result(handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert answer.result.stop_cause == RunAgent.Result.BY_HOST
+    assert "the program that started it stopped it" in answer.result.message
+
+
+def test_what_the_host_does_not_run_is_refused_with_the_reason(
+    ros: Any, client: Client, mouth: ScriptedServer
+) -> None:
+    assert client.refusal("nobody") == (
+        "UNKNOWN_AGENT",
+        "no agent 'nobody' here; there are: quick, talker, teller",
+    )
+    assert client.refusal("")[0] == "EMPTY"
+    wrong = Scene(values=[SceneValue(name="age", value=99.0)])
+    assert client.refusal("quick", scene=wrong)[0] == "OUT_OF_RANGE"
+    unknown = Scene(values=[SceneValue(name="height", value=1.0)])
+    assert client.refusal("quick", scene=unknown)[0] == "UNKNOWN_PARAMETER"
+    handle = client.send("talker")
+    ros.until(lambda: mouth.goals)
+    assert client.refusal("quick") == ("BUSY", "talker is running; one tree at a time")
+    assert mouth.goals[0].cancels == 0
+    mouth.goals[0].finish()
+    assert client.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
+
+
+def test_a_flood_of_refused_goals_is_rejected_and_an_agent_still_runs(client: Client) -> None:
+    accepted = [client.send("nobody").accepted for _ in range(MOST_REFUSALS + 5)]
+    assert accepted[:MOST_REFUSALS] == [True] * MOST_REFUSALS
+    assert False in accepted[MOST_REFUSALS:]
+    assert client.result(client.send("quick")).result.outcome == RunAgent.Result.SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        (Scene(values=[SceneValue(name="age", value=4.5)]), "age 4.5"),
+        (
+            Scene(person=True, values=[SceneValue(name="mood", value=2.0)]),
+            "'scene.age' has no value",
+        ),
+    ],
+)
+def test_the_scene_of_a_run_has_what_the_goal_gives(
+    ros: Any, client: Client, mouth: ScriptedServer, scene: Scene, said: str
+) -> None:
+    handle = client.send("teller", scene=scene)
+    ended = handle.get_result_async()
+    ros.until(lambda: mouth.goals or ended.done())
+    if mouth.goals:
+        assert mouth.goals[0].request.text == said
+    else:
+        assert said in ended.result().result.message
+
+
+def test_an_agent_whose_skill_nobody_offers_is_unavailable(ros: Any, tmp_path: Path) -> None:
+    trees = folder(tmp_path, DANCER)
+    (trees / "skills" / "dance.yaml").write_text(SKILL)
+    ros.add(make_host(trees, market=False))
+    client = Client(ros)
+    code, message = client.refusal("dancer")
+    assert code == "UNAVAILABLE"
+    assert message.startswith("dancer cannot run: ")
+    assert "nobody_has" in message
+    client.action.destroy()
+
+
+def test_the_goals_of_the_page_can_be_sent() -> None:
+    page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
+    goals = re.findall(r"send_goal /agents/run bt_agents_interfaces/action/RunAgent '(.*?)'", page)
+    assert len(goals) == 2
+    for text in goals:
+        goal = RunAgent.Goal()
+        fill(goal, yaml.safe_load(text))
+        assert goal.agent == "attentive_guide"
+
+
+def test_any_other_market_is_refused_at_the_start(tmp_path: Path) -> None:
+    rclpy.init(args=["--ros-args", "-p", "market:=plaza"], domain_id=0)
+    try:
+        with pytest.raises(Refused, match="UNKNOWN_MARKET: the parameter 'market' is 'plaza'"):
+            make_node()
+    finally:
+        rclpy.try_shutdown()

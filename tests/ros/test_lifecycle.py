@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Managed nodes: what whoever manages them by the services of a life cycle sees and gets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from lifecycle_msgs.msg import Transition, TransitionEvent
+from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+from bt_agents.host.environment.open_goals_file import OpenGoalsFile
+from bt_agents.host.node import HostNode
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_interfaces.msg import Run
+from bt_agents_interfaces.srv import CollectFeedback
+from bt_agents_ros import qos
+from bt_agents_ros.managed_node import AUTOSTART, ManagedNode, make_managed
+from feedback_node.ledger import Ledger
+from feedback_node.node import FeedbackNode
+from graph import Ros
+from marketplace_node.node import MarketplaceNode
+from scene_layer.node import SceneLayerNode
+from whole_system import System, write_agents
+
+pytestmark = pytest.mark.ros
+
+CONFIGURE, ACTIVATE, DEACTIVATE, CLEANUP = (
+    Transition.TRANSITION_CONFIGURE,
+    Transition.TRANSITION_ACTIVATE,
+    Transition.TRANSITION_DEACTIVATE,
+    Transition.TRANSITION_CLEANUP,
+)
+NODES: dict[str, Callable[[], ManagedNode[Any]]] = {
+    "marketplace": MarketplaceNode,
+    "scene_layer": SceneLayerNode,
+    "feedback": FeedbackNode,
+    "agents": HostNode,
+}
+
+
+class Manager:
+    """Lifecycle manager of one node, which knows it by its services alone."""
+
+    def __init__(self, ros: Ros, name: str) -> None:
+        self.ros = ros
+        self._change = ros.node.create_client(ChangeState, f"{name}/change_state")
+        self._state = ros.node.create_client(GetState, f"{name}/get_state")
+        self._transitions = ros.node.create_client(
+            GetAvailableTransitions, f"{name}/get_available_transitions"
+        )
+        self.events: list[TransitionEvent] = ros.collect(
+            TransitionEvent, f"{name}/transition_event", qos.EVENTS
+        )
+        ros.until(lambda: ros.node.count_publishers(f"{name}/transition_event"))
+
+    def begin(self, number: int = 0, label: str = "") -> Future:
+        self.ros.until(self._change.service_is_ready)
+        transition = Transition(id=number, label=label)
+        return self._change.call_async(ChangeState.Request(transition=transition))
+
+    def change(self, number: int = 0, label: str = "") -> bool:
+        answer = self.begin(number, label)
+        self.ros.until(answer.done)
+        return bool(answer.result().success)
+
+    @property
+    def state(self) -> str:
+        return str(self.ros.call(self._state, GetState.Request()).current_state.label)
+
+    @property
+    def transitions(self) -> set[str]:
+        answer = self.ros.call(self._transitions, GetAvailableTransitions.Request())
+        return {one.transition.label for one in answer.available_transitions}
+
+
+def endpoints(node: Node) -> dict[str, int]:
+    """Return how many endpoints, timers and parameters a node has."""
+    kinds = ("publishers", "subscriptions", "services", "clients", "timers", "waitables")
+    counts = {kind: len(list(getattr(node, kind))) for kind in kinds}
+    return {**counts, "parameters": len(node.list_parameters([], 0).names)}
+
+
+@pytest.fixture
+def system(ros: Ros, tmp_path: Path) -> System:
+    return System(ros, write_agents(tmp_path, ann=4.0), epoch=None)
+
+
+def unconfigured(ros: Ros, name: str, trees: Path) -> ManagedNode[Any]:
+    given = [Parameter("trees", value=str(trees)), Parameter("ledger", value=":memory:")]
+    return ros.add(NODES[name](parameter_overrides=given))  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_a_node_goes_through_all_states_and_back_again_as_often_as_it_is_told_to(
+    ros: Ros, tmp_path: Path, name: str
+) -> None:
+    node = unconfigured(ros, name, write_agents(tmp_path, ann=4.0))
+    manager = Manager(ros, name)
+    bare = endpoints(node)
+    assert (manager.state, manager.transitions) == ("unconfigured", {"configure", "shutdown"})
+
+    assert manager.change(CONFIGURE)
+    assert manager.state == "inactive"
+    assert manager.transitions == {"activate", "cleanup", "shutdown"}
+    assert endpoints(node) == bare
+    active = []
+    for _ in range(3):
+        assert manager.change(label="activate")
+        ros.turns(20)
+        active.append(endpoints(node))
+        assert manager.change(DEACTIVATE)
+        assert endpoints(node) == bare
+    assert active[0] == active[1] == active[2]
+    assert active[0]["publishers"] > bare["publishers"]
+    assert manager.change(CLEANUP)
+    assert manager.change(label="shutdown")
+    assert (manager.state, manager.transitions) == ("finalized", set())
+
+    ways = [(one.start_state.label, one.goal_state.label) for one in manager.events]
+    assert ways[:2] == [("unconfigured", "configuring"), ("configuring", "inactive")]
+    assert ways[-2:] == [("unconfigured", "shuttingdown"), ("shuttingdown", "finalized")]
+    assert all(earlier[1] == later[0] for earlier, later in pairwise(ways))
+
+
+def test_a_transition_that_does_not_begin_in_the_present_state_is_refused_and_changes_nothing(
+    ros: Ros, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    unconfigured(ros, "marketplace", write_agents(tmp_path, ann=4.0))
+    manager = Manager(ros, "marketplace")
+
+    assert not manager.change(ACTIVATE)
+    assert not manager.change(label="no\nsuch")
+    assert manager.state == "unconfigured"
+    log = capfd.readouterr().err
+    assert (
+        "NO_TRANSITION: transition 3 does not begin in the state 'unconfigured', "
+        "expected 'configure' (1), 'shutdown' (5)"
+    ) in log
+    assert "NO_TRANSITION: 'no such' does not begin" in log
+
+
+def test_a_node_whose_files_are_broken_stays_unconfigured_until_they_are_mended(
+    ros: Ros, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    trees = write_agents(tmp_path, ann=4.0)
+    scene = trees / "scene.yaml"
+    text = scene.read_text()
+    scene.write_text("format: 1\nparametres: {}\n")
+    unconfigured(ros, "scene_layer", trees)
+    manager = Manager(ros, "scene_layer")
+
+    assert not manager.change(CONFIGURE)
+    assert manager.state == "unconfigured"
+    assert "parametres" in capfd.readouterr().err
+    scene.write_text(text)
+    assert manager.change(CONFIGURE)
+
+
+def test_a_node_that_cannot_be_activated_stays_inactive_and_leaves_nothing_behind(
+    ros: Ros, tmp_path: Path
+) -> None:
+    trees = write_agents(tmp_path, ann=4.0)
+    (trees / "market.yaml").write_text("format: 1\nrules:\n  - {when: 1 <, agents: [ann]}\n")
+    given = [Parameter("trees", value=str(trees)), Parameter("strategy", value="rules")]
+    node = ros.add(MarketplaceNode(parameter_overrides=given))
+    manager = Manager(ros, "marketplace")
+    bare = endpoints(node)
+
+    assert manager.change(CONFIGURE)
+    assert not manager.change(ACTIVATE)
+    assert (manager.state, endpoints(node)) == ("inactive", bare)
+
+
+def test_a_fault_while_a_node_is_deactivated_is_answered_and_leaves_nothing_behind(
+    ros: Ros, system: System, capfd: pytest.CaptureFixture[str]
+) -> None:
+    manager = Manager(ros, "scene_layer")
+    node = system.scene_layer
+
+    def fail() -> None:
+        raise RuntimeError("the disk is gone")
+
+    node._closing.callback(fail)
+    assert not manager.change(DEACTIVATE)
+    assert manager.state == "unconfigured"
+    assert "RuntimeError: the disk is gone" in capfd.readouterr().err
+    assert not node.is_active
+    ros.until(lambda: not ros.node.count_publishers("bt_agents/scene"))
+    assert not ros.node.count_services("scene_layer/analyze")
+    assert not list(node.timers)
+
+
+def test_files_of_an_activation_that_has_failed_are_free_for_the_next_one(
+    ros: Ros, tmp_path: Path
+) -> None:
+    file = tmp_path / "open_goals.json"
+    given = [
+        Parameter("trees", value=str(write_agents(tmp_path, ann=4.0))),
+        Parameter("open_goals", value=str(file)),
+        Parameter("qos_overrides./agents/run_control.publisher.depth", value=-1),
+    ]
+    node = ros.add(HostNode(parameter_overrides=given))
+    manager = Manager(ros, "agents")
+    bare = endpoints(node)
+    assert manager.change(CONFIGURE)
+    assert not manager.change(ACTIVATE)
+
+    OpenGoalsFile(file).close()
+    assert (manager.state, endpoints(node)) == ("inactive", bare)
+
+
+@pytest.mark.parametrize("name", ["market", "scene_layer", "feedback", "host"])
+def test_each_node_can_be_away_for_a_while_and_the_system_goes_on_afterwards(
+    ros: Ros, system: System, name: str
+) -> None:
+    assert system.interact(age=4) == "ann"
+    manager = Manager(ros, getattr(system, name).get_name())
+
+    assert manager.change(DEACTIVATE)
+    ros.turns(50)
+    assert manager.change(ACTIVATE)
+    ros.until(lambda: system.host.registered)
+    assert system.interact(age=4) == "ann"
+    ros.until(lambda: len(system.ends) == 2)
+    assert {end.code for end in system.ends} == {"SUCCEEDED"}
+
+
+def test_a_host_that_is_deactivated_lets_its_tree_end_cleanly_first(
+    ros: Ros, tmp_path: Path
+) -> None:
+    trees = write_agents(tmp_path, ann=4.0, wait="60 s")
+    file = trees / "agents" / "ann.yaml"
+    agent = yaml.safe_load(file.read_text())
+    agent["on_cancel"] = {"wait": "1 s"}
+    file.write_text(yaml.safe_dump(agent, sort_keys=False))
+    system = System(ros, trees)
+    manager = Manager(ros, "agents")
+    system.analyze(age=4)
+    ros.until(lambda: system.runs and system.runs[-1].event == Run.STARTED)
+
+    answer = manager.begin(DEACTIVATE)
+    ros.until(lambda: manager.events)
+    assert manager.state == "deactivating"
+    assert not manager.change(CLEANUP)
+    assert not manager.change(Transition.TRANSITION_ON_DEACTIVATE_SUCCESS)
+    assert not manager.change(label="transition_error")
+    assert manager.state == "deactivating"
+    assert not answer.done()
+    ros.until(answer.done)
+    assert answer.result().success
+    assert manager.state == "inactive"
+    ros.until(lambda: system.runs[-1].event == Run.ENDED)
+    assert system.runs[-1].outcome == Run.CANCELLED
+    assert not system.host.is_active
+
+
+def test_feedback_that_is_asked_for_while_nobody_learns_is_learned_from_later(
+    ros: Ros, tmp_path: Path
+) -> None:
+    system = System(ros, write_agents(tmp_path, ann=4.0))
+    manager = Manager(ros, "feedback")
+    assert manager.change(DEACTIVATE)
+    assert not ros.node.count_services("feedback/collect")
+
+    scene = system.analyze(age=4).scene.scene_id
+    ros.until(lambda: system.ends and system.ends[-1].scene_id == scene)
+    collected: list[Any] = []
+    answered = system.feedback._on_collect
+
+    async def watched(request: Any, response: Any) -> Any:
+        collected.append(request)
+        return await answered(request, response)
+
+    system.feedback._on_collect = watched
+    assert manager.change(ACTIVATE)
+    ros.until(lambda: collected)
+    assert isinstance(collected[0], CollectFeedback.Request)
+    assert (collected[0].round, collected[0].agent) == (1, "ann")
+
+
+def test_values_of_parameters_count_at_the_next_activation_and_tunables_are_those_of_their_file(
+    ros: Ros, system: System
+) -> None:
+    manager = Manager(ros, "agents")
+    client = ros.node.create_client(SetParameters, "agents/set_parameters")
+    wanted = [Parameter("live_lease", value=3.0), Parameter("tick_rate", value=33.0)]
+    answer = ros.call(
+        client, SetParameters.Request(parameters=[one.to_parameter_msg() for one in wanted])
+    )
+    assert [one.reason for one in answer.results] == ["", ""]
+
+    assert manager.change(DEACTIVATE)
+    assert not system.host.has_parameter("live_lease")
+    assert manager.change(ACTIVATE)
+    assert system.host.get_parameter("live_lease").value == 3.0
+    assert system.host.get_parameter("tick_rate").value != 33.0
+
+
+def test_the_ledger_of_a_feedback_node_that_is_inactive_can_be_opened_by_others(
+    ros: Ros, tmp_path: Path
+) -> None:
+    ledger = tmp_path / "ledger.sqlite"
+    given = [
+        Parameter("trees", value=str(write_agents(tmp_path, ann=4.0))),
+        Parameter("ledger", value=str(ledger)),
+    ]
+    ros.add(FeedbackNode(parameter_overrides=given))
+    manager = Manager(ros, "feedback")
+    assert manager.change(CONFIGURE)
+    assert manager.change(ACTIVATE)
+    assert manager.change(DEACTIVATE)
+
+    with Ledger(ledger) as other:
+        assert not manager.change(ACTIVATE)
+        assert not other.failure
+    assert manager.change(ACTIVATE)
+
+
+def test_a_process_starts_active_unless_its_parameter_says_otherwise(
+    ros: Ros, tmp_path: Path
+) -> None:
+    trees = Parameter("trees", value=str(write_agents(tmp_path, ann=4.0)))
+    for given, is_active in (([trees], True), ([trees, Parameter(AUTOSTART, value=False)], False)):
+        node = ros.add(make_managed(partial(MarketplaceNode, parameter_overrides=given)))
+        assert node.is_active is is_active
+        ros.remove(node)
+    broken = [Parameter("trees", value=str(tmp_path / "nowhere"))]
+    with pytest.raises(BtAgentsError, match="nowhere' is no trees folder"):
+        make_managed(partial(MarketplaceNode, parameter_overrides=broken))

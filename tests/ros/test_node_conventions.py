@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every node offers as ROS users expect it: QoS overrides and levels of loggers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rcl_interfaces.msg import LoggerLevel
+from rcl_interfaces.srv import GetLoggerLevels, SetLoggerLevels
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from std_msgs.msg import Empty
+
+from active_nodes import active_host
+from bt_agents_core.errors import Refused
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import BaseNode
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.parameters import report_unknown
+from bt_agents_ros.workarounds.sender_identity import create_identified_subscription
+from programs import ROOT
+from tree_harness import TREES
+
+pytestmark = pytest.mark.ros
+
+
+def node_with(ros: Any, **overrides: Any) -> BaseNode:
+    """Return a node with ``qos_overrides.`` parameters; ``__`` stands for a dot."""
+    given = [
+        Parameter(f"qos_overrides./{name.replace('__', '.')}", value=value)
+        for name, value in overrides.items()
+    ]
+    return ros.add(BaseNode("some_node", parameter_overrides=given))
+
+
+def test_policies_of_a_publisher_and_of_a_subscription_are_overridden(ros: Any) -> None:
+    node = node_with(
+        ros,
+        scene__publisher__depth=7,
+        scene__publisher__durability="volatile",
+        scene__subscription__reliability="best_effort",
+    )
+    publisher = node.create_publisher(Empty, "scene", qos.FACT)
+    subscription = node.create_subscription(Empty, "scene", lambda _: None, qos.FACT)
+    assert publisher.qos_profile.depth == 7
+    assert publisher.qos_profile.durability == DurabilityPolicy.VOLATILE
+    assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert subscription.qos_profile.depth == 1
+    assert subscription.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+
+
+def test_a_subscription_that_is_told_its_senders_is_overridden_each_time_it_is_made(
+    ros: Any,
+) -> None:
+    node = node_with(ros, words__subscription__depth=7)
+    for _ in range(2):
+        made = create_identified_subscription(
+            node, Empty, "words", lambda _message, _sender: None, qos.EVENTS
+        )
+        assert made.qos_profile.depth == 7
+        node.destroy_subscription(made)
+
+
+def test_an_override_is_for_one_topic_of_one_node(ros: Any) -> None:
+    node = node_with(ros, scene__publisher__depth=7)
+    node.create_publisher(Empty, "scene", qos.FACT)
+    other = node.create_publisher(Empty, "market", qos.FACT)
+    elsewhere = ros.add(BaseNode("other")).create_publisher(Empty, "scene", qos.FACT)
+    assert [one.qos_profile.depth for one in (other, elsewhere)] == [1, 1]
+    assert qos.FACT.depth == 1
+
+
+def test_an_override_names_the_topic_as_it_is_remapped(ros: Any) -> None:
+    given = [Parameter("qos_overrides./robot/scene.publisher.depth", value=7)]
+    node = ros.add(BaseNode("some_node", namespace="/robot", parameter_overrides=given))
+    assert node.create_publisher(Empty, "scene", qos.FACT).qos_profile.depth == 7
+
+
+def test_only_overrides_that_were_given_are_parameters(ros: Any) -> None:
+    node = node_with(ros, scene__publisher__depth=7)
+    node.create_publisher(Empty, "scene", qos.FACT)
+    node.create_publisher(Empty, "market", qos.FACT)
+    names = node.list_parameters([], 0).names
+    assert [name for name in names if name.startswith("qos")] == [
+        "qos_overrides./scene.publisher.depth"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("policy", "value", "words"),
+    [
+        ("depht", 7, "'depht' is none of"),
+        ("reliability", "perfect", "perfect"),
+        ("depth", "many", "many"),
+        ("depth", -1, "-1"),
+        ("depth", 10**9, "expected 0 to 10000"),
+    ],
+)
+def test_an_override_that_there_is_not_is_refused(
+    ros: Any, policy: str, value: object, words: str
+) -> None:
+    node = node_with(ros, **{f"scene__publisher__{policy}": value})
+    with pytest.raises(Refused, match="BAD_QOS_OVERRIDE") as refused:
+        node.create_publisher(Empty, "scene", qos.FACT)
+    assert words in str(refused.value)
+    assert "/scene.publisher." in str(refused.value)
+
+
+def test_the_overrides_of_the_documentation_count(ros: Any, tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
+    example = page.partition("## QoS and log levels")[2].partition("```text\n")[2]
+    file = tmp_path / "overrides.yaml"
+    file.write_text(example.partition("```")[0], encoding="utf-8")
+    host = ros.add(
+        active_host(
+            read_trees(TREES, InstalledInterfaces()),
+            cli_args=["--ros-args", "--params-file", str(file)],
+        )
+    )
+    host.create_subscription(Empty, "button", lambda _: None, qos.EVENTS)
+    names = host.list_parameters([], 0).names
+    assert {name: host.get_parameter(name).value for name in names if name.startswith("qos")} == {
+        "qos_overrides./agents/status.publisher.depth": 5000,
+        "qos_overrides./button.subscription.reliability": "best_effort",
+    }
+
+
+def test_an_override_for_no_endpoint_is_named(ros: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    node = node_with(ros, scnee__publisher__depth=7)
+    node.create_publisher(Empty, "scene", qos.FACT)
+    report_unknown(node)
+    assert "'qos_overrides./scnee.publisher.depth' is for a publisher" in capfd.readouterr().err
+
+
+def test_the_level_of_a_logger_is_read_and_set_while_a_node_runs(
+    ros: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = ros.add(BaseNode("levelled"))
+    part = node.get_logger().get_child("part")
+    assert set_levels(ros, levelled=10) == [""]
+    node.get_logger().debug("now it is logged")
+    part.debug("this too")
+    read = ros.node.create_client(
+        GetLoggerLevels, "levelled/get_logger_levels", qos_profile=qos.SERVICE
+    )
+    answer = ros.call(read, GetLoggerLevels.Request(names=["levelled", "levelled.part"]))
+    assert [one.level for one in answer.levels] == [10, 0]
+    assert set_levels(ros, levelled=40) == [""]
+    node.get_logger().warning("this is not")
+    logged = capfd.readouterr().err
+    assert "now it is logged" in logged
+    assert "this too" in logged
+    assert "this is not" not in logged
+
+
+def test_only_loggers_of_the_node_and_of_ros_get_levels(ros: Any) -> None:
+    ros.add(BaseNode("levelled"))
+    reasons = set_levels(
+        ros, **{"levelled.part": 20, "rcl": 20, "somebody": 20, "levelledtoo": 20, "levelled": 25}
+    )
+    assert [reason.partition(":")[0] for reason in reasons] == [
+        *("", "", "UNKNOWN_LOGGER", "UNKNOWN_LOGGER", "UNKNOWN_LEVEL")
+    ]
+
+
+def test_endless_names_of_loggers_do_not_stay(ros: Any) -> None:
+    ros.add(BaseNode("levelled"))
+    found = [
+        reason
+        for start in (0, 600)
+        for reason in set_levels(ros, **{f"levelled.a{start + n}": 20 for n in range(600)})
+    ]
+    assert found[:1000] == [""] * 1000
+    assert {reason.partition(":")[0] for reason in found[1000:]} == {"TOO_MANY"}
+
+
+def set_levels(ros: Any, **levels: int) -> list[str]:
+    """Ask the node ``levelled``; return the reason of each refusal, empty for what is set."""
+    client = ros.node.create_client(
+        SetLoggerLevels, "levelled/set_logger_levels", qos_profile=qos.SERVICE
+    )
+    request = SetLoggerLevels.Request(
+        levels=[LoggerLevel(name=name, level=level) for name, level in levels.items()]
+    )
+    return [one.reason for one in ros.call(client, request).results]

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Behaviours of py_trees_ros as leaves of a host: the example of the page, and its promises."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import py_trees
+import pytest
+from rcl_interfaces.msg import Log
+from std_msgs.msg import Bool, String
+
+from bt_agents.host.node import HostNode
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
+from bt_agents_ros import qos
+from checkout import ROOT
+from fake_market import Market, folder, make_host
+from scripted_server import Script, ScriptedServer
+
+pytestmark = pytest.mark.ros
+
+HEAD = "format: 1\nagent: {0}\ntitle: {0}\ndescription: {0}\n"
+PROFILE = "profile: {age: 3, familiarity: 3, mood: 3}\n"
+PAGE = (ROOT / "docs" / "py_trees_ros.md").read_text(encoding="utf-8")
+
+
+def block(language: str) -> str:
+    [found] = re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+    return str(found)
+
+
+@pytest.fixture(autouse=True)
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The package of the page, installed as pip would leave it."""
+    if importlib.util.find_spec("py_trees_ros") is None:
+        monkeypatch.syspath_prepend(ROOT / "tests" / "harness" / "stand_ins")
+    place = tmp_path / "installed"
+    info = place / "their_nodes-1.0.dist-info"
+    info.mkdir(parents=True)
+    (place / "their_nodes.py").write_text(block("py"))
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-nodes\nVersion: 1.0\n")
+    points = block("toml").partition('"bt_agents.nodes"]\n')[2].replace('"', "")
+    (info / "entry_points.txt").write_text(f"[bt_agents.nodes]\n{points}")
+    monkeypatch.syspath_prepend(place)
+    before = set(sys.modules)
+    installed_plugins.cache_clear()
+    yield
+    installed_plugins.cache_clear()
+    for name in set(sys.modules) - before:
+        if name.partition(".")[0] in ("their_nodes", "py_trees_ros"):
+            del sys.modules[name]
+
+
+class Stage:
+    """A host with one agent, which a market has run."""
+
+    def __init__(self, ros: Any, tmp_path: Path, tree: str) -> None:
+        self.ros = ros
+        self.market = Market(ros)
+        text = HEAD.format("guide") + PROFILE + tree
+        self.host: HostNode = ros.add(make_host(folder(tmp_path, text)))
+        self.market.open()
+        ros.until(lambda: self.host.registered)
+        self.made = self.count()
+        self.handle: Any = None
+
+    def count(self) -> tuple[int, int]:
+        """Return how many subscriptions, and how many waitables the host has."""
+        return len(list(self.host.subscriptions)), len(list(self.host.waitables))
+
+    def begin(self, round_number: int = 1) -> None:
+        self.handle = self.market.send(self.market.goal(self.host, "guide", round=round_number))
+
+    def result(self) -> Any:
+        return self.market.result(self.handle).result
+
+    def publish(self, kind: Any, topic: str, data: Any) -> None:
+        """Publish when the behaviour has subscribed."""
+        publisher = self.ros.node.create_publisher(kind, topic, 10)
+        self.ros.until(publisher.get_subscription_count)
+        publisher.publish(kind(data=data))
+
+
+def test_the_example_of_the_page_runs(ros: Any, tmp_path: Path) -> None:
+    other = ScriptedServer(ros, "other/say")
+    said = ScriptedServer(ros)
+    stage = Stage(ros, tmp_path, block("yaml"))
+    logged = ros.collect(Log, "/rosout", qos.FACTS)
+    for number in (1, 2):
+        stage.begin(number)
+        stage.publish(Bool, "door", True)
+        ros.until(lambda count=number: len(other.goals) == count)
+        stage.publish(String, "words", f"hello {number}")
+        result = stage.result()
+        assert (result.outcome, list(result.orphans)) == (RunAgent.Result.SUCCEEDED, [])
+    assert [goal.request.text for goal in other.goals] == ["Come in."] * 2
+    assert [goal.request.text for goal in said.goals] == ["You said hello 1.", "You said hello 2."]
+    assert stage.count() == stage.made
+    keys = py_trees.blackboard.Blackboard.keys()
+    assert not [key for key in keys if key.startswith(("/heard", "/goal_"))]
+    clients = py_trees.blackboard.Blackboard.clients.values()
+    assert not {"greet Come in.", "listen"} & set(clients)
+    assert not [line for line in logged if "at the end of the run" in line.msg]
+
+
+def test_three_hundred_starts_of_a_leaf_make_one_subscription_and_leave_none(
+    ros: Any, tmp_path: Path
+) -> None:
+    stage = Stage(ros, tmp_path, "tree: {door: true, repeat: {times: 300}}\n")
+    stage.host._runs.set_rate(1000.0)
+    seen: list[int] = []
+    stage.host._runs.on_tick(lambda: seen.append(stage.count()[0]))
+    stage.begin()
+    stage.publish(Bool, "door", True)
+    result = stage.result()
+    assert result.outcome == RunAgent.Result.SUCCEEDED
+    assert result.ticks >= 300
+    assert max(seen) == stage.made[0] + 1
+    assert stage.count() == stage.made
+
+
+def test_a_goal_that_is_stopped_before_it_is_accepted_is_cancelled_on_acceptance(
+    ros: Any, tmp_path: Path
+) -> None:
+    other = ScriptedServer(ros, "other/say", script=Script(accept_s=0.6, finish_s=None))
+    stage = Stage(ros, tmp_path, "tree: {greet: Come in., timeout: 0.2 s}\n")
+    stage.begin()
+    result = stage.result()
+    assert (result.outcome, list(result.orphans)) == (RunAgent.Result.FAILED, [])
+    [goal] = other.goals
+    assert (goal.outcome, goal.cancels) == ("cancelled", 1)
+    assert stage.count() == stage.made
+
+
+def test_a_goal_that_is_stopped_while_it_runs_is_cancelled_once(ros: Any, tmp_path: Path) -> None:
+    other = ScriptedServer(ros, "other/say", script=Script(finish_s=None))
+    stage = Stage(ros, tmp_path, "tree: {greet: Come in.}\n")
+    stage.begin()
+    ros.until(lambda: other.goals and other.goals[0].accepted.done())
+    ros.turns()
+    stage.handle.cancel_goal_async()
+    result = stage.result()
+    assert (result.outcome, list(result.orphans)) == (RunAgent.Result.CANCELLED, [])
+    assert (other.goals[0].outcome, other.goals[0].cancels) == ("cancelled", 1)
+
+
+def test_a_goal_whose_server_does_not_stop_is_an_orphan(ros: Any, tmp_path: Path) -> None:
+    other = ScriptedServer(ros, "other/say", script=Script(finish_s=None, on_cancel="refuses"))
+    stage = Stage(ros, tmp_path, "tree: {greet: Come in., timeout: 0.5 s}\n")
+    stage.begin()
+    result = stage.result()
+    assert (result.outcome, list(result.orphans)) == (RunAgent.Result.FAILED, ["tree"])
+    assert other.goals[0].cancels
+
+
+def test_a_server_that_is_not_there_holds_nobody_up(ros: Any, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path, "tree: {greet: Come in.}\n")
+    began = time.monotonic()
+    stage.begin()
+    result = stage.result()
+    assert result.outcome == RunAgent.Result.FAILED
+    assert "other/say unreachable: its server is not there" in result.message
+    assert time.monotonic() - began < 20.0
+    assert not result.overruns or result.ticks > 10
+    assert stage.count() == stage.made

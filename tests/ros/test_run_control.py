@@ -1,0 +1,366 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs that people pause, step and resume: with real goals, deadlines and cancels."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from builtin_interfaces.msg import Time
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+
+from bt_agents.host.node import HostNode
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import (
+    Countdown,
+    Heartbeat,
+    NodeDetails,
+    RunControl,
+    RunRecord,
+    StatusChange,
+    TreeStatus,
+)
+from bt_agents_interfaces.srv import ControlRun
+from bt_agents_ros import qos
+from fake_market import Market, folder, make_host
+from scripted_server import Script, ScriptedServer
+
+pytestmark = pytest.mark.ros
+
+PAUSE, RESUME = ControlRun.Request.PAUSE, ControlRun.Request.RESUME
+STEP, BREAKPOINTS = ControlRun.Request.STEP, ControlRun.Request.BREAKPOINTS
+
+
+def agent(name: str, tree: str, more: str = "") -> str:
+    return (
+        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
+        f"profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n  {tree}\n{more}\n"
+    )
+
+
+TALKER = agent("talker", "sequence: [{say: one}, {say: two}]", "on_cancel: {say: good-bye}")
+SLEEPER = agent("sleeper", "wait: 0.5 s")
+FILLED = agent("filled", "sequence: [{set: {name: Anna}}, {say: 'Hello ${name}', timeout: 9 s}]")
+
+
+class Host:
+    """A host under control, and what it publishes about that."""
+
+    def __init__(self, ros: Any, market: Market, node: HostNode) -> None:
+        self.ros, self.market, self.node = ros, market, node
+        self._client = ros.node.create_client(
+            ControlRun, "agents/control", qos_profile=qos.SERVICE
+        )
+        self.controls = ros.collect(RunControl, "agents/run_control", qos.FACT)
+        ros.until(lambda: self._client.service_is_ready() and self.controls)
+
+    def ask(self, action: int, **fields: Any) -> Any:
+        future = self._client.call_async(ControlRun.Request(action=action, **fields))
+        self.ros.until(future.done)
+        return future.result()
+
+    def done(self, action: int, **fields: Any) -> str:
+        answer = self.ask(action, **fields)
+        assert answer.accepted, answer.message
+        return str(answer.message)
+
+    def stop_before(self, name: str, *paths: str) -> None:
+        self.done(BREAKPOINTS, agent=name, paths=list(paths))
+
+    @property
+    def control(self) -> Any:
+        return self.controls[-1]
+
+    def paused_at(self, path: str) -> None:
+        self.ros.until(lambda: self.control.paused and self.control.paused_at == path)
+
+    def ticks(self) -> int:
+        return int(self.node._runs.run.ticks)
+
+
+@pytest.fixture
+def market(ros: Any) -> Market:
+    return Market(ros)
+
+
+@pytest.fixture
+def host(ros: Any, market: Market, tmp_path: Path) -> Host:
+    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER, SLEEPER, FILLED)))
+    market.open()
+    ros.until(lambda: node.registered)
+    return Host(ros, market, node)
+
+
+@pytest.fixture
+def mouth(ros: Any) -> ScriptedServer:
+    return ScriptedServer(ros, script=Script(finish_s=None))
+
+
+def pass_time(ros: Any, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    ros.until(lambda: time.monotonic() >= end)
+
+
+def test_a_paused_tree_is_not_ticked_while_its_goal_goes_on_and_it_ends_well_later(
+    ros: Any, host: Host, market: Market, mouth: ScriptedServer
+) -> None:
+    handle = market.send(market.goal(host.node))
+    ros.until(lambda: mouth.goals)
+    assert host.done(PAUSE, author="anna") == "talker is paused at tree/0.say"
+    ros.until(lambda: host.control.paused)
+    assert (host.control.author, host.control.agent, host.control.round) == ("anna", "talker", 1)
+    before = host.ticks()
+    mouth.goals[0].finish()
+    pass_time(ros, 0.3)
+    assert (host.ticks(), len(mouth.goals)) == (before, 1)
+    assert host.done(STEP) == "talker was ticked once, and is at tree/1.say"
+    ros.until(lambda: len(mouth.goals) == 2)
+    assert host.ticks() == before + 1
+    assert host.done(RESUME) == "talker goes on"
+    mouth.goals[1].finish()
+    answer = market.result(handle)
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+    ros.until(lambda: not host.control.agent)
+    assert not host.control.paused
+
+
+def test_a_run_pauses_before_a_node_and_a_step_starts_that(
+    ros: Any, host: Host, market: Market, mouth: ScriptedServer
+) -> None:
+    statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
+    ros.until(host.node._runs._status.get_subscription_count)
+    host.stop_before("talker", "tree/0.say", "tree/1.say")
+    market.send(market.goal(host.node))
+    host.paused_at("tree/0.say")
+    ros.until(lambda: statuses)
+    assert statuses[-1].tip == "tree/0.say"
+    last = statuses[-1].changes[0]
+    assert (last.path, last.status) == ("tree/0.say", StatusChange.RUNNING)
+    pass_time(ros, 0.2)
+    assert mouth.goals == []
+    assert host.done(STEP) == "talker was ticked once, and is at tree/0.say"
+    ros.until(lambda: mouth.goals)
+    host.paused_at("")
+    mouth.goals[0].finish()
+    host.done(RESUME)
+    host.paused_at("tree/1.say")
+    assert len(mouth.goals) == 1
+    host.stop_before("talker")
+    host.done(RESUME)
+    ros.until(lambda: len(mouth.goals) == 2)
+
+
+def test_breakpoints_outlive_the_run(
+    ros: Any, host: Host, market: Market, mouth: ScriptedServer
+) -> None:
+    mouth.script = Script()
+    host.stop_before("talker", "tree/0.say")
+    for number in (1, 2):
+        handle = market.send(market.goal(host.node, round=number))
+        host.paused_at("tree/0.say")
+        handle.cancel_goal_async()
+        assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED
+    assert [one.path for one in host.control.breakpoints] == ["tree/0.say"]
+    assert [goal.request.text for goal in mouth.goals] == ["good-bye", "good-bye"]
+
+
+def test_a_paused_run_is_cancelled_with_its_clean_up_and_its_market_is_heard(
+    ros: Any, host: Host, market: Market, mouth: ScriptedServer
+) -> None:
+    beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
+    market.live()
+    handle = market.send(market.goal(host.node))
+    ros.until(lambda: mouth.goals)
+    host.done(PAUSE)
+    before = len(beats)
+    # Longer than the lease of the market, and than that of the host.
+    ros.until(lambda: len(beats) - before > 12)
+    assert beats[-1].tip_name == 'say "one"'
+    handle.cancel_goal_async()
+    ros.until(lambda: len(mouth.goals) == 2)
+    assert mouth.goals[1].request.text == "good-bye"
+    ros.until(lambda: not host.control.paused)
+    mouth.goals[1].finish()
+    result = market.result(handle).result
+    assert result.outcome == RunAgent.Result.CANCELLED
+    assert result.overruns == 0
+
+
+def test_the_clock_of_the_tree_stands_still_and_a_step_lets_one_period_pass(
+    ros: Any, host: Host, market: Market
+) -> None:
+    host.stop_before("sleeper", "tree")
+    handle = market.send(market.goal(host.node, agent="sleeper"))
+    host.paused_at("tree")
+    pass_time(ros, 0.8)
+    steps = 0
+    while host.node._runs.run is not None and host.node._runs.run.result is None:
+        host.done(STEP)
+        steps += 1
+    # The first begins the wait of ten periods, which may fall short of it by a rounding.
+    assert steps in (11, 12)
+    answer = market.result(handle)
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+    assert answer.result.duration_s == pytest.approx(steps * 0.05, abs=0.02)
+
+
+def test_a_silent_market_ends_a_paused_run(
+    ros: Any, host: Host, market: Market, mouth: ScriptedServer
+) -> None:
+    host.node.set_parameters([Parameter("market_lease", value=0.5)])
+    market.live()
+    handle = market.send(market.goal(host.node))
+    ros.until(lambda: mouth.goals)
+    host.done(PAUSE)
+    mouth.script = Script()
+    market.fall_silent()
+    assert market.result(handle).result.stop_cause == RunAgent.Result.MARKET_LOST
+
+
+@pytest.mark.parametrize(
+    ("action", "fields", "code"),
+    [
+        (PAUSE, {}, "NOT_RUNNING"),
+        (9, {}, "NOT_RUNNING"),
+        (BREAKPOINTS, {"agent": "nobody"}, "UNKNOWN_AGENT"),
+        (BREAKPOINTS, {"agent": "talker", "paths": ["tree/0.sya"]}, "UNKNOWN_NODE"),
+        (BREAKPOINTS, {"agent": "talker", "paths": ["on_cancel"]}, "UNKNOWN_NODE"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_by_name(
+    host: Host, action: int, fields: Any, code: str
+) -> None:
+    answer = host.ask(action, **fields)
+    assert (answer.accepted, answer.code) == (False, code)
+    assert answer.message
+
+
+def test_a_request_for_another_round_or_twice_is_refused(
+    ros: Any, host: Host, market: Market, mouth: ScriptedServer
+) -> None:
+    market.send(market.goal(host.node))
+    ros.until(lambda: mouth.goals)
+    assert host.ask(PAUSE, round=7).code == "OTHER_ROUND"
+    assert host.ask(PAUSE, epoch="e0").code == "OTHER_ROUND"
+    assert host.ask(9).code == "UNKNOWN_ACTION"
+    assert host.ask(STEP).code == host.ask(RESUME).code == "NOT_PAUSED"
+    assert host.ask(PAUSE, epoch="e1", round=1, author="\x1b[2Janna\n").accepted
+    again = host.ask(PAUSE)
+    assert (again.code, again.message) == ("ALREADY_PAUSED", "it is paused by [2Janna already")
+
+
+def values(details: Sequence[Any]) -> list[tuple[str, str, str, bool]]:
+    return [(v.path, v.name, v.value, v.written) for one in details for v in one.values]
+
+
+def test_details_come_while_somebody_listens_and_nothing_is_traced_else(
+    ros: Any, host: Host, market: Market, mouth: ScriptedServer
+) -> None:
+    handle = market.send(market.goal(host.node, agent="sleeper"))
+    ros.until(lambda: host.node._runs.run)
+    assert host.node._details._tree is None
+    market.result(handle)
+    details = ros.collect(NodeDetails, "agents/details", qos.EVENTS)
+    ros.until(lambda: host.node._details._wanted)
+    handle = market.send(market.goal(host.node, agent="filled", round=2))
+    ros.until(lambda: mouth.goals and details)
+    assert values(details) == [
+        ("tree/0.set", "name", "'Anna'", True),
+        ("tree/1.say", "name", "'Anna'", False),
+    ]
+    [timeout] = details[-1].countdowns
+    assert (timeout.path, timeout.kind, timeout.unit) == (
+        *("tree/1.say@timeout", "timeout"),
+        Countdown.TIME,
+    )
+    assert timeout.remaining_s > 0.0
+    count = len(details)
+    pass_time(ros, 0.3)
+    assert len(details) == count
+    mouth.goals[0].finish()
+    market.result(handle)
+
+
+def test_a_paused_countdown_is_told_with_its_rest_and_stays(
+    ros: Any, host: Host, market: Market
+) -> None:
+    details = ros.collect(NodeDetails, "agents/details", qos.EVENTS)
+    ros.until(lambda: host.node._details._wanted)
+    market.send(market.goal(host.node, agent="sleeper"))
+    ros.until(lambda: details)
+    host.done(PAUSE)
+    ros.until(lambda: len(details) == 2)
+    left = details[-1].countdowns[0].remaining_s
+    assert 0.0 < left <= 0.5
+    pass_time(ros, 0.6)
+    assert len(details) == 2
+    host.done(RESUME)
+    ros.until(lambda: len(details) >= 3)
+    assert details[2].countdowns[0].remaining_s == pytest.approx(left, abs=0.3)
+
+
+def test_a_recorded_run_that_was_paused_and_stopped_is_replayed_equal(
+    ros: Any, host: Host, market: Market, mouth: ScriptedServer
+) -> None:
+    from bt_agents.recording.format import read_recording
+    from bt_agents.recording.recorded_run import replay
+
+    records = ros.collect(RunRecord, "agents/records", qos.EVENTS)
+    ros.collect(NodeDetails, "agents/details", qos.EVENTS)
+    statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
+    ros.until(lambda: host.node._runs._records._has_subscribers() and host.node._details._wanted)
+    host.stop_before("talker", "tree/1.say")
+    handle = market.send(market.goal(host.node))
+    ros.until(lambda: mouth.goals)
+    host.done(PAUSE)
+    mouth.goals[0].finish()
+    pass_time(ros, 0.2)
+    host.done(STEP)
+    host.paused_at("tree/1.say")
+    host.done(RESUME)
+    ros.until(lambda: len(mouth.goals) == 2)
+    mouth.goals[1].finish()
+    result = market.result(handle).result
+    ros.until(lambda: any('"end"' in one.record for one in records))
+    lines = [line for one in records for line in one.record.split("\n")]
+    spec = host.node.registry.members["talker"].spec
+    steps = list(replay(read_recording(lines), spec, host.node.registry.space))
+    changed = [(change.path, change.message) for step in steps for change in step.changes]
+    told = [(change.path, change.message) for one in statuses for change in one.changes]
+    assert changed == told
+    assert all(step.requests == step.recorded_requests for step in steps)
+    assert steps[-1].result is not None
+    assert (steps[-1].result.ticks, steps[-1].tick) == (result.ticks, result.ticks)
+
+
+def test_simulated_time_that_goes_on_during_a_pause_does_not_pass_for_the_tree(
+    ros: Any, market: Market, tmp_path: Path
+) -> None:
+    overrides = [Parameter("use_sim_time", value=True)]
+    node: HostNode = ros.add(make_host(folder(tmp_path, SLEEPER), parameter_overrides=overrides))
+    market.open()
+    ros.until(lambda: node.registered)
+    host = Host(ros, market, node)
+    clock = ros.node.create_publisher(Clock, "/clock", qos.SENSOR)
+
+    def play(seconds: int) -> None:
+        def told() -> bool:
+            clock.publish(Clock(clock=Time(sec=seconds)))
+            return bool(node.get_clock().now().nanoseconds == seconds * 10**9)
+
+        ros.until(told)
+
+    play(100)
+    handle = market.send(market.goal(node, agent="sleeper"))
+    ros.until(lambda: node._runs.run and node._runs.run.ticks)
+    host.done(PAUSE)
+    play(200)
+    host.done(RESUME)
+    before = host.ticks()
+    ros.until(lambda: host.ticks() >= before + 2)
+    play(201)
+    assert market.result(handle).result.duration_s == pytest.approx(1.0)

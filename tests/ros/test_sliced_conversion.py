@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Large messages are made in slices, and are the same as those that rclpy makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import count
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.serialization import deserialize_message, serialize_message
+
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.msg import (
+    AgentCard,
+    FileProblem,
+    HostCard,
+    MoodRule,
+    PersonFact,
+    Run,
+    Scene,
+    SceneValue,
+)
+from bt_agents_ros import limits, qos
+from bt_agents_ros.workarounds.cached_executor import CachedExecutor
+from bt_agents_ros.workarounds.sliced_conversion import SLICE_S, is_sliced, slices
+
+pytestmark = pytest.mark.ros
+
+LIMIT_TURNS = 5000
+
+
+def clock(step_s: float) -> Callable[[], float]:
+    """Return a clock on which so much time passes between two looks [s]."""
+    looks = count()
+    return lambda: next(looks) * step_s
+
+
+def made(kind: Any, message: bytes, now: Callable[[], float]) -> tuple[Any, int]:
+    """Return a message that is made in slices, and after how many pauses."""
+    under_way = slices(kind, message, now)
+    pauses = 0
+    while True:
+        try:
+            next(under_way)
+        except StopIteration as end:
+            return end.value, pauses
+        pauses += 1
+
+
+def agent(number: int, rules: int = 2) -> AgentCard:
+    card = AgentCard(
+        name=f"agent{number}",
+        tags=["a", "b"],
+        profile=[1.0, 2.0],
+        rules=[MoodRule(when="mood < 2")] * rules,
+        problems=[FileProblem(file="a.yaml", line=3, message="no")],
+    )
+    card.learning.sources = ["anna"]
+    return card
+
+
+def host_card(agents: int, rules: int = 2) -> HostCard:
+    return HostCard(
+        host="/agents",
+        parameters=["age", "mood"],
+        agents=[agent(number, rules) for number in range(agents)],
+        problems=[FileProblem(message="of the host")] * 3,
+    )
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        host_card(300),
+        host_card(2, rules=300),
+        HostCard(host="/agents"),
+        Scene(remembered=[PersonFact(key=f"k{n}") for n in range(50)], values=[SceneValue()] * 3),
+        Run(agent="leo", scene=Scene(values=[SceneValue(name=f"v{n}") for n in range(50)])),
+    ],
+    ids=["agents", "rules of an agent", "nothing", "scene", "scene in a run"],
+)
+@pytest.mark.parametrize("step_s", [0.0, SLICE_S], ids=["at once", "with pauses"])
+def test_a_message_made_in_slices_is_the_one_that_rclpy_makes(message: Any, step_s: float) -> None:
+    kind, sent = type(message), bytes(serialize_message(message))
+
+    found, pauses = made(kind, sent, clock(step_s))
+
+    assert found == deserialize_message(sent, kind) == message
+    assert (pauses > 0) is (step_s > 0)
+
+
+def test_each_entry_of_a_long_list_may_be_followed_by_other_work() -> None:
+    message = host_card(1, rules=300)
+    _, pauses = made(HostCard, bytes(serialize_message(message)), clock(SLICE_S))
+
+    assert pauses >= 300
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (
+            HostCard(agents=[AgentCard()] * 10_001),
+            "HostCard.agents has 10001 entries, expected at most 10000",
+        ),
+        (
+            HostCard(agents=[AgentCard(tags=["a"] * 20_001)]),
+            "AgentCard.tags has 20001 entries, expected at most 20000",
+        ),
+        (
+            HostCard(agents=[AgentCard(problems=[FileProblem()] * 20_001)]),
+            "AgentCard.problems has 20001 entries, expected at most 20000",
+        ),
+        (
+            HostCard(agents=[AgentCard(), AgentCard(title="x" * 20_001)]),
+            "AgentCard.title has 20001 characters, expected at most 20000",
+        ),
+    ],
+    ids=["list", "list in an entry", "messages in an entry", "text in an entry"],
+)
+def test_what_is_too_large_is_refused_in_its_slice(message: HostCard, reason: str) -> None:
+    with pytest.raises(Refused) as found:
+        made(HostCard, bytes(serialize_message(message)), clock(0.0))
+
+    assert (found.value.code, found.value.reason) == (limits.TOO_LARGE, reason)
+
+
+def test_bytes_that_are_no_message_are_refused() -> None:
+    with pytest.raises(Refused, match="MALFORMED: 40004 bytes are no HostCard"):
+        made(HostCard, b"\0\1\0\0" + b"\xff" * 40_000, clock(0.0))
+
+
+def test_only_large_messages_with_lists_of_messages_are_made_in_slices() -> None:
+    assert is_sliced(HostCard, 100_000)
+    assert is_sliced(Run, 100_000), "of a scene in it"
+    assert not is_sliced(HostCard, 1_000)
+    assert not is_sliced(MoodRule, 100_000)
+
+
+@pytest.fixture
+def node(ros: Any) -> Iterator[Any]:
+    """A node that nobody turns."""
+    made = rclpy.create_node("in_slices", start_parameter_services=False)
+    yield made
+    made.destroy_node()
+
+
+def test_timers_go_on_while_a_message_is_made_and_the_topic_keeps_its_order(node: Any) -> None:
+    executor = CachedExecutor()
+    executor.add_node(node)
+    heard: list[tuple[int, int]] = []
+    beats: list[None] = []
+    timer = node.create_timer(0.001, lambda: beats.append(None))
+    node.create_subscription(
+        HostCard,
+        "bt_agents/cards",
+        lambda card: heard.append((len(card.agents), len(beats))),
+        qos.EVENTS,
+    )
+    publisher = node.create_publisher(HostCard, "bt_agents/cards", qos.EVENTS)
+    sizes = [4000, 1, 2000]
+    try:
+        turn_until(executor, lambda: publisher.get_subscription_count() and beats)
+        began = len(beats)
+        for size in sizes:
+            publisher.publish(host_card(size, rules=0))
+        turn_until(executor, lambda: len(heard) == len(sizes))
+    finally:
+        node.destroy_timer(timer)
+        executor.shutdown()
+
+    assert [size for size, _ in heard] == sizes
+    assert heard[0][1] >= began + 3
+
+
+def test_a_subscription_that_is_destroyed_meanwhile_hears_nothing_more(node: Any) -> None:
+    executor = CachedExecutor()
+    executor.add_node(node)
+    heard: list[HostCard] = []
+    beats: list[None] = []
+    subscription = node.create_subscription(HostCard, "bt_agents/cards", heard.append, qos.EVENTS)
+    publisher = node.create_publisher(HostCard, "bt_agents/cards", qos.EVENTS)
+    try:
+        turn_until(executor, publisher.get_subscription_count)
+        publisher.publish(host_card(4000, rules=0))
+        turn_until(executor, lambda: executor._in_slices)
+        node.destroy_subscription(subscription)
+        node.create_timer(0.001, lambda: beats.append(None))
+        turn_until(executor, lambda: not executor._in_slices and len(beats) > 3)
+    finally:
+        executor.shutdown()
+
+    assert not heard
+
+
+def turn_until(executor: CachedExecutor, condition: Callable[[], Any]) -> None:
+    """Do one piece of work after the other until something holds."""
+    for _ in range(LIMIT_TURNS):
+        if condition():
+            return
+        executor.spin_once(timeout_sec=0.02)
+    pytest.fail("it does not come")

@@ -1,0 +1,467 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Streams for the tools of py_trees_ros, driven as its watchers and its viewer drive them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import pytest
+from rcl_interfaces.msg import Log
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_services_default
+from std_msgs.msg import Bool, String
+
+from bt_agents.engine.ticker import Ticker
+from bt_agents.host.node import HostNode
+from bt_agents.host.tree_streams import stream as streams
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_ros import qos
+from compiled_types import compiled_types
+from fake_market import Market, folder, make_host
+
+pytestmark = pytest.mark.ros
+
+HEAD = (
+    "format: 1\nagent: {0}\ntitle: {0}\ndescription: {0}\n"
+    "profile: {{age: 3, familiarity: 3, mood: 3}}\n"
+)
+SHOWER = (
+    HEAD.format("shower")
+    + """tunables: {patience: {default: 5 s, min: 1 s, max: 9 s, description: how long}}
+tree:
+  sequence:
+    - set: {word: hello}
+    - parallel:
+        succeed_on: one
+        children:
+          - wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}
+            timeout: ${patience}
+          - check: scene.age > 90
+            retry: {attempts: forever, pause: 60 s}
+    - choose:
+        children:
+          - name: greeted
+            when: word == 'hello'
+            set: {word: good-bye}
+        otherwise: {wait: 0 s}
+on_cancel: {set: {word: sorry}}
+"""
+)
+QUICK = HEAD.format("quick") + "tree: {set: {word: quick}}\n"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+VOLATILE = QoSProfile(depth=1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def types() -> Iterator[None]:
+    with compiled_types():
+        yield
+
+
+class Watcher:
+    """What the watchers of py_trees_ros do: ask for a stream, and subscribe to it."""
+
+    def __init__(self, ros: Any) -> None:
+        from py_trees_ros_interfaces import msg, srv
+
+        self.ros = ros
+        self.msg = msg
+        self.srv = srv
+
+    def call(self, service: str, kind: str, **fields: Any) -> Any:
+        loaded = getattr(self.srv, kind)
+        node = self.ros.node
+        client = node.create_client(
+            loaded, f"/agents/{service}", qos_profile=qos_profile_services_default
+        )
+        try:
+            return self.ros.call(client, loaded.Request(**fields))
+        finally:
+            node.destroy_client(client)
+
+    def parameters(
+        self, period: float = math.inf, *, data: bool = True, activity: bool = True
+    ) -> Any:
+        return self.msg.SnapshotStreamParameters(
+            snapshot_period=period, blackboard_data=data, blackboard_activity=activity
+        )
+
+    def snapshots(self, topic: str = "", **parameters: Any) -> tuple[str, list[Any]]:
+        """Open a snapshot stream; return its topic, and the list of what comes there."""
+        answer = self.call(
+            "snapshot_streams/open",
+            "OpenSnapshotStream",
+            topic_name=topic,
+            parameters=self.parameters(**parameters),
+        )
+        return answer.topic_name, self.ros.collect(
+            self.msg.BehaviourTree, answer.topic_name, LATCHED
+        )
+
+    def blackboard(self, *variables: str, **how: Any) -> tuple[str, list[str]]:
+        """Open a blackboard stream, with the subscription of py-trees-blackboard-watcher."""
+        answer = self.call(
+            "blackboard_streams/open", "OpenBlackboardStream", variables=list(variables), **how
+        )
+        texts: list[str] = []
+        self.ros.node.create_subscription(
+            String, answer.topic, lambda message: texts.append(message.data), VOLATILE
+        )
+        return answer.topic, texts
+
+
+@pytest.fixture
+def market(ros: Any) -> Market:
+    return Market(ros)
+
+
+@pytest.fixture
+def trees(tmp_path: Path) -> Path:
+    return folder(tmp_path, SHOWER, QUICK)
+
+
+@pytest.fixture
+def host(ros: Any, market: Market, trees: Path) -> HostNode:
+    node: HostNode = ros.add(make_host(trees))
+    market.open()
+    ros.until(lambda: node.registered)
+    return node
+
+
+@pytest.fixture
+def watcher(ros: Any, host: HostNode) -> Watcher:
+    return Watcher(ros)
+
+
+def running(ros: Any, market: Market, host: HostNode, agent: str = "shower", **how: Any) -> Any:
+    handle = market.send(market.goal(host, agent, **how))
+    ros.until(lambda: host._runs.run is not None and host._runs.run.ticks)
+    return handle
+
+
+def press(ros: Any) -> None:
+    publisher = ros.node.create_publisher(Bool, "button", 1)
+    ros.until(publisher.get_subscription_count)
+    publisher.publish(Bool(data=True))
+
+
+def shown(message: Any) -> dict[str, Any]:
+    """Return the tree as a watcher builds it: from the one node without a parent downwards."""
+    by_id = {bytes(one.own_id.uuid): one for one in message.behaviours}
+    assert len(by_id) == len(message.behaviours)
+    [root] = [one for one in message.behaviours if not any(one.parent_id.uuid)]
+    found: dict[str, Any] = {}
+
+    def build(node: Any) -> None:
+        assert node.type in (1, 2, 3, 4, 6)
+        assert node.status in (1, 2, 3, 4)
+        assert node.blackbox_level == 4
+        assert UUID(bytes=bytes(node.own_id.uuid), version=4).bytes == bytes(node.own_id.uuid)
+        if node.type == 6:
+            assert len(node.child_ids) == 1
+        found[node.class_name] = node
+        for child in node.child_ids:
+            inner = by_id[bytes(child.uuid)]
+            assert list(inner.parent_id.uuid) == list(node.own_id.uuid)
+            build(inner)
+
+    build(root)
+    assert len(by_id) == sum(1 for _ in message.behaviours)
+    return found
+
+
+def test_a_watcher_follows_a_run_from_its_middle_to_its_end(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher
+) -> None:
+    handle = running(ros, market, host)
+    topic, messages = watcher.snapshots()
+    assert topic.startswith("/agents/snapshot_streams/_snapshots_")
+    ros.until(lambda: messages)
+    tree = shown(messages[0])
+    top = tree["bt_agents.agent"]
+    assert (top.name, top.type, top.status) == ("shower", 3, 2)
+    assert tree["bt_agents.sequence"].additional_detail == "WithMemory"
+    assert tree["bt_agents.parallel"].additional_detail == "OnOne"
+    assert tree["bt_agents.timeout"].type == 6
+    assert tree["bt_agents.choose"].status == 1
+    assert [(one.key, one.value) for one in tree["bt_agents.timeout"].blackboard_access] == [
+        ("/patience", "r")
+    ]
+    assert not tree["bt_agents.wait_for"].blackboard_access
+    assert list(tree["bt_agents.sequence"].current_child_id.uuid) == list(
+        tree["bt_agents.parallel"].own_id.uuid
+    )
+    assert not any(tree["bt_agents.wait_for"].tip_id.uuid)
+    ros.until(lambda: host._tree_streams._is_watched)
+    press(ros)
+    assert market.result(handle).result.outcome == RunAgent.Result.SUCCEEDED
+    ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 3)
+    last = shown(messages[-1])
+    assert last["bt_agents.choose"].status == 3
+    assert last["bt_agents.choose"].is_active
+    assert messages[-1].changed
+    assert messages[-1].statistics.count == host._tree_streams._run.run.ticks
+    assert 0.0 < messages[-1].statistics.tick_duration < 5.0
+    keys = {
+        one.key: one.value for message in messages for one in message.blackboard_on_visited_path
+    }
+    assert keys["/word"] == "'good-bye'"
+    activity = [one for message in messages for one in message.blackboard_activity]
+    assert ("/word", "INITIALISED") in {(one.key, one.activity_type) for one in activity}
+    assert ("/word", "READ") in {(one.key, one.activity_type) for one in activity}
+
+
+def test_a_late_watcher_sees_how_the_last_run_has_ended(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher
+) -> None:
+    _, nothing = watcher.snapshots("early")
+    ros.turns()
+    assert nothing == []
+    market.result(running_to_end(market, host))
+    _, messages = watcher.snapshots("late")
+    ros.until(lambda: messages)
+    assert shown(messages[0])["bt_agents.set"].status == 3
+
+
+def running_to_end(market: Market, host: HostNode, round_number: int = 1) -> Any:
+    return market.send(market.goal(host, "quick", round=round_number))
+
+
+def test_a_stream_goes_on_over_changes_of_the_agent_with_the_same_identifiers(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher
+) -> None:
+    _, messages = watcher.snapshots("mine")
+    ros.until(lambda: watched(host))
+    identifiers = []
+    for number, agent in enumerate(("quick", "shower", "quick"), start=1):
+        messages.clear()
+        handle = (
+            running(ros, market, host, agent, round=number)
+            if agent == "shower"
+            else (running_to_end(market, host, number))
+        )
+        ros.until(lambda: messages)
+        assert shown(messages[-1])["bt_agents.agent"].name == agent
+        identifiers.append(sorted(bytes(one.own_id.uuid) for one in messages[-1].behaviours))
+        if agent == "shower":
+            press(ros)
+        market.result(handle)
+        ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 3)
+    assert identifiers[0] == identifiers[2] != identifiers[1]
+
+
+def watched(host: HostNode) -> bool:
+    assert host._tree_streams is not None
+    return host._tree_streams._is_watched
+
+
+def test_a_cancelled_run_shows_its_clean_up(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher
+) -> None:
+    _, messages = watcher.snapshots()
+    ros.until(lambda: watched(host))
+    handle = running(ros, market, host)
+    ros.until(lambda: messages)
+    future = handle.cancel_goal_async()
+    ros.until(future.done)
+    ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 4)
+    last = shown(messages[-1])
+    assert last["bt_agents.parallel"].status == 1
+    assert list(last["bt_agents.agent"].current_child_id.uuid) == list(
+        messages[-1].behaviours[0].child_ids[1].uuid
+    )
+
+
+def test_after_a_restart_of_the_host_streams_are_opened_again_and_nodes_keep_their_identifiers(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher, trees: Path
+) -> None:
+    market.result(running_to_end(market, host))
+    _, before = watcher.snapshots()
+    ros.until(lambda: before)
+    ros.remove(host)
+    again = ros.add(make_host(trees))
+    market.open()
+    ros.until(lambda: again.registered)
+    market.result(running_to_end(market, again, 2))
+    _, after = watcher.snapshots()
+    ros.until(lambda: after)
+    assert [list(one.own_id.uuid) for one in after[0].behaviours] == [
+        list(one.own_id.uuid) for one in before[0].behaviours
+    ]
+
+
+def test_a_stream_tells_more_or_less_as_it_is_reconfigured(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher
+) -> None:
+    topic, messages = watcher.snapshots(data=False, activity=False)
+    ros.until(lambda: watched(host))
+    handle = running(ros, market, host)
+    ros.until(lambda: messages)
+    assert not messages[-1].blackboard_on_visited_path
+    count = len(messages)
+    ros.turns(40)
+    assert len(messages) == count, "a tick without changes is told"
+    answer = watcher.call(
+        "snapshot_streams/reconfigure",
+        "ReconfigureSnapshotStream",
+        topic_name=topic,
+        parameters=watcher.parameters(0.0),
+    )
+    assert answer.result
+    press(ros)
+    market.result(handle)
+    ros.until(lambda: shown(messages[-1])["bt_agents.agent"].status == 3)
+    assert any(message.blackboard_on_visited_path for message in messages[count:])
+    assert any(message.blackboard_activity for message in messages[count:])
+    refused = watcher.call(
+        "snapshot_streams/reconfigure",
+        "ReconfigureSnapshotStream",
+        topic_name="/nobody",
+        parameters=watcher.parameters(),
+    )
+    assert not refused.result
+
+
+def test_with_a_period_ticks_without_changes_are_told_too(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher
+) -> None:
+    _, messages = watcher.snapshots(period=0.0, activity=False)
+    ros.until(lambda: watched(host))
+    running(ros, market, host)
+    publisher = ros.node.create_publisher(Bool, "button", 10)
+    ros.until(publisher.get_subscription_count)
+
+    def quiet() -> bool:
+        publisher.publish(Bool(data=False))
+        return any(not message.changed for message in messages)
+
+    ros.until(quiet)
+
+
+def test_a_closed_stream_is_gone_and_another_name_was_never_there(
+    ros: Any, host: HostNode, watcher: Watcher
+) -> None:
+    topic, _ = watcher.snapshots("~/mine")
+    assert topic == "/agents/mine"
+    for there in (True, False):
+        answer = watcher.call("snapshot_streams/close", "CloseSnapshotStream", topic_name=topic)
+        assert answer.result is there
+    board, _ = watcher.blackboard()
+    for there in (True, False):
+        answer = watcher.call(
+            "blackboard_streams/close", "CloseBlackboardStream", topic_name=board
+        )
+        assert answer.result is there
+
+
+def test_the_blackboard_is_listed_and_watched_with_what_was_done_to_it(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher
+) -> None:
+    topic, texts = watcher.blackboard("word", "/scene/age", with_activity_stream=True)
+    assert topic.startswith("/agents/blackboard_streams/_watcher_")
+    _, visited = watcher.blackboard(filter_on_visited_path=True)
+    ros.until(lambda: all(one.use.watched for one in host._tree_streams._blackboards.values()))
+    handle = running(ros, market, host)
+    ros.until(lambda: texts and visited)
+    listed = watcher.call("blackboard_streams/get_variables", "GetBlackboardVariables").variables
+    assert {"/word", "/scene/age", "/live/age", "/patience"} <= set(listed)
+    assert "    /word      : 'hello'" in texts[-1]
+    assert "    /scene/age : 3" in texts[-1]
+    assert "/word : INITIALISED | tree/0.set | 'hello'" in texts[-1]
+    press(ros)
+    market.result(handle)
+    ros.until(lambda: "/word : WRITE" in texts[-1])
+    assert "'hello' → 'good-bye'" in texts[-1]
+    assert "/scene/familiarity" not in "".join(visited)
+
+
+def test_the_default_stream_comes_and_goes_with_its_parameter(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher
+) -> None:
+    messages = ros.collect(watcher.msg.BehaviourTree, "/agents/snapshots", LATCHED)
+    market.result(running_to_end(market, host))
+    for name, value in (("default_snapshot_period", math.inf), ("default_snapshot_stream", True)):
+        [answer] = host.set_parameters([Parameter(name, value=value)])
+        assert answer.successful, answer.reason
+    ros.until(lambda: messages)
+    host.set_parameters([Parameter("default_snapshot_stream", value=False)])
+    ros.until(lambda: not ros.node.count_publishers("/agents/snapshots"))
+    [refused] = host.set_parameters([Parameter("default_snapshot_period", value=math.nan)])
+    assert not refused.successful
+
+
+def test_streams_without_a_subscriber_are_dropped_and_their_number_is_bounded(
+    ros: Any, host: HostNode, watcher: Watcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def opened(name: str) -> str:
+        answer = watcher.call(
+            "snapshot_streams/open",
+            "OpenSnapshotStream",
+            topic_name=name,
+            parameters=watcher.parameters(),
+        )
+        return str(answer.topic_name)
+
+    topics = [opened(f"of_{number}") for number in range(streams.MOST_STREAMS)]
+    assert "" not in topics
+    assert opened("one_more") == ""
+    monkeypatch.setattr(streams, "UNUSED_S", 0.0)
+    ros.until(lambda: not host._tree_streams._snapshots)
+    assert opened("one_more")
+
+
+@pytest.mark.parametrize("name", ["a b", "/", "x" * 500, "é", "a//b", "~/status"])
+def test_a_name_that_cannot_be_a_topic_opens_nothing(
+    ros: Any, host: HostNode, watcher: Watcher, name: str
+) -> None:
+    logged = ros.collect(Log, "/rosout", qos.FACTS)
+    answer = watcher.call(
+        "snapshot_streams/open",
+        "OpenSnapshotStream",
+        topic_name=name,
+        parameters=watcher.parameters(),
+    )
+    assert answer.topic_name == ""
+    ros.until(lambda: [one for one in logged if "snapshot_streams/open refused" in one.msg])
+
+
+def test_while_nobody_watches_no_tick_is_noted(
+    ros: Any, host: HostNode, market: Market, watcher: Watcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noted: list[Any] = []
+    monkeypatch.setattr(Ticker, "report_visits", lambda *args: noted.append(args))
+    monkeypatch.setattr(
+        "bt_agents.host.tree_streams.watched_run.TreeSnapshot", lambda *args: noted.append(args)
+    )
+    watcher.snapshots("nobody")
+    for subscription in list(ros.node.subscriptions):
+        if subscription.topic_name.endswith("nobody"):
+            ros.node.destroy_subscription(subscription)
+    handle = running(ros, market, host)
+    press(ros)
+    market.result(handle)
+    run = host._tree_streams._run
+    assert noted == []
+    assert run.activity == []
+    assert run._statuses == []
+
+
+def test_without_the_package_nothing_is_offered_and_the_log_says_so_once(
+    ros: Any, trees: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "bt_agents.host.tree_streams.messages.PACKAGE", "py_trees_ros_interfaces_elsewhere"
+    )
+    logged = ros.collect(Log, "/rosout", qos.FACTS)
+    host = ros.add(make_host(trees))
+    ros.until(lambda: [one for one in logged if "py_trees_ros" in one.msg])
+    ros.turns()
+    assert len([one for one in logged if "py_trees_ros" in one.msg]) == 1
+    services = [name for name, _ in host.get_service_names_and_types_by_node("agents", "/")]
+    assert services
+    assert not [name for name in services if "streams" in name]
+    assert not host.has_parameter("default_snapshot_stream")
