@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds for all tests: a private ROS domain on this machine only, and who runs what."""
+"""What holds for all tests: the same examples, a private ROS domain, and who runs what."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ import os
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from bt_agents_tools.launcher.supervisor import set_local_discovery
+
+# The same examples in each run, and no deadline: whether a law holds is no matter of the machine.
+settings.load_profile("ci")
 
 # Child processes inherit the domain.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
