@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds for all tests: a private ROS domain, laws without a clock, and who runs what."""
+"""What holds for all tests: the same examples, a private ROS domain, and who runs what."""
 
 from __future__ import annotations
 
@@ -8,24 +8,18 @@ import os
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import settings
 
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from bt_agents_tools.launcher.supervisor import set_discovery
+
+# The same examples in each run, and no deadline: whether a law holds is no matter of the machine.
+settings.load_profile("ci")
 
 # Child processes inherit the domain.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
 set_discovery(os.environ)
-
-# A law holds on a busy machine, too.
-settings.register_profile(
-    "untimed",
-    settings.get_profile(settings.get_current_profile_name()),
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-settings.load_profile("untimed")
 
 
 @pytest.hookimpl(optionalhook=True)
