@@ -205,7 +205,7 @@ def test_the_page_is_sent_packed_to_whoever_can_unpack_it() -> None:
             bodies = {}
             for coding in ("gzip, br", "identity"):
                 headers = {"Accept-Encoding": coding}
-                async with client.get("/studio.js", headers=headers) as answer:
+                async with client.get("/application.js", headers=headers) as answer:
                     bodies[answer.headers.get("Content-Encoding", "")] = await answer.read()
                     length = int(answer.headers["Content-Length"])
                     assert answer.headers["Vary"] == "Accept-Encoding"
