@@ -209,6 +209,7 @@ class Projection:
         )
         if event == "STARTED" and not same:
             self._begin(message.agent)
+        if event == "STARTED" and not (same and same.scene_id):
             self._store.put("scene", "", _scene(message.scene))
         stamp = _seconds(message.header.stamp)
         record = RunRecord(

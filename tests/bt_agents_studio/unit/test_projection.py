@@ -163,6 +163,18 @@ def test_a_running_node_with_another_message_has_not_started_again(shown: Shown)
     assert shown.get("nodes").starts == 1
 
 
+def test_a_run_whose_first_tick_is_received_before_all_else_shows_its_scene(
+    shown: Shown,
+) -> None:
+    shown.take(Run(**RUN, event=Run.ENDED))
+    later = {**RUN, "round": 4}
+    scene = Scene(scene_id="s4", label="the last guest")
+    shown.take(TreeStatus(**later))
+    shown.take(scene)
+    shown.take(Run(**later, event=Run.STARTED, scene=scene))
+    assert shown.get("scene", "").label == "the last guest"
+
+
 def test_the_scene_beside_a_run_is_the_one_that_it_was_awarded_for(shown: Shown) -> None:
     shown.take(Run(**RUN, event=Run.ENDED))
     shown.take(Scene(scene_id="s2", label="a guest"))
