@@ -163,9 +163,7 @@ def test_a_running_node_with_another_message_has_not_started_again(shown: Shown)
     assert shown.get("nodes").starts == 1
 
 
-def test_a_run_whose_first_tick_is_received_before_all_else_shows_its_scene(
-    shown: Shown,
-) -> None:
+def test_a_run_whose_first_tick_is_received_before_all_else_shows_its_scene(shown: Shown) -> None:
     shown.take(Run(**RUN, event=Run.ENDED))
     later = {**RUN, "round": 4}
     scene = Scene(scene_id="s4", label="the last guest")
