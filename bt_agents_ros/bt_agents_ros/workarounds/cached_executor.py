@@ -49,6 +49,9 @@ class CachedExecutor(Executor):
     requests beyond the limits come to no callback: they are logged, requests are answered.
     """
 
+    # An interrupt may end __init__ before rclpy has set it, and the __del__ of rclpy reads it.
+    _sigint_gc: Any = None
+
     def __init__(self, *, context: Any = None) -> None:
         super().__init__(context=context)
         self._thread = get_ident()
