@@ -77,6 +77,9 @@ class CachedExecutor(Executor):
             delivers does, in turn with it.
     """
 
+    # An interrupt may end __init__ before rclpy has set it, and the __del__ of rclpy reads it.
+    _sigint_gc: Any = None
+
     def __init__(self, *, context: Any = None, bus: LocalBus | None = None) -> None:
         super().__init__(context=context)
         self._bus = bus
