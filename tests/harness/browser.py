@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -53,17 +55,26 @@ def installed_browser() -> tuple[str, Path | None]:
         return found, None
     folder = installed_package(_PACKAGE, _VERSION)
     unpacked = folder / "unpacked"
-    if not (unpacked / "chromium").exists():
-        unpacked.mkdir(exist_ok=True)
-        # It unpacks into the folder of temporary files; the libraries only where it believes to
-        # be on a bare machine.
-        bare = {"TMPDIR": str(unpacked), "AWS_EXECUTION_ENV": "AWS_Lambda_nodejs22.x"}
-        subprocess.run(
-            [program("node"), "-e", _UNPACK],
-            cwd=folder,
-            env={**node_environment(), **bare},
-            capture_output=True,
-            timeout=_UNPACK_S,
-            check=True,
-        )
+    if not unpacked.exists():
+        with tempfile.TemporaryDirectory(dir=folder) as half:
+            made = Path(half) / "unpacked"
+            made.mkdir()
+            _unpack(folder, made)
+            # Only what is complete gets the name, also when two tests unpack at once.
+            with contextlib.suppress(OSError):
+                made.rename(unpacked)
     return str(unpacked / "chromium"), unpacked / "al2023" / "lib"
+
+
+def _unpack(package: Path, folder: Path) -> None:
+    # It unpacks into the folder of temporary files; the libraries only where it believes to be on
+    # a bare machine.
+    bare = {"TMPDIR": str(folder), "AWS_EXECUTION_ENV": "AWS_Lambda_nodejs22.x"}
+    subprocess.run(
+        [program("node"), "-e", _UNPACK],
+        cwd=package,
+        env={**node_environment(), **bare},
+        capture_output=True,
+        timeout=_UNPACK_S,
+        check=True,
+    )
