@@ -18,6 +18,8 @@ from typing import Any
 import psycopg
 import pytest
 
+from programs import alive, children
+
 _READY_S = 30.0
 _STOP_S = 20.0
 
@@ -94,10 +96,21 @@ class PostgresServer:
             return found.fetchall() if found.description else []
 
     def kill(self) -> None:
-        """End all processes of the server at once, as a crash does."""
-        self._signal(signal.SIGKILL)
+        """End all processes of the server at once, as a crash does; return when they have ended.
+
+        The next server on the same data does not start beside one of them.
+        """
         assert self._process is not None
+        self.hold_up()
+        ended = [self._process.pid, *children(self._process.pid)]
+        for process in ended:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
         self._process.wait(_STOP_S)
+        end = time.monotonic() + _STOP_S
+        while any(map(alive, ended)):
+            assert time.monotonic() < end, "PostgreSQL does not end"
+            time.sleep(0.01)
         (self._data / "postmaster.pid").unlink(missing_ok=True)
 
     def hold_up(self) -> None:
@@ -109,7 +122,6 @@ class PostgresServer:
 
     def close(self) -> None:
         if self._process is not None and self._process.poll() is None:
-            self.go_on()
             self.kill()
 
     @property
@@ -136,11 +148,10 @@ class PostgresServer:
         authority.write_bytes(certificate.read_bytes())
 
     def _signal(self, number: int) -> None:
-        """Signal the server and the processes that it has made, each of a session of its own."""
+        """Signal the server and then the processes that it has made, each of its own session."""
         assert self._process is not None
-        server = self._process.pid
-        children = Path(f"/proc/{server}/task/{server}/children")
-        for process in (server, *map(int, children.read_text().split())):
+        self._process.send_signal(number)
+        for process in children(self._process.pid):
             with suppress(ProcessLookupError):
                 os.kill(process, number)
 
