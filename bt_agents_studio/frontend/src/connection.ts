@@ -69,7 +69,13 @@ function handle(message: ServerMessage): void {
         return;
       }
       attempts = 0;
-      update({ phase: "open", hello: message, offsetS: message.now_s - Date.now() / 1000 });
+      // Before anything has happened, time begins now.
+      update({
+        phase: "open",
+        hello: message,
+        offsetS: message.now_s - Date.now() / 1000,
+        firstS: state.firstS ?? message.now_s,
+      });
       send({ type: "resume", version: VERSION, studio: known, sequence: known === message.studio ? sequence : 0 });
       known = message.studio;
       if (state.atS !== null) send({ type: "seek", source: state.source, at_s: state.atS });
@@ -78,7 +84,12 @@ function handle(message: ServerMessage): void {
       if (message.at_s === null) sequence = message.sequence;
       if (message.at_s === null && state.atS !== null) return;
       replaceAll(message);
-      update({ firstS: message.first_s, lastS: message.last_s, bookmarks: message.bookmarks, failure: "" });
+      update({
+        firstS: message.first_s ?? state.firstS,
+        lastS: message.last_s,
+        bookmarks: message.bookmarks,
+        failure: "",
+      });
       return;
     case "delta":
       sequence = message.sequence;

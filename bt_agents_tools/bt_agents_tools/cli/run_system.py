@@ -175,9 +175,8 @@ def run_system(
             try:
                 if not interrupt:
                     supervisor.start(*processes)
-                recorded = any(component.name == "journal" for component in processes)
                 agents = len(folder.agents)
-                _wait_until_ready(console, observer, supervisor, agents, interrupt, recorded)
+                _wait_until_ready(console, observer, supervisor, agents, interrupt, processes)
                 if not interrupt:
                     printer.profiles(profiles_by_agent(observer.profiles))
                     _print_ready(console, observer.cards.values(), time.monotonic() - start)
@@ -206,13 +205,19 @@ def _wait_until_ready(
     supervisor: Supervisor,
     agents: int,
     interrupt: Interrupt,
-    recorded: bool,
+    processes: Sequence[Component],
 ) -> None:
-    """Wait until all agents are registered, and recorded if the journal runs."""
+    """Wait until all agents are registered, recorded if the journal runs, and heard here."""
+    recorded = any(component.name == "journal" for component in processes)
+    heard = ["bt_agents/scene", "agents/status", "bt_agents/feedback"]
+    if any("bt_agents_robot.robot" in component.modules for component in processes):
+        heard.append("robot/transcript")
 
     def ready() -> bool:
         ready = observer.ready(agents) and observer.services_ready()
-        return ready and (observer.is_recorded() or not recorded)
+        return (
+            ready and (observer.is_recorded() or not recorded) and all(map(observer.hears, heard))
+        )
 
     wait_until_ready(console, observer, supervisor, interrupt, ready)
 

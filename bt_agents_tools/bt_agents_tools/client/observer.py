@@ -252,6 +252,7 @@ class Observer:
         ):
             self._subscribe(kind, topic, handle, profile)
         self._services: list[Any] = []
+        self._notified: list[Any] = []
         if listener is not None:
             self._notify(listener)
 
@@ -274,7 +275,7 @@ class Observer:
             (Tunings, "agents/tunings", listener.tunings, no_links, qos.FACT),
         ):
             callback = buffer.callback_for(deliver, links)
-            self.node.create_subscription(kind, topic, callback, profile)
+            self._notified.append(self.node.create_subscription(kind, topic, callback, profile))
 
     def _subscribe(
         self, kind: type[Any], topic: str, handle: Callable[[Any], None], profile: QoSProfile
@@ -374,6 +375,14 @@ class Observer:
                 self.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE),
             ]
         return all(service.service_is_ready() for service in self._services)
+
+    def hears(self, topic: str) -> bool:
+        """Return True when a publisher of a topic of the listener is discovered.
+
+        What one publishes before is lost, where it is no latched fact.
+        """
+        name = self.node.resolve_topic_name(topic)
+        return any(one.topic_name == name and one.get_publisher_count() for one in self._notified)
 
     def is_recorded(self) -> bool:
         """Return True when a journal subscribes to the records of runs."""
