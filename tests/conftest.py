@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds for all tests: the same examples, a private ROS domain, and who runs what."""
+"""What holds for all tests: the same examples, a private ROS domain, no silent skip in CI."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from hypothesis import settings
 
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 from bt_agents_tools.launcher.supervisor import set_discovery
+from skipped_tests import judge
 
 # The same examples in each run, and no deadline: whether a law holds is no matter of the machine.
 settings.load_profile("ci")
@@ -30,6 +31,20 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from scheduling import Scheduling
 
     return Scheduling(config, log)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Any:
+    report = yield
+    judge(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Any:
+    report = yield
+    judge(report)
+    return report
 
 
 @pytest.hookimpl(wrapper=True)

@@ -19,6 +19,7 @@ import network_switch
 from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_tools.launcher.supervisor import LAN_PROFILE
 from programs import ROOT, Program, children
+from skipped_tests import NAMESPACES
 
 DOMAIN = "64"
 SERVER_PORT = "11811"
@@ -96,7 +97,7 @@ class Network:
     ) -> None:
         reason = reason_against()
         if reason:
-            pytest.skip(f"no machines of its own: {reason}")
+            pytest.skip(f"{NAMESPACES}: {reason}")
         self._names = list(names)
         self._programs: list[Program] = []
         self._servers: list[subprocess.Popen[bytes]] = []
@@ -141,15 +142,9 @@ class Network:
         return program
 
     def serve_discovery(self, machine: str) -> None:
-        """Start a discovery server on a machine.
-
-        Raises:
-            pytest.skip.Exception: Fast DDS is installed without its server.
-        """
+        """Start a discovery server on a machine."""
         one = self.machines[machine]
         server = Path(sys.prefix) / "bin" / "fast-discovery-server"
-        if not server.exists():
-            pytest.skip("fast-discovery-server is not installed")
         # Wheels keep the libraries of a program where only Python looks for them.
         libraries = [Path(sys.prefix) / "lib", *Path(sysconfig.get_path("purelib")).glob("*.libs")]
         environment = {**one.environment, "LD_LIBRARY_PATH": ":".join(map(str, libraries))}

@@ -29,6 +29,9 @@ MOST_JOINING = 4
 JOIN_LIMIT_S = 30.0
 """Longest wait of a command for its turn to join a domain [s]."""
 
+LOGINS = Path("/run/user")
+"""Where the login of a user makes a runtime folder."""
+
 _LONGEST_NAME = 300
 _TURN_POLL_S = 0.2
 _FIRST_PORT, _PORTS_OF_A_DOMAIN = 7410, 250
@@ -46,7 +49,7 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """
     user = os.geteuid()
     named = environment.get("XDG_RUNTIME_DIR", "")
-    for folder in (Path(named), Path(f"/run/user/{user}")):
+    for folder in (Path(named), LOGINS / str(user)):
         if folder.is_absolute() and _is_private(folder):
             return folder
     folder = Path(tempfile.gettempdir()) / f"bt-agents-{user}"

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.launcher import domain_lock
 from bt_agents_tools.launcher.domain_lock import (
     FIRST,
     MOST_JOINING,
@@ -93,8 +94,7 @@ def test_without_a_runtime_folder_there_is_one_for_temporary_files_that_is_priva
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    if Path(f"/run/user/{os.getuid()}").is_dir():
-        pytest.skip("the login of this user has made one")
+    monkeypatch.setattr(domain_lock, "LOGINS", tmp_path / "logins")
     for environment in ({}, {"XDG_RUNTIME_DIR": ""}, {"XDG_RUNTIME_DIR": "relative"}):
         found = runtime_folder(environment)
         assert found == tmp_path / f"bt-agents-{os.getuid()}"
@@ -105,8 +105,7 @@ def test_a_folder_that_others_can_write_or_that_is_a_link_holds_no_lock(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    if Path(f"/run/user/{os.getuid()}").is_dir():
-        pytest.skip("the login of this user has made one")
+    monkeypatch.setattr(domain_lock, "LOGINS", tmp_path / "logins")
     fallback = tmp_path / f"bt-agents-{os.getuid()}"
     fallback.mkdir()
     fallback.chmod(0o777)
