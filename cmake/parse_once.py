@@ -3,7 +3,7 @@
 
     python parse_once.py GENERATOR ARGUMENT...
 
-Each of ten generators parses every interface, which is half of its time. The first one leaves the
+Each of six generators parses every interface, which is half of its time. The first one leaves the
 syntax trees in the folder in which it runs, where the next ones read them.
 """
 

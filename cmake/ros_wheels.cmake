@@ -19,6 +19,7 @@ list(PREPEND CMAKE_PREFIX_PATH "${ros_wheels_prefix}")
 macro(ros_wheels_find method package)
   find_package(${package} ${ARGN} BYPASS_PROVIDER)
   ros_wheels_drop_foreign_includes()
+  ros_wheels_generate_for_python()
   ros_wheels_parse_once()
 endmacro()
 
@@ -33,12 +34,17 @@ function(ros_wheels_drop_foreign_includes)
   endforeach()
 endfunction()
 
+# Nodes in Python need no type support for C++.
+macro(ros_wheels_generate_for_python)
+  list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE
+    REGEX "^rosidl_(generator|typesupport|typesupport_fastrtps|typesupport_introspection)_cpp:")
+endmacro()
+
 # Each generator is a program that parses all interfaces, and takes long for it.
 macro(ros_wheels_parse_once)
   foreach(name IN ITEMS
-      generator_c generator_cpp generator_py generator_type_description
-      typesupport_c typesupport_cpp typesupport_fastrtps_c typesupport_fastrtps_cpp
-      typesupport_introspection_c typesupport_introspection_cpp)
+      generator_c generator_py generator_type_description
+      typesupport_c typesupport_fastrtps_c typesupport_introspection_c)
     if(rosidl_${name}_BIN MATCHES "^[^;]+$")
       list(PREPEND rosidl_${name}_BIN "${ros_wheels_folder}/parse_once.py")
     endif()
@@ -58,28 +64,6 @@ function(ros_wheels_compile_together)
   get_target_property(sources ${prefix}_generator_c SOURCES)
   list(FILTER sources INCLUDE REGEX "__description\\.c$")
   set_source_files_properties(${sources} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
-
-  # A message that has another one as a field refers to its type support before that is defined.
-  set(declarations "#pragma once\n#include <memory>\n")
-  string(APPEND declarations
-    "#include <rosidl_typesupport_introspection_cpp/message_type_support_decl.hpp>\n")
-  file(GLOB messages RELATIVE "${CMAKE_CURRENT_SOURCE_DIR}/msg" CONFIGURE_DEPENDS msg/*.msg)
-  foreach(message IN LISTS messages)
-    cmake_path(GET message STEM name)
-    string(APPEND declarations
-      "namespace ${PROJECT_NAME}::msg {template<class> struct ${name}_;}\n"
-      "template<> const rosidl_message_type_support_t * rosidl_typesupport_introspection_cpp::"
-      "get_message_type_support_handle<${PROJECT_NAME}::msg::${name}_<std::allocator<void>>>();\n")
-  endforeach()
-  set(header "${CMAKE_CURRENT_BINARY_DIR}/ros_wheels_declarations.hpp")
-  file(CONFIGURE OUTPUT "${header}" CONTENT "${declarations}" @ONLY)
-  set_target_properties(${prefix}_typesupport_introspection_cpp PROPERTIES
-    UNITY_BUILD_CODE_BEFORE_INCLUDE "#include \"${header}\"")
-
-  # What is only for nodes in C++ and other middlewares than the one of the wheels is not made fast.
-  foreach(name IN ITEMS cpp fastrtps_cpp introspection_c introspection_cpp)
-    target_compile_options(${prefix}_typesupport_${name} PRIVATE -O0)
-  endforeach()
 endfunction()
 
 set(CMAKE_UNITY_BUILD ON)

@@ -39,7 +39,7 @@ foreach(manifest IN LISTS manifests)
     file(GLOB layouts CONFIGURE_DEPENDS "${folder}/${name}/foxglove/*.json")
     install(FILES ${layouts} DESTINATION share/${name}/foxglove)
     bt_agents_install_executables(${name} "${folder}/setup.py")
-  elseif(NOT SKBUILD_STATE STREQUAL "editable") # there, scripts/setup.bash links the folder
+  elseif(NOT BT_AGENTS_OF_CHECKOUT) # there, scripts/setup.bash links the folder
     install(DIRECTORY "${folder}/" DESTINATION share/${name}
       FILES_MATCHING PATTERN "*.yaml" PATTERN "package.xml")
   endif()

@@ -3,8 +3,9 @@
 #
 # Prepares .venv in this checkout; sourced by the other scripts, which then call set_up.
 #
-# What has been installed completely leaves a stamp that says what it was made from. Without a
-# stamp the environment is made anew, with another one it is brought up to date.
+# All that is installed is named with its hash in uv.lock, and uv itself in scripts/uv.txt. What is
+# downloaded and compiled is kept in the user's cache, for all checkouts. A complete installation
+# leaves a stamp that says what it was made from.
 
 set -euo pipefail
 
@@ -28,61 +29,127 @@ set_up() {
  rosdep install --from-paths . --ignore-src -y && colcon build && source install/setup.bash &&\
  ros2 run bt_agents_tools bt-agents demo"
   fi
-  export PIP_DISABLE_PIP_VERSION_CHECK=1
   (
     if ! flock --nonblock 9; then
       echo "Waiting for another install into .venv to end ..."
       flock 9
     fi
-    install_bt_agents
-    if [[ ${1-} == dev ]]; then
-      install_tools
-    fi
+    install_bt_agents "${1:-run}"
   ) 9>"$venv.lock"
 }
 
 install_bt_agents() {
-  local stamp=$venv/bt-agents.stamp made_from works=yes
+  local kind=$1 made_from works=yes packages=(--all-extras --inexact)
   made_from=$(describe_inputs)
   "$venv/bin/python" -I -S -c '' 2>/dev/null || works=no
-  if [[ $works == yes && -e $stamp && $(<"$stamp") == "$made_from" ]]; then
+  if [[ $works == yes && -e $venv/$kind.stamp && $(<"$venv/$kind.stamp") == "$made_from" ]]; then
     return
   fi
 
   find_python_and_compiler
-  if [[ $works == no || ! -e $stamp ]]; then
+  if [[ $works == no || ! -e $venv/run.stamp ]]; then
     rm -rf "$venv"
     mkdir "$venv"
-    step "Creating .venv with $python" "$python" -m venv "$venv"
   fi
-  rm -f "$stamp"
-  # Editable: the Python modules stay in the checkout, only the interfaces are compiled.
-  step "Installing ROS 2 and bt-agents" "$venv/bin/python" -m pip install --editable "$root"
-  local folder
-  for folder in bt_agents_bringup experiments trees; do
-    ln -sfn "../../$folder" "$venv/share/bt_agents_${folder#bt_agents_}"
-  done
-  printf '%s\n' "$made_from" >"$stamp"
+  rm -f "$venv"/*.stamp
+  find_uv
+  if [[ ! -e $venv/pyvenv.cfg ]]; then
+    step "Creating .venv with $python" "$uv" venv --allow-existing --python "$python" "$venv"
+  fi
+  if [[ $kind == dev ]]; then
+    packages=(--all-extras --group dev --group peers)
+  fi
+  step "Installing ROS 2" "$uv" sync --project "$root" --frozen --no-install-project "${packages[@]}"
+  find_wheel
+  step "Installing bt-agents" install_wheel
+  printf '%s\n' "$made_from" | tee "$venv/$kind.stamp" >"$venv/run.stamp"
 }
 
-install_tools() {
-  local stamp=$venv/tools.stamp tools
-  mapfile -t tools < <("$venv/bin/python" -I -S -c '
-import sys, tomllib
-project = tomllib.load(open(sys.argv[1], "rb"))["project"]
-print(*project["optional-dependencies"]["dev"], sep="\n")' "$root/pyproject.toml")
-  if [[ -e $stamp && $(<"$stamp") == "${tools[*]}" ]]; then
-    return
-  fi
-  step "Installing the tools for tests" "$venv/bin/python" -m pip install "${tools[@]}"
-  printf '%s\n' "${tools[*]}" >"$stamp"
+# Install the wheel, and have Python take the modules of the checkout.
+install_wheel() {
+  local folder
+  "$uv" pip install --python "$venv/bin/python" --no-deps --reinstall "$wheel"
+  dirname "$root"/*/setup.py >"$(echo "$venv"/lib/python3*/site-packages)/bt_agents_checkout.pth"
+  for folder in bt_agents_bringup experiments trees; do
+    rm -rf "$venv/share/bt_agents_${folder#bt_agents_}"
+    ln -s "../../$folder" "$venv/share/bt_agents_${folder#bt_agents_}"
+  done
 }
 
 describe_inputs() {
   cd "$root"
   pwd
-  find pyproject.toml cmake bt_agents_interfaces ./*/package.xml -type f -print0 |
-    LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum
+  find pyproject.toml uv.lock scripts/uv.txt cmake bt_agents_interfaces ./*/package.xml ./*/setup.py \
+    -type f -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum
+}
+
+# Set "uv" to the program, and "cache" to where it and what it makes are kept.
+find_uv() {
+  cache=${XDG_CACHE_HOME:-${HOME:+$HOME/.cache}}/bt-agents
+  if [[ $cache == /bt-agents ]] || ! mkdir -p "$cache" 2>/dev/null || [[ ! -w $cache ]]; then
+    cache=$root/build/cache
+    mkdir -p "$cache"
+  fi
+  export UV_CACHE_DIR=${UV_CACHE_DIR:-$cache/uv} UV_PROJECT_ENVIRONMENT=$venv
+  export UV_PYTHON_DOWNLOADS=never UV_SYSTEM_CERTS=1
+
+  local requirements=$root/scripts/uv.txt folder
+  folder=$cache/uv-$(sha256sum "$requirements" | cut -c -12)
+  uv=$folder/bin/uv
+  if ! "$uv" --version >/dev/null 2>&1; then
+    step "Installing uv" keep "$folder" install_uv "$requirements"
+  fi
+}
+
+install_uv() {
+  "$python" -m venv "$2"
+  "$2/bin/python" -m pip install --disable-pip-version-check --require-hashes --requirement "$1"
+}
+
+# Set "wheel" to the one of this checkout without its Python modules and data, which is built for
+# each interfaces, build tools, metadata and Python once.
+find_wheel() {
+  local requirements=$venv/build-requirements.txt folder
+  "$uv" export --project "$root" --frozen --only-group build --quiet --output-file "$requirements" \
+    >/dev/null
+  folder=$cache/wheels/$(describe_wheel "$requirements" | sha256sum | cut -c -16)
+  if [[ ! -e $folder ]]; then
+    mkdir -p "$cache/wheels"
+    find "$cache/wheels" -mindepth 1 -maxdepth 1 -mtime +60 -exec rm -rf {} +
+    step "Compiling the interfaces" keep "$folder" build_wheel "$requirements"
+  fi
+  wheel=$(echo "$folder"/*.whl)
+}
+
+describe_wheel() {
+  cd "$root"
+  "$venv/bin/python" -I -S -c '
+import json, sys, sysconfig, tomllib
+project = tomllib.load(open("pyproject.toml", "rb"))
+print(sysconfig.get_config_var("SOABI"), sysconfig.get_platform())
+print(json.dumps([project["project"], project["build-system"], project["tool"]["scikit-build"]]))'
+  find LICENSE cmake bt_agents_interfaces ./*/package.xml ./*/setup.py -type f -print0 |
+    LC_ALL=C sort -z | xargs -0 sha256sum
+  grep -v '^#' "$1"
+}
+
+build_wheel() {
+  local setup options=(-C cmake.define.BT_AGENTS_OF_CHECKOUT=ON)
+  for setup in "$root"/*/setup.py; do
+    options+=(-C "wheel.exclude=$(basename "$(dirname "$setup")")/**")
+  done
+  "$uv" build --wheel --python "$venv/bin/python" --build-constraints "$1" --require-hashes \
+    "${options[@]}" --out-dir "$2" "$root"
+}
+
+# keep FOLDER COMMAND...: have a command fill a folder, whose path follows its arguments; the
+# folder is there once it is complete, also when another checkout makes the same one.
+keep() {
+  local folder=$1
+  shift
+  rm -rf "$folder.$$"
+  "$@" "$folder.$$"
+  mv -T "$folder.$$" "$folder" 2>/dev/null || rm -rf "$folder.$$"
 }
 
 # Set "python" to the first one that can be used; say in one sentence what is missing.

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -14,9 +13,8 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, sync_playwright
 
-from npm_packages import installed_package, node_environment, program
+from npm_packages import installed_packages, node_environment, program
 
-_PACKAGE, _VERSION = "@sparticuz/chromium", "149.0.0"
 _UNPACK = """
 import('@sparticuz/chromium').then(one => one.default.executablePath()).then(console.log)
 """
@@ -44,16 +42,13 @@ def chromium() -> Iterator[Browser]:
             browser.close()
 
 
-def installed_browser() -> tuple[str, Path | None]:
+def installed_browser() -> tuple[str, Path]:
     """Return the path of a browser, and of the libraries that it needs besides the machine's.
 
     Raises:
         NotFetched: There is none here, and the package cannot be fetched.
     """
-    found = shutil.which("chromium")
-    if found is not None:
-        return found, None
-    folder = installed_package(_PACKAGE, _VERSION)
+    folder = installed_packages().parent
     unpacked = folder / "unpacked"
     if not unpacked.exists():
         with tempfile.TemporaryDirectory(dir=folder) as half:

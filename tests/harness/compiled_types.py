@@ -6,7 +6,6 @@ from __future__ import annotations
 import ctypes
 import fcntl
 import hashlib
-import subprocess
 import sys
 import zipfile
 from collections.abc import Iterator
@@ -14,9 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
-import pytest
-
 from checkout import ROOT
+from locked_packages import build_wheel
 
 PACKAGE = "py_trees_ros_interfaces"
 DEFINITIONS = ROOT / "tests/interfaces"
@@ -70,13 +68,7 @@ def _built() -> Path:
 
 def _build(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
-    pip = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--wheel-dir", str(folder)]
-    done = subprocess.run(
-        [*pip, str(SOURCE)], capture_output=True, text=True, timeout=_BUILD_LIMIT_S, check=False
-    )
-    if done.returncode:
-        pytest.skip(f"{PACKAGE} cannot be built here: {done.stderr[-500:]}")
-    [wheel] = folder.glob("*.whl")
+    wheel = build_wheel(SOURCE, folder, _BUILD_LIMIT_S)
     unpacked = folder / "unpacked"
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(unpacked)

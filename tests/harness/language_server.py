@@ -10,10 +10,9 @@ from pathlib import Path
 from queue import Queue
 from typing import Any
 
-from npm_packages import installed_package, program
+from npm_packages import installed_packages, program
 
 PACKAGE = "yaml-language-server"
-VERSION = "2.0.0"
 ANSWER_S = 60
 
 
@@ -23,7 +22,7 @@ def installed_server() -> list[str]:
     Raises:
         NotFetched: There is no node or npm, or the package cannot be fetched.
     """
-    program_file = installed_package(PACKAGE, VERSION) / "node_modules" / PACKAGE / "bin" / PACKAGE
+    program_file = installed_packages() / PACKAGE / "bin" / PACKAGE
     return [program("node"), str(program_file), "--stdio"]
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import shutil
 import subprocess
@@ -11,7 +12,10 @@ import sys
 import tempfile
 from pathlib import Path
 
+from checkout import ROOT
+
 INSTALL_S = 240
+_LOCKED = ROOT / "tests" / "npm"
 
 
 class NotFetched(Exception):
@@ -59,26 +63,26 @@ def npm(*arguments: str, folder: Path) -> None:
         raise NotFetched(f"npm {' '.join(arguments)} failed (exit {done.returncode})")
 
 
-def installed_package(name: str, version: str) -> Path:
-    """Return the folder whose ``node_modules`` hold a package, which is fetched if need be.
+def installed_packages() -> Path:
+    """Return the folder ``node_modules`` with the packages that ``tests/npm`` locks.
 
     Raises:
-        NotFetched: There is no node or npm, or the package cannot be fetched.
+        NotFetched: There is no node or npm, or the packages cannot be fetched.
     """
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    cache = Path(home) / "bt-agents-tests"
-    folder = cache / f"{name.replace('/', '-').removeprefix('@')}-{version}"
+    cache = Path(home) / "bt-agents" / "npm"
+    locked = [_LOCKED / "package.json", _LOCKED / "package-lock.json"]
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in locked)).hexdigest()
+    folder = cache / digest[:12]
     if not folder.exists():
         cache.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=cache) as half:
-            made = Path(half) / "package"
+            made = Path(half) / "packages"
             made.mkdir()
-            # npm installs where the nearest of these is. With --prefix instead, it would also look
-            # there for the settings of the machine, which may name the certificates to trust.
-            (made / "package.json").write_text("{}", encoding="utf-8")
-            options = ["--ignore-scripts", "--no-package-lock"]
-            npm("install", *options, f"{name}@{version}", folder=made)
+            for path in locked:
+                shutil.copy(path, made)
+            npm("ci", "--ignore-scripts", folder=made)
             # Only what is complete gets the name, also when two tests fetch at once.
             with contextlib.suppress(OSError):
                 made.rename(folder)
-    return folder
+    return folder / "node_modules"

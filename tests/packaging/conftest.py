@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -14,28 +13,13 @@ from typing import Any
 import pytest
 
 from checkout import ROOT
-
-COLCON = [
-    "colcon-bash",
-    "colcon-library-path",
-    "colcon-output",
-    "colcon-parallel-executor",
-    "colcon-ros",
-    "setuptools<80",  # the last that installs by setup.py, as colcon does
-]
-
-TEST_TOOLS = ["hypothesis", "pytest"]
-
-CMAKE = ["cmake>=3.24", "ninja"]
+from locked_packages import UV, make_environment, uv
 
 NOT_OPTIMIZED = [
-    f"--config-settings=cmake.define.CMAKE_{language}_FLAGS_RELEASE=-O0"
+    f"--config-setting=cmake.define.CMAKE_{language}_FLAGS_RELEASE=-O0"
     for language in ("C", "CXX")
 ]
 """How fast the interfaces are is measured with those of the checkout."""
-
-NOT_COMPILED = "--no-compile"
-"""Of the many modules of an environment few are imported; Python compiles these when they are."""
 
 
 class Installation:
@@ -80,24 +64,18 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def requirements(tmp_path_factory: pytest.TempPathFactory, pyproject: dict[str, Any]) -> Path:
+def requirements(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An environment with what the project says that it needs to run, and nothing else."""
-    folder = tmp_path_factory.mktemp("installed")
-    run([sys.executable, "-m", "venv", str(folder)], folder, folder)
-    _install(folder / "bin", NOT_COMPILED, *pyproject["project"]["dependencies"])
+    folder = tmp_path_factory.mktemp("installed") / "environment"
+    make_environment(folder)
     return folder
 
 
 @pytest.fixture(scope="session")
-def tools(
-    requirements: Path, tmp_path_factory: pytest.TempPathFactory, pyproject: dict[str, Any]
-) -> Path:
+def tools(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The programs of an environment that can build the project but has not installed it."""
     folder = tmp_path_factory.mktemp("tools") / "environment"
-    # Installers replace files and never write into them, so a second name is as good as a copy.
-    shutil.copytree(requirements, folder, symlinks=True, copy_function=os.link)
-    needed = [*pyproject["build-system"]["requires"], *COLCON, *CMAKE, *TEST_TOOLS]
-    _install(folder / "bin", NOT_COMPILED, *needed)
+    make_environment(folder, "build", "packaging")
     return folder / "bin"
 
 
@@ -117,19 +95,10 @@ def build(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
 @pytest.fixture(scope="session")
 def wheel(source: Path, tools: Path, build: Path) -> Path:
     """The one wheel of the project."""
-    shared = f"--config-settings=build-dir={build / 'build' / 'bt_agents_interfaces'}"
-    pip = [
-        "python",
-        "-m",
-        "pip",
-        "wheel",
-        "--no-deps",
-        "--no-build-isolation",
-        shared,
-        *NOT_OPTIMIZED,
-    ]
-    run([*pip, "--wheel-dir", str(build / "dist"), str(source)], tools, build)
-    (found,) = (build / "dist").iterdir()
+    shared = f"--config-setting=build-dir={build / 'build' / 'bt_agents_interfaces'}"
+    command = [str(UV), "build", "--wheel", "--no-build-isolation", "--python", "python"]
+    run([*command, shared, *NOT_OPTIMIZED, "--out-dir", "dist", str(source)], tools, build)
+    (found,) = (build / "dist").glob("*.whl")
     return found
 
 
@@ -138,7 +107,7 @@ def installed(
     wheel: Path, requirements: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Installation:
     """The wheel in an environment of its own."""
-    _install(requirements / "bin", str(wheel))
+    uv("pip", "install", "--python", str(requirements / "bin" / "python"), "--no-deps", str(wheel))
     return Installation(requirements / "bin", "", tmp_path_factory.mktemp("empty"))
 
 
@@ -180,7 +149,3 @@ def run(command: list[str], programs: Path, cwd: Path) -> str:
     if done.returncode:
         pytest.fail(f"{command} in {cwd} ended with {done.returncode}\n{done.stdout}{done.stderr}")
     return done.stdout
-
-
-def _install(programs: Path, *requirements: str) -> None:
-    run(["python", "-m", "pip", "install", "--quiet", *requirements], programs, programs.parent)

@@ -7,6 +7,7 @@ import ast
 import re
 import sys
 from configparser import ConfigParser
+from importlib.metadata import files
 from pathlib import Path
 from typing import Any
 
@@ -245,6 +246,12 @@ def test_the_scripts_link_every_data_package():
     script = (ROOT / "scripts" / "setup.bash").read_text(encoding="utf-8")
     folders = " ".join(sorted(package.folder.name for package in DATA_PACKAGES))
     assert f"for folder in {folders}; do" in script
+
+
+def test_an_uninstallation_removes_nothing_of_the_checkout():
+    installed = [Path(str(file.locate())).resolve() for file in files("bt-agents") or ()]
+    assert len(installed) > 500
+    assert all(file.is_relative_to(sys.prefix) for file in installed)
 
 
 def _exists(package: RosPackage, target: str) -> bool:

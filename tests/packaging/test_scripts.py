@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`scripts/demo`: what it says where it cannot install, and that it never half-installs.
 
-The Python of these tests is a few lines of shell that answer as the real one does; what it was
-asked to do is in the file `asked`.
+Python and uv of these tests are a few lines of shell that answer as the real ones do; what they
+were asked to do is in the file `asked`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -18,23 +18,39 @@ import pytest
 pytestmark = pytest.mark.packaging
 
 COMMANDS = (
-    "basename bash cat chmod cp dirname env find flock ln mkdir rm sed sha256sum sleep sort tail "
-    "uname xargs"
+    "basename bash cat chmod cp cut dirname env find flock grep ln mkdir mv rm sed sha256sum "
+    "sleep sort tail tee uname xargs"
 )
 
 PYTHON = """#!/bin/sh
 case "$*" in
   "-I -S"*) ;;
   -I*) echo "{answer}" ;;
-  "-m venv"*)
-    echo venv >> "$ASKED"
-    mkdir -p "$3/bin" "$3/share" && cp "$0" "$3/bin/python"
-    printf '#!/bin/sh\\necho played "$@"\\n' > "$3/bin/bt-agents" && chmod +x "$3/bin/bt-agents" ;;
-  "-m pip install --editable"*)
-    echo install >> "$ASKED"
-    [ ! -e "$ASKED.offline" ] || {{ echo "no network"; exit 1; }} ;;
+  "-m venv"*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
+  "-m pip install"*) echo bootstrap >> "$ASKED" && cp "$UV" "${{0%/*}}/uv" ;;
 esac
 """
+
+UV = r"""#!/bin/sh
+[ "$1" = --version ] || echo "$1" >> "$ASKED"
+case "$1" in
+  venv)
+    mkdir -p "$5/bin" "$5/share" "$5/lib/python3/site-packages"
+    cp "$(command -v "$4")" "$5/bin/python" && : > "$5/pyvenv.cfg" ;;
+  sync) [ ! -e "$ASKED.offline" ] || { echo "no network"; exit 1; } ;;
+  build)
+    while [ "$1" != --out-dir ]; do shift; done
+    mkdir "$2" && : > "$2/bt_agents.whl" ;;
+  pip)
+    printf '#!/bin/sh\necho played "$@"\n' > "${4%python}bt-agents"
+    chmod +x "${4%python}bt-agents" ;;
+  export)
+    while [ "$1" != --output-file ]; do shift; done
+    echo requirement > "$2" ;;
+esac
+"""
+
+INSTALLED = ["bootstrap", "venv", "sync", "export", "build", "pip"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +60,7 @@ class Machine:
     checkout: Path
     commands: Path
     asked: Path
+    uv: Path
 
     def has_python(self, command: str, answer: str) -> None:
         """Install a Python that describes itself with ``answer``."""
@@ -58,7 +75,12 @@ class Machine:
         """Run ``scripts/demo`` to its end."""
         return subprocess.run(
             [self.checkout / "scripts" / "demo", *arguments],
-            env={"PATH": str(self.commands), "ASKED": str(self.asked), **environment},
+            env={
+                "PATH": str(self.commands),
+                "ASKED": str(self.asked),
+                "UV": str(self.uv),
+                **environment,
+            },
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
@@ -66,7 +88,7 @@ class Machine:
         )
 
     def was_asked(self) -> list[str]:
-        """Return what Python was asked to do since the last time."""
+        """Return what Python and uv were asked to do since the last time."""
         lines = self.asked.read_text(encoding="utf-8").split() if self.asked.exists() else []
         self.asked.unlink(missing_ok=True)
         return lines
@@ -82,7 +104,10 @@ def machine(source: Path, tmp_path: Path) -> Machine:
         assert found
         os.symlink(found, commands / command)
     checkout = shutil.copytree(source, tmp_path / "check out")
-    machine = Machine(checkout=checkout, commands=commands, asked=tmp_path / "asked")
+    uv = tmp_path / "uv"
+    uv.write_text(UV, encoding="utf-8")
+    uv.chmod(0o755)
+    machine = Machine(checkout=checkout, commands=commands, asked=tmp_path / "asked", uv=uv)
     machine.has("cc")
     machine.has("c++")
     return machine
@@ -145,11 +170,14 @@ def test_the_first_run_installs_and_the_second_only_plays(machine: Machine):
     machine.has_python("python3", "3.11")
     done = machine.demo("--help")
     assert [line.partition(" ...")[0] for line in done.stdout.splitlines()] == [
+        "Installing uv",
         "Creating .venv with python3",
-        "Installing ROS 2 and bt-agents",
+        "Installing ROS 2",
+        "Compiling the interfaces",
+        "Installing bt-agents",
         "played demo --help",
     ]
-    assert machine.was_asked() == ["venv", "install"]
+    assert machine.was_asked() == INSTALLED
     assert machine.demo().stdout == "played demo\n"
     assert machine.was_asked() == []
 
@@ -160,7 +188,29 @@ def test_a_changed_interface_is_installed_into_the_same_environment(machine: Mac
     machine.was_asked()
     (machine.checkout / "bt_agents_interfaces" / "msg" / "New.msg").write_text("bool new\n")
     assert machine.demo().stdout.endswith("played demo\n")
-    assert machine.was_asked() == ["install"]
+    assert machine.was_asked() == ["sync", "export", "build", "pip"]
+
+
+def test_a_change_that_compiles_nothing_takes_the_wheel_that_is_there(machine: Machine):
+    machine.has_python("python3", "3.11")
+    machine.demo()
+    machine.was_asked()
+    with (machine.checkout / "uv.lock").open("a", encoding="utf-8") as lock:
+        lock.write("\n")
+    assert machine.demo().stdout.endswith("played demo\n")
+    assert machine.was_asked() == ["sync", "export", "pip"]
+
+
+def test_another_checkout_of_the_same_user_compiles_nothing(machine: Machine, tmp_path: Path):
+    machine.has_python("python3", "3.11")
+    shared = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    other = replace(machine, checkout=shutil.copytree(machine.checkout, tmp_path / "other"))
+    machine.demo(**shared)
+    assert machine.was_asked() == INSTALLED
+    assert other.demo(**shared).stdout.endswith("played demo\n")
+    assert other.was_asked() == ["venv", "sync", "export", "pip"]
+    paths = next((other.checkout / ".venv").rglob("bt_agents_checkout.pth")).read_text()
+    assert str(other.checkout / "bt_agents_core") in paths.splitlines()
 
 
 def test_a_failed_install_ends_with_the_log_and_is_done_anew(machine: Machine):
@@ -172,13 +222,13 @@ def test_a_failed_install_ends_with_the_log_and_is_done_anew(machine: Machine):
     assert "played" not in done.stdout
     assert done.stderr.splitlines()[-2:] == [
         "  | no network",
-        "demo: 'Installing ROS 2 and bt-agents' failed; "
+        "demo: 'Installing ROS 2' failed; "
         f"everything it said is in {machine.checkout / '.venv' / 'install.log'}",
     ]
     offline.unlink()
-    assert machine.was_asked() == ["venv", "install"]
+    assert machine.was_asked() == ["bootstrap", "venv", "sync"]
     assert machine.demo().stdout.endswith("played demo\n")
-    assert machine.was_asked() == ["venv", "install"]
+    assert machine.was_asked() == ["venv", "sync", "export", "build", "pip"]
 
 
 def test_an_environment_whose_python_is_gone_is_made_anew(machine: Machine):
@@ -187,4 +237,4 @@ def test_an_environment_whose_python_is_gone_is_made_anew(machine: Machine):
     machine.was_asked()
     (machine.checkout / ".venv" / "bin" / "python").unlink()
     assert machine.demo().returncode == 0
-    assert machine.was_asked() == ["venv", "install"]
+    assert machine.was_asked() == ["venv", "sync", "export", "pip"]
