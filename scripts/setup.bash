@@ -39,6 +39,7 @@ set_up() {
 }
 
 install_bt_agents() {
+  # Inexact, as uv takes what the ROS wheels bring for packages that are too many.
   local kind=$1 made_from works=yes packages=(--all-extras --inexact)
   made_from=$(describe_inputs)
   "$venv/bin/python" -I -S -c '' 2>/dev/null || works=no
@@ -57,7 +58,7 @@ install_bt_agents() {
     step "Creating .venv with $python" "$uv" venv --allow-existing --python "$python" "$venv"
   fi
   if [[ $kind == dev ]]; then
-    packages=(--all-extras --group dev --group peers)
+    packages+=(--group dev --group peers)
   fi
   step "Installing ROS 2" "$uv" sync --project "$root" --frozen --no-install-project "${packages[@]}"
   find_wheel
