@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Thread
+from threading import Thread, Timer
 from types import FrameType
-from typing import ClassVar
+from typing import ClassVar, NoReturn
 
 from bt_agents_core.gc_pause import gc_paused
 
@@ -105,6 +106,45 @@ def end_silently() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+_AGAIN_S = 0.01
+"""From the loss of a Ctrl-C until it is raised again [s]."""
+
+
+class _LastingInterrupt(KeyboardInterrupt):
+    """A ``KeyboardInterrupt`` that is raised again when it is lost.
+
+    C code clears exceptions of the Python code that it calls: numpy in some comparisons, Cython
+    in some imports. The exception is freed there, and the program would go on.
+    """
+
+    def __del__(self) -> None:
+        if signal.getsignal(signal.SIGINT) is _raise:
+            # What is raised in here would be lost too.
+            Timer(_AGAIN_S, _raise_again).start()
+
+
+def _raise_again() -> None:
+    if signal.getsignal(signal.SIGINT) is _raise:
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def _raise(_signal: int, _frame: FrameType | None) -> NoReturn:
+    raise _LastingInterrupt
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let a Ctrl-C raise ``KeyboardInterrupt`` within this block, and end the process after it.
+
+    Code in the block that catches it and goes on calls :func:`end_silently`.
+    """
+    signal.signal(signal.SIGINT, _raise)
+    try:
+        yield
+    finally:
+        end_silently()
 
 
 @contextmanager

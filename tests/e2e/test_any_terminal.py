@@ -226,6 +226,43 @@ def test_ctrl_c_ends_long_work_and_its_workers_soon(
     wait_for(lambda: not any(map(alive, mine)))
 
 
+_SWALLOWED = """
+import signal, sys, time
+from bt_agents_ros.signals import interruptible
+try:
+    with interruptible():
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except BaseException:
+            pass
+        time.sleep(1000.0)
+except KeyboardInterrupt:
+    sys.exit(7)
+"""
+
+
+def test_a_ctrl_c_that_a_library_swallows_is_raised_again() -> None:
+    program = subprocess.run([sys.executable, "-c", _SWALLOWED], timeout=HANG_S, check=False)
+    assert program.returncode == 7
+
+
+_CAUGHT = """
+import signal, time
+from bt_agents_ros.signals import end_silently, interruptible
+with interruptible():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        end_silently()
+    time.sleep(0.2)
+"""
+
+
+def test_a_ctrl_c_that_a_command_catches_is_raised_once() -> None:
+    program = subprocess.run([sys.executable, "-c", _CAUGHT], timeout=HANG_S, check=False)
+    assert program.returncode == 0
+
+
 def is_at_work(pid: int) -> bool:
     """Return whether a process handles SIGINT by itself, and has loaded what it computes with."""
     status = Path(f"/proc/{pid}/status").read_text()

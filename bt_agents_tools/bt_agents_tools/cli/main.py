@@ -17,7 +17,7 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.optional_packages import how_to_install
 from bt_agents_core.text import printable_lines
-from bt_agents_ros.signals import end_silently, loading
+from bt_agents_ros.signals import interruptible, loading
 from bt_agents_tools.cli.terminal import OutputLost, os_error_text, prepare_streams
 
 _INTERRUPTED = 128 + signal.SIGINT
@@ -200,12 +200,12 @@ def main() -> None:
     a reader of the output that has gone is exit code 141, as for other programs.
     """
     prepare_streams()
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        try:
-            code = bt_agents.main(prog_name="bt-agents", standalone_mode=False)
-        finally:
-            sys.stdout.flush()
+        with interruptible():
+            try:
+                code = bt_agents.main(prog_name="bt-agents", standalone_mode=False)
+            finally:
+                sys.stdout.flush()
     except click.Abort as abort:
         # Click makes it of Ctrl-C, of an end of the input, and of a question that is denied.
         code = _INTERRUPTED
@@ -223,8 +223,6 @@ def main() -> None:
         code = _LEFT if lost.is_left else _failed(f"standard output: {os_error_text(lost.error)}")
     except OSError as error:
         code = _failed(os_error_text(error))
-    finally:
-        end_silently()
     sys.exit(code)
 
 

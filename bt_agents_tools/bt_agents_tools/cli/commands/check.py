@@ -25,6 +25,7 @@ from bt_agents_language.diagnostics.renderers import (
 from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.folder_reader import SUFFIXES
 from bt_agents_language.tools.folder_check import Checked, check_folder
+from bt_agents_ros.signals import end_silently
 from bt_agents_tools.cli.formatting import counted
 from bt_agents_tools.cli.trees_choice import named_path, take_trees
 from bt_agents_tools.rehearsal.installed_types import installed_types
@@ -60,7 +61,7 @@ def check(paths: tuple[str, ...], form: str, strict: bool, watch: bool) -> None:
         for _ in watched(paths, show, time.sleep):
             click.echo(time.strftime("— checked again at %H:%M:%S"), err=True)
     except KeyboardInterrupt:
-        return
+        end_silently()
 
 
 def check_paths(paths: Iterable[str], interfaces: Interfaces | None) -> Checked:

@@ -24,6 +24,7 @@ from bt_agents_core.scene import Origin, SceneParameter, finite_or_none, nearest
 from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_ros.signals import end_silently
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 from bt_agents_tools.cli.formatting import fitted_console
 
@@ -63,14 +64,15 @@ def scene(watch: bool, as_json: bool, directory: str) -> None:
         if not watch:
             _print(*next(polls), labels, as_json)
             return
-        # Ctrl-C is how it ends.
-        with suppress(KeyboardInterrupt):
+        try:
             if as_json or not Console().is_terminal:
                 for message, persons in polls:
                     _print(message, persons, labels, as_json)
             with Live(auto_refresh=False) as live:
                 for message, persons in polls:
                     live.update(page(message, persons, labels), refresh=True)
+        except KeyboardInterrupt:
+            end_silently()
 
 
 def _print(message: Any, persons: Any, labels: Labels, as_json: bool) -> None:
