@@ -40,7 +40,6 @@ from bt_agents_language.yaml.field_tables import (
     integer,
     number,
 )
-from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
@@ -160,56 +159,56 @@ def read_sweep(path: Path) -> SweepSpec:
         ReadError: There is a problem; it lists all of them.
         BtAgentsError: The experiment that it is about cannot be read.
     """
-    reading = TypedReader.of(read_source(path))
-    fields = reading.file(SWEEP)
-    title = fields.text("title") or path.stem
-    runs = fields.integer("runs")
-    rounds = fields.integer("rounds")
-    seed = fields.integer("seed")
-    folder = fields.text("experiment")
-    if not folder:
-        # Without the experiment nobody knows what the rest may name.
+    with TypedReader.of(path) as reading:
+        fields = reading.file(SWEEP)
+        title = fields.text("title") or path.stem
+        runs = fields.integer("runs")
+        rounds = fields.integer("rounds")
+        seed = fields.integer("seed")
+        folder = fields.text("experiment")
+        if not folder:
+            # Without the experiment nobody knows what the rest may name.
+            reading.problems.raise_if_any()
+        world = _world(path.parent / folder)
+        space = world.space
+        selections = [_selection(reading, node) for node in fields.items("strategies")]
+        learnings = [_learning(reading, node, space) for node in fields.items("updates")]
+        for key, found in (("strategies", selections), ("updates", learnings)):
+            if not found:
+                reading.error("missing-value", fields.nodes[key], f"'{key}' is empty", "name one")
+        shares: tuple[float, ...] = (0.0,)
+        wrong: WrongFeedback | None = "any"
+        if (node := fields.get("wrong")) is not None:
+            shares, wrong = _wrong(reading, node, space)
+        person = None
+        if (node := fields.get("person")) is not None:
+            if space.mood is None:
+                reading.error(
+                    "unknown-name",
+                    node,
+                    f"the scene of '{folder}' has no mood that is part of profiles",
+                    "name it in its scene.yaml: mood: …, without 'profile: false'",
+                )
+            person = _person(reading, node)
+        change = None
+        if (node := fields.get("change")) is not None:
+            change = _change(reading, node, world)
+        absent = _absent(reading, fields, world)
         reading.problems.raise_if_any()
-    world = _world(path.parent / folder)
-    space = world.space
-    selections = [_selection(reading, node) for node in fields.items("strategies")]
-    learnings = [_learning(reading, node, space) for node in fields.items("updates")]
-    for key, found in (("strategies", selections), ("updates", learnings)):
-        if not found:
-            reading.error("missing-value", fields.nodes[key], f"'{key}' is empty", "name one")
-    shares: tuple[float, ...] = (0.0,)
-    wrong: WrongFeedback | None = "any"
-    if (node := fields.get("wrong")) is not None:
-        shares, wrong = _wrong(reading, node, space)
-    person = None
-    if (node := fields.get("person")) is not None:
-        if space.mood is None:
-            reading.error(
-                "unknown-name",
-                node,
-                f"the scene of '{folder}' has no mood that is part of profiles",
-                "name it in its scene.yaml: mood: …, without 'profile: false'",
-            )
-        person = _person(reading, node)
-    change = None
-    if (node := fields.get("change")) is not None:
-        change = _change(reading, node, world)
-    absent = _absent(reading, fields, world)
-    reading.problems.raise_if_any()
-    assert runs is not None
-    assert rounds is not None
-    assert seed is not None
-    return SweepSpec(
-        title=title,
-        world=replace(world, person=person, change=change, absent=absent),
-        runs=runs,
-        rounds=rounds,
-        seed=seed,
-        shares=shares,
-        wrong=wrong or "any",
-        selections=tuple(one for one in selections if one is not None),
-        learnings=tuple(one for one in learnings if one is not None),
-    )
+        assert runs is not None
+        assert rounds is not None
+        assert seed is not None
+        return SweepSpec(
+            title=title,
+            world=replace(world, person=person, change=change, absent=absent),
+            runs=runs,
+            rounds=rounds,
+            seed=seed,
+            shares=shares,
+            wrong=wrong or "any",
+            selections=tuple(one for one in selections if one is not None),
+            learnings=tuple(one for one in learnings if one is not None),
+        )
 
 
 def _world(folder: Path) -> SimulatedWorld:

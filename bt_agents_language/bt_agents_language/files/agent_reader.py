@@ -108,8 +108,8 @@ AGENT = FileKind(
 
 def read_agent(file: Path | Source, symbols: SymbolTable) -> AgentSpec:
     """Return the agent of a file, or raise a ``ReadError`` with all problems."""
-    with gc_paused():
-        return _read(TypedReader.of(file), symbols)
+    with gc_paused(), TypedReader.of(file) as reading:
+        return _read(reading, symbols)
 
 
 def _read(reading: TypedReader, symbols: SymbolTable) -> AgentSpec:

@@ -89,26 +89,26 @@ EXPERIMENT = FileKind(
 
 def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
     """Return the experiment of a file, or raise a ``ReadError`` with all problems."""
-    reading = TypedReader.of(file)
-    fields = reading.file(EXPERIMENT)
-    title = fields.text("title")
-    rounds = fields.integer("rounds", maximum=MAX_ROUNDS)
-    seed = fields.integer("seed")
-    scenes = [read_vector(reading, node, "a scene", space) for node in fields.items("scenes")]
-    feedback = None
-    if (node := fields.get("feedback")) is not None:
-        feedback = _feedback(reading, node, space.profiles, seed or 0)
-    reading.problems.raise_if_any()
-    assert rounds is not None
-    assert seed is not None
-    assert feedback is not None
-    return ExperimentSpec(
-        title=title,
-        rounds=rounds,
-        seed=seed,
-        scenes=tuple(scene for scene in scenes if scene is not None),
-        feedback=feedback,
-    )
+    with TypedReader.of(file) as reading:
+        fields = reading.file(EXPERIMENT)
+        title = fields.text("title")
+        rounds = fields.integer("rounds", maximum=MAX_ROUNDS)
+        seed = fields.integer("seed")
+        scenes = [read_vector(reading, node, "a scene", space) for node in fields.items("scenes")]
+        feedback = None
+        if (node := fields.get("feedback")) is not None:
+            feedback = _feedback(reading, node, space.profiles, seed or 0)
+        reading.problems.raise_if_any()
+        assert rounds is not None
+        assert seed is not None
+        assert feedback is not None
+        return ExperimentSpec(
+            title=title,
+            rounds=rounds,
+            seed=seed,
+            scenes=tuple(scene for scene in scenes if scene is not None),
+            feedback=feedback,
+        )
 
 
 def _feedback(

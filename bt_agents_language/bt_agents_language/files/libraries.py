@@ -93,7 +93,8 @@ class FolderLibraries:
             file = self._inside(path)
             self._chain.append(path)
             try:
-                self._read[path] = self._library(TypedReader.of(file))
+                with TypedReader.of(file) as reading:
+                    self._read[path] = self._library(reading)
                 return self._read[path]
             except ReadError as error:
                 self.broken[path] = error

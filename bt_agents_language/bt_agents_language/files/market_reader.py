@@ -81,14 +81,14 @@ def market_of(folder: Path, space: SceneSpace) -> tuple[MarketRule, ...]:
 
 def read_market(file: Path | Source, space: SceneSpace) -> tuple[MarketRule, ...]:
     """Return the rules of a market file, or raise a ``ReadError`` with all problems."""
-    reading = TypedReader.of(file)
-    fields = reading.file(MARKET)
-    names = NameScope(
-        scene_names(space, ("scene",)), ranges=scene_ranges(space), labels=scene_labels(space)
-    )
-    rules = [_rule(reading, node, names) for node in fields.items("rules")]
-    reading.problems.raise_if_any()
-    return tuple(rule for rule in rules if rule is not None)
+    with TypedReader.of(file) as reading:
+        fields = reading.file(MARKET)
+        names = NameScope(
+            scene_names(space, ("scene",)), ranges=scene_ranges(space), labels=scene_labels(space)
+        )
+        rules = [_rule(reading, node, names) for node in fields.items("rules")]
+        reading.problems.raise_if_any()
+        return tuple(rule for rule in rules if rule is not None)
 
 
 def unknown_agents(rules: Iterable[MarketRule], known: Collection[str]) -> Iterator[Diagnostic]:

@@ -155,52 +155,52 @@ _TAKEN = {
 
 def read_scene(file: Path | Source, interfaces: Interfaces | None = None) -> SceneSpec:
     """Return what a scene file says, or raise a ``ReadError`` with all problems."""
-    reading = TypedReader.of(file)
-    fields = reading.file(SCENE)
-    entries = fields.entries("parameters")
-    missing: dict[str, MissingRule] = {}
-    personal: set[str] = set()
-    read = {entry.key.text: _parameter(reading, entry, missing, personal) for entry in entries}
-    parameters = {name: parameter for name, parameter in read.items() if parameter is not None}
-    names = [*read]
-    if parameters and not any(one.profiled for one in parameters.values()):
-        reading.error(
-            "missing-value",
-            fields.keys["parameters"],
-            "no parameter is part of profiles, so that no agent could be nearer than another",
-            "leave out 'profile: false' of one at least",
+    with TypedReader.of(file) as reading:
+        fields = reading.file(SCENE)
+        entries = fields.entries("parameters")
+        missing: dict[str, MissingRule] = {}
+        personal: set[str] = set()
+        read = {entry.key.text: _parameter(reading, entry, missing, personal) for entry in entries}
+        parameters = {name: parameter for name, parameter in read.items() if parameter is not None}
+        names = [*read]
+        if parameters and not any(one.profiled for one in parameters.values()):
+            reading.error(
+                "missing-value",
+                fields.keys["parameters"],
+                "no parameter is part of profiles, so that no agent could be nearer than another",
+                "leave out 'profile: false' of one at least",
+            )
+        space = SceneSpace(
+            parameters=tuple(parameters.values()),
+            mood=_mood(reading, fields, names),
+            remembers=_remembers(reading, fields),
         )
-    space = SceneSpace(
-        parameters=tuple(parameters.values()),
-        mood=_mood(reading, fields, names),
-        remembers=_remembers(reading, fields),
-    )
-    persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
-    place = _place(reading, fields, source_reader)
-    sources, person = _sources(reading, fields, names, parameters, source_reader)
-    if (node := fields.get("no_person")) is not None and len(space) == len(names):
-        no_person = read_values(reading, node, "'no_person'", space)
-        space = replace(
-            space,
-            parameters=tuple(
-                replace(one, unattended=no_person.get(one.name)) for one in space.parameters
-            ),
+        persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
+        place = _place(reading, fields, source_reader)
+        sources, person = _sources(reading, fields, names, parameters, source_reader)
+        if (node := fields.get("no_person")) is not None and len(space) == len(names):
+            no_person = read_values(reading, node, "'no_person'", space)
+            space = replace(
+                space,
+                parameters=tuple(
+                    replace(one, unattended=no_person.get(one.name)) for one in space.parameters
+                ),
+            )
+        spec = SceneSpec(
+            space=space,
+            sources=tuple(sources),
+            person=person,
+            persons=persons,
+            place=place,
+            missing=missing,
+            language=fields.name("language") or "",
+            personal=frozenset(personal),
+            shares_persons=fields.boolean("share_persons") or False,
         )
-    spec = SceneSpec(
-        space=space,
-        sources=tuple(sources),
-        person=person,
-        persons=persons,
-        place=place,
-        missing=missing,
-        language=fields.name("language") or "",
-        personal=frozenset(personal),
-        shares_persons=fields.boolean("share_persons") or False,
-    )
-    _check_types(reading, spec)
-    _check_whose(reading, fields, spec)
-    reading.problems.raise_if_any()
-    return replace(spec, warnings=reading.problems.warnings)
+        _check_types(reading, spec)
+        _check_whose(reading, fields, spec)
+        reading.problems.raise_if_any()
+        return replace(spec, warnings=reading.problems.warnings)
 
 
 def _check_whose(reading: TypedReader, fields: MappingReader, spec: SceneSpec) -> None:

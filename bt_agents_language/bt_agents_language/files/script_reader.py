@@ -81,12 +81,12 @@ SCRIPT = FileKind(
 
 def read_script(file: Path | Source, space: SceneSpace) -> Script:
     """Return the script of a file, or raise a ``ReadError`` with all problems."""
-    reading = TypedReader.of(file)
-    fields = reading.file(SCRIPT)
-    title = fields.text("title")
-    visits = [_visit(reading, node, space) for node in fields.items("visits")]
-    reading.problems.raise_if_any()
-    return Script(title=title, visits=tuple(visit for visit in visits if visit is not None))
+    with TypedReader.of(file) as reading:
+        fields = reading.file(SCRIPT)
+        title = fields.text("title")
+        visits = [_visit(reading, node, space) for node in fields.items("visits")]
+        reading.problems.raise_if_any()
+        return Script(title=title, visits=tuple(visit for visit in visits if visit is not None))
 
 
 def _visit(reading: TypedReader, node: Node, space: SceneSpace) -> Visit | None:

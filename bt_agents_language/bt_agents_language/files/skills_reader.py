@@ -128,14 +128,16 @@ def read_skills(
     opened: list[tuple[TypedReader, MappingReader]] = []
     for file in files:
         try:
-            reading = TypedReader.of(file)
-            opened.append((reading, reading.file(SKILLS)))
+            with TypedReader.of(file) as reading:
+                opened.append((reading, reading.file(SKILLS)))
         except ReadError as error:
             errors.append(error)
     for reading, fields in opened:
-        reader.declare(reading, fields)
+        with reading.guarded():
+            reader.declare(reading, fields)
     for reading, fields in opened:
-        reader.bind(reading, fields)
+        with reading.guarded():
+            reader.bind(reading, fields)
     errors += (reading.problems.error() for reading, _ in opened if reading.problems)
     if errors:
         raise joined(errors)

@@ -71,18 +71,18 @@ class TextFile:
 
 def read_texts(file: Path | Source) -> TextFile:
     """Return the texts of a file, or raise a ``ReadError`` with all problems."""
-    reading = TypedReader.of(file)
-    fields = reading.file(TEXTS)
-    texts: dict[str, WrittenText] = {}
-    keys: dict[str, Scalar] = {}
-    for entry in fields.entries("texts"):
-        name = reading.name(entry.key, "the name of a text")
-        scalars = _scalars(reading, entry)
-        if name is not None and scalars:
-            texts[name] = WrittenText(source=reading.source, scalars=scalars)
-            keys[name] = entry.key
-    reading.problems.raise_if_any()
-    return TextFile(texts=texts, keys=keys)
+    with TypedReader.of(file) as reading:
+        fields = reading.file(TEXTS)
+        texts: dict[str, WrittenText] = {}
+        keys: dict[str, Scalar] = {}
+        for entry in fields.entries("texts"):
+            name = reading.name(entry.key, "the name of a text")
+            scalars = _scalars(reading, entry)
+            if name is not None and scalars:
+                texts[name] = WrittenText(source=reading.source, scalars=scalars)
+                keys[name] = entry.key
+        reading.problems.raise_if_any()
+        return TextFile(texts=texts, keys=keys)
 
 
 def _scalars(reading: TypedReader, entry: MappingEntry) -> tuple[Scalar, ...]:

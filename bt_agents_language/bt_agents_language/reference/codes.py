@@ -37,9 +37,9 @@ class Code:
     """One code.
 
     Attributes:
-        wrong: The smallest file with this problem as its first. What cannot be seen, or is too
-            long, is a mark: ``⟨tab⟩``, ``⟨U+202E⟩`` for a character, ``⟨byte FC⟩``, and
-            ``⟨[] × 1,000⟩`` for so many times the same.
+        wrong: The smallest file with this problem as its first; empty where nobody knows one.
+            What cannot be seen, or is too long, is a mark: ``⟨tab⟩``, ``⟨U+202E⟩`` for a
+            character, ``⟨byte FC⟩``, and ``⟨[] × 1,000⟩`` for so many times the same.
         kind: What the examples are. Of an agent or test file they show only what matters; of a
             folder each file comes below a line ``# path``.
         severity: A file with a warning can be used, one with an error cannot.
@@ -66,8 +66,8 @@ def code_groups() -> Mapping[str, tuple[Code, ...]]:
             Code(
                 code=name,
                 meaning=entry["meaning"],
-                wrong=entry["wrong"],
-                right=entry["right"],
+                wrong=entry.get("wrong", ""),
+                right=entry.get("right", ""),
                 kind=ExampleKind[entry.get("file", "agent").upper()],
                 severity=Severity(entry.get("severity", "error")),
             )

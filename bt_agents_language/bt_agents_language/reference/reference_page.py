@@ -50,9 +50,12 @@ def codes_page() -> str:
     for heading, group in code_groups().items():
         parts.append(f"## {heading}")
         for code in group:
+            parts.append(f"### {code.code}")
+            if not code.wrong:
+                parts.append(code.meaning)
+                continue
             fence = f"~~~{code.kind.language}\n"
             parts += [
-                f"### {code.code}",
                 f"{code.meaning} Shown as {code.kind.value}:",
                 f"{fence}{code.wrong}~~~",
                 "Right:",

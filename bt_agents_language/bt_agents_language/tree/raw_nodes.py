@@ -193,7 +193,7 @@ class RawNodeReader:
         word = node_type.key
         written: Node = entry.value
         options: dict[str, MappingEntry] = {}
-        if isinstance(written, MappingNode):
+        if isinstance(written, MappingNode) and written.entries:
             if any(e.key.text in self._words for e in written.entries):
                 self._reading.error(
                     "wrong-type",
@@ -224,16 +224,16 @@ class RawNodeReader:
             if children is None:
                 return options, ()
             written = children
-        if not isinstance(written, Sequence):
+        items = written.items if isinstance(written, Sequence) else ()
+        if isinstance(written, Scalar) or (isinstance(written, MappingNode) and written.entries):
             self._reading.wrong_type(
                 written, f"the children of '{word}'", "a list of nodes", Shape.LIST
             )
-            return options, ()
-        if not written.items:
+        elif not items:
             self._reading.error(
                 "no-children", written, f"'{word}' has no children", "add a '-' item"
             )
-        nodes = [self.read(item, f"'{word}'", node_type) for item in written.items]
+        nodes = [self.read(item, f"'{word}'", node_type) for item in items]
         return options, tuple([node for node in nodes if node is not None])
 
     def _label(self, entry: MappingEntry) -> str:

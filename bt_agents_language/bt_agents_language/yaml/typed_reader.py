@@ -5,15 +5,19 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from pathlib import Path
+from traceback import walk_tb
+from types import TracebackType
 from typing import TypeVar
 
 from bt_agents_core.diagnostic import Position, Severity
+from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import join_quoted, join_words, quote
@@ -101,13 +105,36 @@ class TypedReader:
         return other
 
     @classmethod
-    def of(cls, file: Path | Source) -> TypedReader:
-        """Open a file.
+    @contextmanager
+    def of(cls, file: Path | Source) -> Iterator[TypedReader]:
+        """Open a file, and read it within the block.
 
         Raises:
-            ReadError: It cannot be opened or is no text.
+            ReadError: It cannot be opened or is no text, or as :meth:`guarded`.
         """
-        return cls(file if isinstance(file, Source) else read_source(file))
+        reading = cls(file if isinstance(file, Source) else read_source(file))
+        with reading.guarded():
+            yield reading
+
+    @contextmanager
+    def guarded(self) -> Iterator[None]:
+        """Make a fault of the code that reads the file a problem of this file alone.
+
+        Raises:
+            ReadError: There is such a fault.
+        """
+        try:
+            yield
+        except BtAgentsError:
+            raise
+        except Exception as fault:
+            self.problems.add(
+                "reader-fault",
+                _place_of(fault.__traceback__) or Position(self.source.file, 1, 1),
+                f"bt-agents cannot read this: {type(fault).__name__}",
+                "write it differently, and please report this file as a fault of bt-agents",
+            )
+            raise self.problems.error() from fault
 
     def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
         """Add a problem about a whole node, or at one position."""
@@ -637,3 +664,14 @@ def _left_empty(node: Mapping, entry: MappingEntry, known: Collection[str]) -> s
     if above is None or above.key.text not in known or not _without_value(above):
         return None
     return above.key.text
+
+
+def _place_of(traceback: TracebackType | None) -> Position | None:
+    """Return the place in the file that the innermost function with one was about."""
+    for frame, _ in reversed(list(walk_tb(traceback))):
+        for value in frame.f_locals.values():
+            if isinstance(value, Scalar | Sequence | Mapping):
+                return value.position
+            if isinstance(value, MappingEntry):
+                return value.key.position
+    return None

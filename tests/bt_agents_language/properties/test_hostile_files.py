@@ -3,23 +3,28 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 import tracemalloc
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
+import yaml
 from hypothesis import HealthCheck, given, note, settings
 from hypothesis import strategies as st
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
+from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.errors import ReadError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.gc_pause import gc_paused
@@ -38,6 +43,7 @@ from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.symbols import ImportProblem
 from bt_agents_language.reference.codes import codes
+from bt_agents_language.tools.lint import lint
 from tree_harness import SPACE, SYMBOLS, TREES, scene
 
 CORPUS = Path(__file__).parents[2] / "corpus"
@@ -165,6 +171,7 @@ def check_refusal(error: ReadError, content: bytes, place: Path) -> None:
         match = LINE.fullmatch(line.removeprefix(str(place.parent)))
         assert match is not None, line
         assert match[3] in codes()
+        assert match[3] != "reader-fault"
         places.append((int(match[1]), int(match[2])))
     assert places == sorted(places)
     for number, column in places:
@@ -496,3 +503,67 @@ def test_any_tree_of_the_languages_words_is_refused_by_name_or_runs(
 ) -> None:
     # Drawn piece by piece, a tree would take hypothesis ten times as long as its check.
     check("agent", f"{HEAD}{TUNABLES}tree: {node(random, 0)}{SUBTREES}".encode(), place)
+
+
+HALF_TYPED: list[Any] = [
+    None, True, 0, -1.5, "", "say", "${answer}", "8 s", "scene.age > 2", [], {}, [[]], [{}],
+    [None], {"": {}}, {"say": None}, {"sequence": {}}, {"children": {}},
+]  # fmt: skip
+MUTATIONS = {
+    "agent": 11_000, "library": 2_000, "test": 3_000, "scene": 2_000, "skills": 1_000,
+    "market": 400, "script": 400, "texts": 200,
+}  # fmt: skip
+"""How many changes of the files of each kind are tried, 20,000 together."""
+
+
+def places(value: Any) -> list[tuple[Any, Any]]:
+    """Return the places of everything below a value: what holds it, and its key there."""
+    if isinstance(value, dict):
+        keys = [*value]
+    elif isinstance(value, list):
+        keys = [*range(len(value))]
+    else:
+        return []
+    return [place for key in keys for place in ((value, key), *places(value[key]))]
+
+
+def change(document: Any, luck: Random) -> None:
+    """Delete, double, move or replace one value of a document."""
+    everywhere = places(document)
+    holder, key = luck.choice(everywhere)
+    other, other_key = luck.choice(everywhere)
+    value = deepcopy(holder[key])
+    what = luck.randrange(5)
+    if what < 2:
+        holder[key] = deepcopy(luck.choice(HALF_TYPED))
+        return
+    if what < 4:
+        del holder[key]
+    if what > 2:
+        if isinstance(other, list):
+            other.insert(luck.randrange(len(other) + 1), value)
+        else:
+            other[other_key if luck.random() < 0.5 else key] = value
+
+
+@pytest.mark.parametrize(("kind", "mutations"), MUTATIONS.items())
+def test_a_file_with_nodes_in_wrong_places_is_accepted_or_refused_by_name(
+    place: Path, kind: str, mutations: int
+) -> None:
+    documents = [yaml.load(file, Loader=yaml.CSafeLoader) for file in FILES[kind]]
+    for number in range(mutations):
+        luck = Random(f"{kind} {number}")
+        document = deepcopy(luck.choice(documents))
+        for _ in range(luck.choice((1, 1, 1, 2, 3))):
+            if places(document):
+                change(document, luck)
+        content = json.dumps(document, ensure_ascii=False, indent=1, default=str).encode()
+        place.write_bytes(content)
+        found: Iterable[Diagnostic] = ()
+        try:
+            spec = READERS[kind](place)
+            if isinstance(spec, AgentSpec):
+                found = lint(spec)
+        except ReadError as error:
+            found = error.diagnostics
+        assert "reader-fault" not in {one.code for one in found}, content.decode()

