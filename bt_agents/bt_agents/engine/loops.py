@@ -40,7 +40,7 @@ class Loop(Decorator):
         if not self.context.is_due(self.spec.path, self._pause_from + pause):
             return RUNNING
         self._pause_from = None
-        return None
+        return self.begun()
 
     def tip(self) -> Behaviour | None:
         """Return the loop itself during a pause, as nothing below it runs."""
@@ -57,6 +57,10 @@ class Loop(Decorator):
     def ended(self, status: Status) -> Status:
         """Return the status after a round has ended; may raise."""
         raise NotImplementedError
+
+    def begun(self) -> Status | None:
+        """Return the status when there is no next round after all, None when it begins."""
+        return None
 
     @property
     def rounds_left(self) -> int | None:

@@ -61,7 +61,8 @@ REPEAT = NodeType(
             name="until",
             content=Content.CONDITION,
             required=False,
-            description="looked at after each time; ends the repetition when it is true",
+            description="looked at after each time, and after the pause; ends the repetition "
+            "when it is true",
         ),
         PAUSE,
     ),

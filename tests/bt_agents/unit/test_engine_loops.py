@@ -174,13 +174,21 @@ def test_a_repeat_ends_with_the_first_failure() -> None:
     assert stage.message == "drive aborted: motor off"
 
 
-def test_a_repeat_until_looks_after_each_success() -> None:
+def test_a_repeat_until_looks_after_each_success_and_after_the_pause() -> None:
     stage = Stage("say: x\nrepeat: {until: live.mood >= 4, pause: 1 s}")
     assert stage.tick(3, step_s=1.0) == "running"
     stage.set_mood(5.0)
     assert stage.tick() == "running"
     assert stage.after(1.0) == "succeeded"
-    assert len(stage.said) == 4
+    assert len(stage.said) == 3
+
+
+def test_a_repeat_until_without_a_pause_looks_before_the_next_round() -> None:
+    stage = Stage("say: x\nrepeat: {until: live.mood >= 4}")
+    assert stage.tick() == "running"
+    stage.set_mood(5.0)
+    assert stage.tick() == "succeeded"
+    assert len(stage.said) == 1
 
 
 def test_a_repeat_until_something_that_is_so_already_is_done_once() -> None:

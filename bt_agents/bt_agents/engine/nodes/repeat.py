@@ -11,7 +11,7 @@ from bt_agents_language.expression.expressions import MissingValue
 
 
 class Repeat(Loop):
-    """SUCCESS after so many rounds in all, or when a condition is true at the end of one.
+    """SUCCESS after so many rounds in all, or when a condition is true between two of them.
 
     A FAILURE of the child ends it. A condition with a missing value is not true yet.
     """
@@ -27,6 +27,10 @@ class Repeat(Loop):
         if self.exhausted(times):
             return SUCCESS
         return self.again("round", times)
+
+    def begun(self) -> Status | None:
+        """Look at the condition again, as it may have become true during the pause."""
+        return SUCCESS if self._is_over() else None
 
     def _is_over(self) -> bool:
         try:
