@@ -26,6 +26,9 @@ from bt_agents_ros.timers import steady_timer
 CANCEL_AGAIN_S = 0.25
 """Time after which a goal is cancelled once more [s]: what the graph shows may be dead."""
 
+ANSWERS_OF_SEVERAL = 8
+"""Answers that a goal is unknown, after which none of several servers takes it any more."""
+
 MOST_CANCELLED = 500
 """Goals that are cancelled at one time; more are reported as not confirmed."""
 
@@ -41,18 +44,23 @@ class CancelledGoal:
     =========================================== ===============================================
     its server is there                         cancel, again every :data:`CANCEL_AGAIN_S`
     a list of states with its end               ended
-    answer: unknown, twice in a row             ended; once may mean that it is not accepted yet
+    answer: unknown, twice in a row             ended; once may mean that it is not accepted yet,
+                                                and of several servers one answers for the others
     answer: terminated, twice in a row, while   ended long ago; without a list it may as well be
     the list of states is without it            told to stop already
     any other answer, or none                   nothing: it may end by itself
     =========================================== ===============================================
 
+    Args:
+        several: Whether there may be several servers, so that more answers in a row are needed.
+
     Attributes:
         ended: Whether its server does nothing for it any more.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, several: bool = False) -> None:
         self.ended = False
+        self._answers = ANSWERS_OF_SEVERAL if several else 2
         self._gone = 0
         self._is_listed: bool | None = None
         self._cancel_at = 0.0
@@ -71,7 +79,7 @@ class CancelledGoal:
             terminated and self._is_listed is False
         )
         self._gone = self._gone + 1 if is_gone else 0
-        self.ended = self.ended or self._gone > 1
+        self.ended = self.ended or self._gone >= self._answers
 
     def on_states(self, status: int | None) -> None:
         """Handle a list of states, with that of the goal; None when it is not in the list."""
@@ -119,14 +127,16 @@ class GoalCanceller:
         goals: Sequence[OpenGoal],
         *,
         within_s: float,
+        several: bool = False,
         on_end: Callable[[tuple[OpenGoal, ...]], None],
     ) -> None:
         """Cancel goals, and call back once.
 
         That is as soon as all have ended, and ``within_s`` seconds from now at the latest.
-        ``on_end`` takes those that are not confirmed to have ended.
+        ``on_end`` takes those that are not confirmed to have ended. There may be ``several``
+        servers for each.
         """
-        tracked = [(goal, CancelledGoal()) for goal in goals]
+        tracked = [(goal, CancelledGoal(several)) for goal in goals]
         room = MOST_CANCELLED - sum(len(one.goals) for one in self._open)
         servers: dict[str, _Server | None] = {}
         for goal, track in tracked[: max(0, room)]:

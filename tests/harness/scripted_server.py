@@ -101,13 +101,20 @@ class ScriptedServer:
         name: Name of the action.
         kind: Its type.
         script: What it does with goals.
+        node: Name of the node; empty takes one that names the action.
 
     Attributes:
         goals: Every goal that it was sent, in order.
     """
 
     def __init__(
-        self, ros: Any, name: str = "say", *, kind: Any = Say, script: Script | None = None
+        self,
+        ros: Any,
+        name: str = "say",
+        *,
+        kind: Any = Say,
+        script: Script | None = None,
+        node: str = "",
     ) -> None:
         self.script = script or Script()
         self.goals: list[Served] = []
@@ -116,7 +123,7 @@ class ScriptedServer:
         self._waiting: list[Served] = []
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._group = ReentrantCallbackGroup()
-        self.node: Any = ros.add(_ServerNode(f"server_of_{name.replace('/', '_')}"))
+        self.node: Any = ros.add(_ServerNode(node or f"server_of_{name.replace('/', '_')}"))
         self.node.server = ActionServer(
             self.node,
             kind,

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool
 
 from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock
-from bt_agents.host.environment.goal import MOST_UNCONFIRMED, GoalTrack, RosGoalRun
+from bt_agents.host.environment.goal import MOST_UNCONFIRMED, GoalTrack, RosGoalRun, Servers
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.environment.subscriptions import DEPTH
@@ -65,6 +65,10 @@ class Host:
 
     def _wake(self) -> None:
         self.woken += 1
+
+    def servers(self) -> list[Any]:
+        """Return the servers of the action that the graph shows."""
+        return self.node.get_publishers_info_by_topic("/say/_action/status")
 
     def prepare(self, tree: str) -> None:
         """Make ahead what the one node of a tree needs."""
@@ -223,6 +227,72 @@ def test_a_result_after_the_give_up_never_ends_a_later_goal(ros: Any, host: Host
     assert next_one.state is GoalState.SUCCEEDED
 
 
+def test_the_next_goal_goes_out_when_its_server_has_ended_the_last_one(
+    ros: Any, host: Host
+) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None, cancel_s=0.5))
+    first = host.accepted()
+    first.cancel()
+    second = host.send()
+    assert second.message == "its server has not ended the goal before yet"
+    ros.until(lambda: second.state is GoalState.ACTIVE)
+    assert first.confirmed
+    assert [goal.outcome for goal in server.goals] == ["cancelled", ""]
+    assert second.message == ""
+
+
+def test_a_server_that_does_not_stop_gets_the_next_goal_after_a_while(
+    ros: Any, host: Host
+) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="refuses"))
+    first = host.accepted()
+    first.cancel()
+    server.script = Script(rejects=True)
+    second = host.send()
+    ros.until(lambda: second.state.ended)
+    assert not first.confirmed
+    assert second.state is GoalState.REJECTED
+    assert second.message == "its server had not ended the goal before after 2 s"
+
+
+def test_goals_that_are_under_way_at_the_same_time_do_not_wait_for_each_other(
+    ros: Any, host: Host
+) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None))
+    first, second = host.accepted(), host.accepted()
+    assert first.state is second.state is GoalState.ACTIVE
+    assert len(server.goals) == 2
+
+
+def test_of_two_servers_the_one_that_accepts_late_is_stopped(ros: Any, host: Host) -> None:
+    hasty = ScriptedServer(ros, node="hasty", script=Script(rejects=True))
+    late = ScriptedServer(ros, node="late", script=Script(accept_s=1.0, finish_s=None))
+    ros.until(lambda: len(host.servers()) == 2)
+    run = host.send()
+    ros.until(lambda: run.state.ended)
+    assert run.state is GoalState.REJECTED
+    assert "2 servers offer the action /say, of /hasty, /late" in run.message
+    assert not run.confirmed
+    ros.until(lambda: run.confirmed)
+    assert late.goals[0].outcome == "cancelled"
+    hasty.die()
+    ros.until(lambda: len(host.servers()) == 1)
+    host.environment.look_again()
+    assert host.environment.graph_problems.messages == {}
+
+
+def test_of_two_servers_that_act_the_second_is_stopped_when_the_first_has_ended(
+    ros: Any, host: Host
+) -> None:
+    ScriptedServer(ros, node="quick", script=Script(finish_s=0.3))
+    slow = ScriptedServer(ros, node="slow", script=Script(finish_s=None))
+    ros.until(lambda: len(host.servers()) == 2)
+    run = host.accepted()
+    assert [*host.environment.graph_problems.messages] == ["/say"]
+    ros.until(lambda: run.confirmed)
+    ros.until(lambda: slow.goals[0].outcome == "cancelled")
+
+
 @pytest.mark.parametrize("on_cancel", ["refuses", "ignores", "hangs"])
 def test_a_server_that_does_not_stop_leaves_its_goal_unconfirmed(
     ros: Any, host: Host, on_cancel: str
@@ -360,8 +430,9 @@ def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
         wake=lambda: None,
         identity=OpenGoal(path="tree", action="/say", goal_id=b"1" * 16),
         open_goals=OpenGoalList(ros.node, "first", lambda: None),
-        servers=frozenset,
-        pursue=lambda _goal, _on_end: None,
+        servers=Servers,
+        earlier_is_ending=lambda: False,
+        pursue=lambda _goal, _several, _on_end: None,
         feedback=False,
         warn=print,
     )

@@ -103,7 +103,7 @@ class GoalRun(Protocol):
 
     @property
     def message(self) -> str:
-        """Reason of the state for people; may be empty."""
+        """Reason of the state for people, such as what it waits for; may be empty."""
 
     @property
     def result(self) -> Mapping[str, Plain]:

@@ -101,7 +101,9 @@ class ScriptedGoal:
 
     @property
     def message(self) -> str:
-        return self._why[1] if self._is_given_up else self._answer.message
+        if self._is_given_up:
+            return self._why[1]
+        return self._answer.message if self.state.ended else ""
 
     @property
     def result(self) -> Mapping[str, Plain]:

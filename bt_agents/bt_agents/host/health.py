@@ -44,9 +44,16 @@ def ticks_health(counts: TickCounts) -> PartHealth:
     return PartHealth(part="ticks", level=level, message=message, values=values)
 
 
-def servers_health(silent: Mapping[str, str]) -> PartHealth:
-    """Return the health of the servers of the skills: server → why it has not answered."""
+def servers_health(silent: Mapping[str, str], doubtful: Mapping[str, str]) -> PartHealth:
+    """Return the health of the servers of the skills.
+
+    Args:
+        silent: Server → why it has not answered.
+        doubtful: Server → what else keeps it from acting as it is meant to.
+    """
     level, message = Health.OK, "every server has answered the last goal"
     if silent:
         level, message = Health.ERROR, f"silent: {join_first(silent)}"
-    return PartHealth(part="servers", level=level, message=message, values=silent)
+    elif doubtful:
+        level, message = Health.WARN, f"doubtful: {join_first(doubtful)}"
+    return PartHealth(part="servers", level=level, message=message, values={**doubtful, **silent})

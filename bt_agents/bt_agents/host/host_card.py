@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 
 from rclpy.node import Node
@@ -38,17 +38,26 @@ class HostCardPublisher:
     The card stands under the name of the host. Only the host that the market has registered may
     have one: a card of another host of the same name would replace it.
 
+    Args:
+        graph_problems: Returns what keeps skills from being done, as the ROS graph shows it.
+
     Attributes:
-        problems: Those of the files, when the card was last asked for.
+        problems: Those of the files and of the graph, when the card was last asked for.
     """
 
     def __init__(
-        self, node: Node, instance: str, registry: AgentRegistry, versions: AgentVersions
+        self,
+        node: Node,
+        instance: str,
+        registry: AgentRegistry,
+        versions: AgentVersions,
+        graph_problems: Callable[[], Iterable[str]] = tuple,
     ) -> None:
         self._host = str(node.get_fully_qualified_name())
         self._instance = instance
         self._registry = registry
         self._versions = versions
+        self._graph_problems = graph_problems
         self._folder = str(versions.trees.folder.resolve())
         self._machine = socket.gethostname()
         self._node = node
@@ -68,7 +77,7 @@ class HostCardPublisher:
         self.card()
 
     def card(self) -> None:
-        """Publish the card: the registered agents, and every problem of the files."""
+        """Publish the card: the registered agents, and every problem."""
         trees = self._versions.trees
         members = self._registry.members.values()
         problems = self._versions.folder_problems()
@@ -80,6 +89,7 @@ class HostCardPublisher:
             FileProblem(agent=name, message=f"does not bid: it {reason}")
             for name, reason in self._registry.undecided.items()
         ]
+        problems += [FileProblem(message=message) for message in self._graph_problems()]
         self.problems = tuple(dict.fromkeys(problems))
         if not self._registered:
             return

@@ -142,7 +142,13 @@ class HostNode(ManagedNode[HostConfiguration]):
         self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         stamp = seconds(self.get_clock().now().to_msg())
         self._versions = AgentVersions(folder, stamp)
-        self._host_card = HostCardPublisher(self, self.instance, self.registry, self._versions)
+        self._host_card = HostCardPublisher(
+            self,
+            self.instance,
+            self.registry,
+            self._versions,
+            lambda: self._runs.environment.graph_problems.messages.values(),
+        )
         open_goals = configuration.open_goals
         self._open_goals_file = self._hold(Path(open_goals)) if open_goals else None
         file = self._open_goals_file
@@ -160,6 +166,7 @@ class HostNode(ManagedNode[HostConfiguration]):
             market=market,
             slowness=slowness,
         )
+        self._runs.environment.graph_problems.on_change = self._host_card.card
         closing.callback(self._runs.environment.close)
         closing.callback(self._runs.close)
         for member in self.registry.members.values():
@@ -243,11 +250,16 @@ class HostNode(ManagedNode[HostConfiguration]):
         run = self._runs.run
         if run is not None:
             self._tick_counts = TickCounts(agent=run.spec.name, overruns=run.overruns)
-        problems = [(one.file or one.agent, one.message) for one in self._host_card.problems]
+        problems = [
+            (one.file or one.agent, one.message)
+            for one in self._host_card.problems
+            if one.file or one.agent
+        ]
+        servers = self._runs.environment
         return (
             files_health(len(self.registry.members), problems),
             ticks_health(self._tick_counts),
-            servers_health(self._runs.environment.silent_servers.reasons),
+            servers_health(servers.silent_servers.reasons, servers.graph_problems.messages),
         )
 
     def _count_ticks(self, goal: RunAgent.Goal, result: RunAgent.Result) -> None:
@@ -414,6 +426,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         self._details.check_subscribers()
         if self._tree_streams is not None:
             self._tree_streams.check_subscribers()
+        self._runs.environment.look_again()
         self._health.update()
 
     def _publish_heartbeat(self) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.environment import GoalState
+from bt_agents.host.environment.graph_problems import FORGOTTEN_S, GraphProblems
 from bt_agents.host.environment.silent_servers import MOST_SERVERS, SilentServers
 from bt_agents.host.health import TickCounts, files_health, servers_health, ticks_health
 from bt_agents_core.health import Health
@@ -29,11 +30,35 @@ def test_ticks_that_took_too_long_are_a_warning_that_names_the_agent():
 def test_a_server_that_is_unreachable_is_silent_until_it_answers_a_goal():
     servers = SilentServers()
     servers.ended("say", GoalState.UNREACHABLE, "no server after 2 s")
-    health = servers_health(servers.reasons)
+    health = servers_health(servers.reasons, {})
     assert (health.level, health.message) == (Health.ERROR, "silent: say")
     assert health.values == {"say": "no server after 2 s"}
     servers.ended("say", GoalState.SUCCEEDED, "")
-    assert servers_health(servers.reasons).level is Health.OK
+    assert servers_health(servers.reasons, {}).level is Health.OK
+
+
+def test_two_servers_of_one_action_are_a_warning_until_one_is_left():
+    now = [0.0]
+    changes = []
+    graph = GraphProblems(clock=lambda: now[0])
+    graph.on_change = lambda: changes.append([*graph.messages])
+    assert graph.look("/carry", ["/a"]) == ""
+    message = graph.look("/carry", ["/a", "/b"])
+    assert message.startswith("2 servers offer the action /carry, of /a, /b:")
+    health = servers_health({}, graph.messages)
+    assert (health.level, health.message) == (Health.WARN, "doubtful: /carry")
+    graph.look("/carry", ["/a", "/b"])
+    assert graph.watched == ("/carry",)
+    graph.look("/carry", ["/b"])
+    assert changes == [["/carry"], []]
+
+
+def test_a_server_that_was_started_anew_is_no_second_one_before_the_graph_has_forgotten_it():
+    now = [0.0]
+    graph = GraphProblems(clock=lambda: now[0])
+    assert graph.look("/carry", ["/a", "/a"]) == ""
+    now[0] = FORGOTTEN_S
+    assert graph.look("/carry", ["/a", "/a"])
 
 
 @pytest.mark.parametrize("state", [GoalState.CANCELLED, GoalState.TIMED_OUT])

@@ -89,7 +89,7 @@ class SkillLeaf(Leaf):
         state = self._run.state
         self._store_feedback(self._run.feedback)
         if not state.ended:
-            self.feedback_message = self._main_text
+            self.feedback_message = self._run.message or self._main_text
             return Status.RUNNING
         if state is GoalState.SUCCEEDED:
             return self._succeeded(self._run.result)

@@ -9,6 +9,7 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 from action_msgs.msg import GoalInfo, GoalStatus
@@ -48,10 +49,19 @@ It may not be matched yet when it is seen, and then a request or its answer is l
 GRAPH_S = 0.25
 """Time between two looks at the graph while a goal is under way [s]."""
 
+TURN_S = 2.0
+"""Longest wait for the end of an earlier goal of the same server before the next one is sent [s].
+
+Many servers take one goal at a time, and need a while to stop.
+"""
+
 _SEARCH_S = 0.02
 _SHORTEST_S = 0.001
 
 _UNKNOWN = "its server knows nothing of the goal any more; was it started anew?"
+
+_WAITS = "its server has not ended the goal before yet"
+_OVERTOOK = f"its server had not ended the goal before after {TURN_S:g} s"
 
 _ENDS = {
     GoalStatus.STATUS_SUCCEEDED: GoalState.SUCCEEDED,
@@ -72,12 +82,14 @@ class GoalTrack:
     state               event                                next state
     =================== ==================================== ============================
     PENDING, not sent   no server in time                    UNREACHABLE, confirmed
+    PENDING, not sent   an earlier goal is ending            the same, for a bounded time
     PENDING, not sent   cancel                               CANCELLED, confirmed
     PENDING             accepted                             ACTIVE
-    PENDING             rejected                             REJECTED, confirmed
+    PENDING             rejected                             REJECTED, confirmed; of several
+                                                             servers only the first has answered
     PENDING             no acceptance in time                UNREACHABLE
     PENDING             a server has joined                  the same, and it is sent again
-    ACTIVE              result                               as it says, confirmed
+    ACTIVE              result                               as it says, confirmed as above
     ACTIVE              no result in time                    TIMED_OUT
     ACTIVE              no heartbeat, server not on graph    UNREACHABLE
     ACTIVE              unknown to a server that has joined  UNREACHABLE
@@ -112,6 +124,7 @@ class GoalTrack:
         self._last_heartbeat = last_heartbeat
         self._on_end = on_end
         self._made_at = steady()
+        self._waits_since: float | None = None
         self._sent_at: float | None = None
         self._accepted_at: float | None = None
         self._seen_at = 0.0
@@ -126,6 +139,35 @@ class GoalTrack:
     def unsent(self) -> bool:
         """True while it waits for its server to be found."""
         return self._sent_at is None and not self.state.ended
+
+    @property
+    def is_ending(self) -> bool:
+        """True from its cancel, or its end for the leaf, until its server has surely ended it."""
+        over = self._cancel_asked or self.state.ended
+        return over and self._sent_at is not None and not self.confirmed
+
+    def take_turn(self, earlier: bool) -> bool:
+        """Return whether to send it now that its server is there.
+
+        Args:
+            earlier: Whether an earlier goal of the server is ending.
+        """
+        now = self._steady()
+        if not earlier:
+            self.message = ""
+            return True
+        if self._waits_since is None:
+            self._waits_since = now
+        # Its server is there, so that it is not to be looked for any more.
+        self._made_at = now
+        overtakes = now >= self._waits_since + TURN_S
+        self.message = _OVERTOOK if overtakes else _WAITS
+        return overtakes
+
+    def note(self, text: str) -> None:
+        """Say something about its server while it is under way."""
+        if text and not self.state.ended:
+            self.message = text
 
     def sent(self, servers: frozenset[str] = frozenset()) -> None:
         """Handle that it was sent to the servers that the graph shows.
@@ -145,10 +187,15 @@ class GoalTrack:
         if not self.state.ended:
             self.state = GoalState.ACTIVE
 
-    def ended(self, state: GoalState, message: str = "") -> None:
-        """Handle its end or rejection, which may come after it was given up."""
+    def rejected(self, alone: bool) -> None:
+        """Handle its rejection, by the only server or by the first of several."""
+        self._end(GoalState.REJECTED, self.message)
+        self.confirmed = self.confirmed or alone
+
+    def ended(self, state: GoalState, message: str = "", alone: bool = True) -> None:
+        """Handle its end, which may come after it was given up, as :meth:`rejected`."""
         self._end(state, message)
-        self.confirmed = True
+        self.confirmed = self.confirmed or alone
 
     def lost(self, message: str) -> None:
         """Handle that its server will not answer any more, though it may go on."""
@@ -272,6 +319,21 @@ class GoalTrack:
             self._on_end(state, message)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Servers:
+    """Servers of an action, as the graph shows them.
+
+    Attributes:
+        participants: Their participants.
+        several: Whether there is more than one, of which one may be dead.
+        note: What people should know about that; empty for nothing.
+    """
+
+    participants: frozenset[str] = frozenset()
+    several: bool = False
+    note: str = ""
+
+
 class SentGoal:
     """Base of the clients of one goal or one request; sends it when its server appears.
 
@@ -319,6 +381,11 @@ class SentGoal:
     def feedback(self) -> Mapping[str, Plain] | None:
         return self._feedback
 
+    @property
+    def is_ending(self) -> bool:
+        """True while its server may still be busy with it, though its leaf is done with it."""
+        return self._track.is_ending
+
     def cancel(self) -> None:
         with self._transition():
             self._track.cancel()
@@ -340,7 +407,7 @@ class SentGoal:
             return
         there = self._server_ready()
         with self._transition():
-            if there and self._track.unsent:
+            if there and self._track.unsent and self._track.take_turn(self._is_behind()):
                 self._try_to_send()
             self._track.poll(there)
 
@@ -366,8 +433,12 @@ class SentGoal:
     def _server_ready(self) -> bool:
         raise NotImplementedError
 
+    def _is_behind(self) -> bool:
+        """Return whether an earlier goal of its server is ending; of requests none ever is."""
+        return False
+
     def _servers(self) -> frozenset[str]:
-        """Return who serves it, as the graph shows it; nobody where it is sent once only."""
+        """Return who serves it, as the graph shows it; nobody where it is sent only once."""
         return frozenset()
 
     def _send(self) -> Any:
@@ -406,9 +477,10 @@ class RosGoalRun(SentGoal):
     subscribe to feedback, and warns when its server refuses a cancel.
 
     Args:
-        servers: Returns who serves the action, as the graph shows it.
+        servers: Looks who serves the action.
+        earlier_is_ending: Returns whether an earlier goal of the client is ending.
         pursue: Has a goal that was given up cancelled until its server, or the next start of that,
-            does nothing for it; then it calls back.
+            or each of several, does nothing for it; then it calls back.
     """
 
     def __init__(
@@ -421,8 +493,9 @@ class RosGoalRun(SentGoal):
         wake: Callable[[], None],
         identity: OpenGoal,
         open_goals: OpenGoalList,
-        servers: Callable[[], frozenset[str]],
-        pursue: Callable[[OpenGoal, Callable[[], None]], None],
+        servers: Callable[[], Servers],
+        earlier_is_ending: Callable[[], bool],
+        pursue: Callable[[OpenGoal, bool, Callable[[], None]], None],
         feedback: bool,
         warn: Callable[[str], None],
     ) -> None:
@@ -430,6 +503,8 @@ class RosGoalRun(SentGoal):
         self._identity = identity
         self._open_goals = open_goals
         self._find_servers = servers
+        self._found = Servers()
+        self._earlier_is_ending = earlier_is_ending
         self._pursue = pursue
         self._is_pursued = False
         self._wants_feedback = feedback
@@ -439,8 +514,13 @@ class RosGoalRun(SentGoal):
     def _server_ready(self) -> bool:
         return bool(self.client.server_is_ready())
 
+    def _is_behind(self) -> bool:
+        return self._earlier_is_ending()
+
     def _servers(self) -> frozenset[str]:
-        return self._find_servers()
+        self._found = self._find_servers()
+        self._track.note(self._found.note)
+        return self._found.participants
 
     def _send(self) -> Any:
         callback = _feedback_callback(self) if self._wants_feedback else None
@@ -469,7 +549,7 @@ class RosGoalRun(SentGoal):
             self._open_goals.remove(self._identity.goal_id)
         elif self._track.state.ended and not self._is_pursued:
             self._is_pursued = True
-            self._pursue(self._identity, self._is_gone)
+            self._pursue(self._identity, self._found.several, self._is_gone)
         if self._track.take_cancel():
             self._expect(self._handle.cancel_goal_async(), self._cancel_answered)
 
@@ -477,7 +557,7 @@ class RosGoalRun(SentGoal):
         if self._handle is not None:
             return  # a server takes a goal that is sent again only once
         if not handle.accepted:
-            self._track.ended(GoalState.REJECTED)
+            self._track.rejected(alone=not self._found.several)
             return
         self._handle = handle
         self._track.accepted()
@@ -501,7 +581,7 @@ class RosGoalRun(SentGoal):
             self._track.lost(_UNKNOWN)
             return
         self._result = MessageView(response.result)
-        self._track.ended(state)
+        self._track.ended(state, alone=not self._found.several)
 
     def handle_feedback(self, message: Any) -> None:
         """Store feedback for the leaf."""
@@ -563,6 +643,11 @@ class GoalDeadlines:
         """Return the clients of all goals whose end is not confirmed."""
         self._drop_confirmed()
         return [goal.client for goal in (*self._open, *self._unconfirmed)]
+
+    def is_ending(self, client: Any) -> bool:
+        """Return whether a goal of a client is ending."""
+        goals = (*self._open, *self._unconfirmed)
+        return any(goal.client is client and goal.is_ending for goal in goals)
 
     def reschedule(self) -> None:
         """Set the timer to the earliest deadline."""

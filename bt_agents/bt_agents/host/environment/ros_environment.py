@@ -18,7 +18,14 @@ from rclpy.task import Future
 
 from bt_agents.engine.environment import GoalRun, Inbox, SkillGoal
 from bt_agents.host.environment.feedback_requests import FeedbackRequests
-from bt_agents.host.environment.goal import GoalDeadlines, GoalTrack, RosGoalRun, RosRequest
+from bt_agents.host.environment.goal import (
+    GoalDeadlines,
+    GoalTrack,
+    RosGoalRun,
+    RosRequest,
+    Servers,
+)
+from bt_agents.host.environment.graph_problems import GraphProblems
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.plugin_node import PluginGoal, RosPluginNode
 from bt_agents.host.environment.silent_servers import SilentServers
@@ -124,6 +131,7 @@ class RosEnvironment:
 
     Attributes:
         silent_servers: Those that have not answered the last goal.
+        graph_problems: What the graph shows of the actions that trees use.
     """
 
     def __init__(
@@ -140,6 +148,7 @@ class RosEnvironment:
     ) -> None:
         self.clock = TreeClock(node)
         self.silent_servers = SilentServers()
+        self.graph_problems = GraphProblems()
         self._node = node
         self._wake = wake
         self._open_goals = open_goals
@@ -232,7 +241,7 @@ class RosEnvironment:
                 client,
                 message,
                 track,
-                **self._following(goal, uuid.uuid4().bytes),
+                **self._following(goal, uuid.uuid4().bytes, client),
                 feedback=goal.feedback,
             )
         else:
@@ -272,7 +281,7 @@ class RosEnvironment:
                 client,
                 message,
                 GoalTrack(goal, time.monotonic),
-                **self._following(goal, goal_id),
+                **self._following(goal, goal_id, client),
                 answer=answer,
                 on_feedback=on_feedback,
             )
@@ -322,23 +331,38 @@ class RosEnvironment:
         if binding.heartbeat is not None:
             self._heartbeats.subscribe(binding.heartbeat)
 
-    def _pursue(self, goal: OpenGoal, on_end: Callable[[], None]) -> None:
+    def look_again(self) -> None:
+        """Look whether the problems of the graph are over."""
+        for action in self.graph_problems.watched:
+            self._look(action)
+
+    def _look(self, action: str) -> Servers:
+        """Return who serves an action; several servers are a problem."""
+        endpoints = self._node.get_publishers_info_by_topic(f"{action}/_action/status")
+        nodes = [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in endpoints]
+        return Servers(
+            participants=participants(endpoints),
+            several=len(endpoints) > 1,
+            note=self.graph_problems.look(action, nodes),
+        )
+
+    def _pursue(self, goal: OpenGoal, several: bool, on_end: Callable[[], None]) -> None:
         def report(unconfirmed: tuple[OpenGoal, ...]) -> None:
             if not unconfirmed:
                 on_end()
 
-        self._canceller.cancel([goal], within_s=PURSUED_S, on_end=report)
+        self._canceller.cancel([goal], within_s=PURSUED_S, several=several, on_end=report)
 
-    def _following(self, goal: SkillGoal, goal_id: bytes) -> dict[str, Any]:
+    def _following(self, goal: SkillGoal, goal_id: bytes, client: Any) -> dict[str, Any]:
         """Return what it takes to follow a goal of an action to its end."""
         identity = self._identify(goal, goal_id)
-        states = f"{identity.action}/_action/status"
         return {
             "reschedule": self._deadlines.reschedule,
             "wake": self._wake,
             "identity": identity,
             "open_goals": self._open_goals,
-            "servers": lambda: participants(self._node.get_publishers_info_by_topic(states)),
+            "servers": lambda: self._look(identity.action),
+            "earlier_is_ending": lambda: self._deadlines.is_ending(client),
             "pursue": self._pursue,
             "warn": lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
         }
