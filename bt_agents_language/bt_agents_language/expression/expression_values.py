@@ -11,6 +11,7 @@ from enum import Enum
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import Labels
 from bt_agents_core.text import ellipsize
+from bt_agents_language.expression.conditions import Condition
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.expression.units import Dimension
@@ -86,6 +87,8 @@ class Part:
         members: Parts of a list that is written out.
         range: What its value lies in, as far as that is known.
         labels: Words for values of a scene parameter; None where it is none.
+        name: The name that it is; empty for anything else.
+        condition: What it says of names that are compared with constants; None for nothing.
     """
 
     run: Evaluator
@@ -99,6 +102,8 @@ class Part:
     members: Sequence[Part] = ()
     range: Range | None = None
     labels: Labels | None = None
+    name: str = ""
+    condition: Condition | None = None
 
     def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
         """Refuse the part if its value is certainly of another kind.

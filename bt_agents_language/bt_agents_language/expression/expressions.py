@@ -9,7 +9,8 @@ from typing import ParamSpec, TypeVar
 
 from bt_agents_core.scene import Labels
 from bt_agents_core.text import ellipsize
-from bt_agents_language.expression import expression_hints, ranges
+from bt_agents_language.expression import conditions, expression_hints, ranges
+from bt_agents_language.expression.conditions import Condition, Domain
 from bt_agents_language.expression.expression_tokens import (
     ExpressionError,
     Token,
@@ -98,16 +99,18 @@ class Mention:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Foregone:
-    """A comparison of names that goes only one way, whatever values the names have.
+    """A condition of names that goes only one way, whatever values the names have.
 
     Attributes:
         always: Whether it is always true; else it never is.
+        joint: The ``and`` or ``or`` of which it is so; empty for one comparison.
     """
 
     column: int
     width: int
     names: tuple[str, ...]
     always: bool
+    joint: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -120,7 +123,7 @@ class Expression:
         kind: Kind of its value where that is known without running it.
         unit: Dimension of its value; None for a plain number, or no number.
         range: What its value lies in, as far as the ranges of the names tell.
-        foregone: Comparisons in it that the ranges of the names decide.
+        foregone: Conditions in it that the ranges of the names, and their texts, decide.
         texts: Names in it that always stand for the same text, with that text.
     """
 
@@ -172,6 +175,7 @@ def parse_expression(
     range_of: Callable[[str], Range | None] | None = None,
     labels_of: Callable[[str], Labels | None] | None = None,
     texts: Mapping[str, str] | None = None,
+    choices_of: Callable[[str], Sequence[str]] = lambda _: (),
 ) -> Expression:
     """Return the expression that a text says.
 
@@ -189,6 +193,7 @@ def parse_expression(
         range_of: What a name's value lies in, None where that is not known.
         labels_of: Words for the values of a scene parameter, None for other names.
         texts: Name → the text that it always stands for.
+        choices_of: The texts that a name is, as far as the file tells; empty for any.
 
     Raises:
         ExpressionError: The text is none, or a name is not known.
@@ -201,7 +206,15 @@ def parse_expression(
             "split it over several nodes",
         )
     parser = _Parser(
-        tokenize(text), known, kind_of, unit_of, words_of or {}, range_of, labels_of, texts or {}
+        tokenize(text),
+        known,
+        kind_of,
+        unit_of,
+        words_of or {},
+        range_of,
+        labels_of,
+        texts or {},
+        choices_of,
     )
     try:
         whole = parser.whole()
@@ -237,6 +250,7 @@ class _Parser:
         range_of: Callable[[str], Range | None] | None,
         labels_of: Callable[[str], Labels | None] | None,
         texts: Mapping[str, str],
+        choices_of: Callable[[str], Sequence[str]],
     ) -> None:
         self.mentions: list[Mention] = []
         self.foregone: list[Foregone] = []
@@ -250,6 +264,7 @@ class _Parser:
         self._range_of = range_of
         self._labels_of = labels_of
         self._texts = texts
+        self._choices_of = choices_of
         self._token = tokens[0]
         self._next = 0
         self._depth = 0
@@ -286,7 +301,7 @@ class _Parser:
                 f"the expression is nested more than {MAX_DEPTH} deep",
                 "split it over several nodes",
             )
-        first = len(self.mentions)
+        first, foregone = len(self.mentions), len(self.foregone)
         left = self._operand()
         while True:
             token = self._token
@@ -295,7 +310,7 @@ class _Parser:
             if token.text == "between" and weakest < COMPARISON:
                 self._take()
                 left = self._between(left, token)
-                self._note_foregone(left, first)
+                self._note_foregone(left, first, foregone)
                 self._refuse_chain()
                 continue
             operator = BINARY.get(token.text)
@@ -306,6 +321,7 @@ class _Parser:
                 self._let_miss(first)
             right = self._expression(operator.strength)
             self._attempt(operator.check, left, right)
+            operands = left, right
             left = Part(
                 run=operator.compile(left, right, token.column),
                 kind=operator.gives or common_kind(left, right),
@@ -315,8 +331,12 @@ class _Parser:
                 range=ranges.of_pair(operator.word, left.range, right.range),
             )
             if not operator.chains:
-                self._note_foregone(left, first)
+                left = self._compared(left, *operands)
+                self._note_foregone(left, first, foregone)
                 self._refuse_chain()
+            elif operator.gives is ValueKind.BOOLEAN:
+                left = self._joined(operator.word, left, *operands)
+                self._note_foregone(left, first, foregone, operator.word)
         self._depth -= 1
         return left
 
@@ -339,12 +359,45 @@ class _Parser:
         high = self._expression(COMPARISON)
         self._attempt(check_between, value, low, high)
         self._attempt(common_unit, "between", (value, low, high))
-        return Part(
+        between = Part(
             run=compile_between(value, low, high, token.column),
             kind=ValueKind.BOOLEAN,
             column=value.column,
             width=value.width,
             range=ranges.of_between(value.range, low.range, high.range),
+        )
+        return self._compared(between, value, low, high)
+
+    def _compared(self, comparison: Part, *operands: Part) -> Part:
+        """Return a comparison with the condition that it is, where constants tell that."""
+        names = [one.name for one in operands if one.name]
+        others = [one for part in operands if not part.name for one in (part.members or (part,))]
+        constants = [one.constant for one in others if one.constant is not None]
+        if len(names) != 1 or len(constants) < len(others):
+            return comparison
+        condition = conditions.of_comparison(comparison.run, names[0], constants)
+        return replace(comparison, condition=condition)
+
+    def _joined(self, word: str, whole: Part, left: Part, right: Part) -> Part:
+        """Return two conditions joined by ``and`` or ``or``, with the condition that they are."""
+        one, other = _condition_of(left), _condition_of(right)
+        return replace(whole, condition=conditions.joined(word, one, other))
+
+    def _always(self, whole: Part) -> bool | None:
+        """Return what a condition always is; None when it can be both."""
+        if whole.range is not None and whole.range.settled:
+            return whole.range == ranges.TRUE
+        if whole.condition is None:
+            return None
+        try:
+            return conditions.verdict(whole.condition, self._domain)
+        except EvaluationError:
+            return None
+
+    def _domain(self, name: str) -> Domain:
+        return Domain(
+            range=self._range_of(name) if self._range_of is not None else None,
+            texts=self._words_of.get(name) or self._choices_of(name),
         )
 
     def _attempt(self, check: Callable[P, T], *values: P.args, **named: P.kwargs) -> T | None:
@@ -355,17 +408,28 @@ class _Parser:
             self.misfits.append(error)
             return None
 
-    def _note_foregone(self, comparison: Part, before: int) -> None:
-        """Note a comparison just read that goes only one way; ``before`` it were so many names."""
+    def _note_foregone(self, whole: Part, before: int, noted: int, joint: str = "") -> None:
+        """Note a condition just read that goes only one way.
+
+        Args:
+            whole: The condition.
+            before: How many names there were before it.
+            noted: How many others were noted before it; what is noted in it says enough.
+            joint: The word that joins its parts.
+        """
         names = tuple(dict.fromkeys(mention.name for mention in self.mentions[before:]))
-        if names and comparison.range is not None and comparison.range.settled:
+        if not names or len(self.foregone) > noted:
+            return
+        always = self._always(whole)
+        if always is not None:
             last = self._tokens[self._next - 1]
             self.foregone.append(
                 Foregone(
-                    column=comparison.column,
-                    width=last.column + len(last.text) - comparison.column,
+                    column=whole.column,
+                    width=last.column + len(last.text) - whole.column,
                     names=names,
-                    always=comparison.range == ranges.TRUE,
+                    always=always,
+                    joint=joint,
                 )
             )
 
@@ -418,6 +482,9 @@ class _Parser:
             constant=negative if token.text == "-" else None,
             unit=operand.unit,
             range=ranges.of_prefix(token.text, operand.range),
+            condition=(
+                conditions.negated(_condition_of(operand)) if token.text == "not" else None
+            ),
         )
 
     def _name(self, token: Token) -> Part:
@@ -445,6 +512,7 @@ class _Parser:
             words=self._words_of.get(name, ()),
             range=self._range_of(name) if self._range_of is not None else None,
             labels=self._labels_of(name) if self._labels_of is not None else None,
+            name=name,
         )
 
     def _parentheses(self, opening: Token) -> Part:
@@ -531,3 +599,8 @@ class _Parser:
         if self._at_end():
             raise opening.error(f"this '{opening.text}' is not closed", f"add a '{closing}'")
         raise self._unexpected()
+
+
+def _condition_of(part: Part) -> Condition:
+    """Return what a part says as a condition; one that nothing tells is true or false."""
+    return part.condition or conditions.of_truth(part.name or f"at {part.column}")

@@ -11,6 +11,7 @@ from typing import Protocol, TypeVar
 from bt_agents_core.local_time import LocalTime
 from bt_agents_language.expression.expression_values import Lookup
 from bt_agents_language.expression.expressions import Expression, MissingValue, StaleValue
+from bt_agents_language.expression.operators import HOUR
 
 
 class SceneLike(Protocol):
@@ -86,7 +87,7 @@ def resolve(
             return profile(member)
         if group == "person" and person is not None:
             return person(member)
-        if name == "clock.hour" and clock is not None:
+        if name == HOUR and clock is not None:
             return clock().hour
         if name == "clock.weekday" and clock is not None:
             return clock().weekday

@@ -25,6 +25,9 @@ from bt_agents_language.expression.expression_values import (
 COMPARISON = 4
 """Strength of ``==``, ``<``, ``in``, ``between`` and their like."""
 
+HOUR = "clock.hour"
+"""Name of the hour, after whose last the first comes again."""
+
 _NUMBER_HINT = "the number in a text is number(…)"
 _JOIN_HINT = 'texts are not joined here; write them one behind the other: "${a} ${b}"'
 
@@ -301,7 +304,9 @@ def check_between(value: Part, low: Part, high: Part) -> None:
     if isinstance(first, (int, float)) and isinstance(last, (int, float)) and first > last:
         raise low.error(
             f"nothing lies between {first} and {last}, the first number must be the smaller one",
-            f"write between {last} and {first}",
+            f"write {value.name} >= {first} or {value.name} < {last}"
+            if value.name == HOUR
+            else f"write between {last} and {first}",
         )
 
 

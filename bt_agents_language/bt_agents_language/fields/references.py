@@ -211,20 +211,21 @@ def _warn_of_foregone(
     reading: TypedReader, node: Scalar, text: str, offset: int, one: Foregone, names: NameScope
 ) -> None:
     start = one.column - 1
-    lie = [
-        f"{name} is {known.low:g} to {known.high:g}"
-        for name in one.names
-        if (known := names.range_of(name)) is not None
-    ]
+    domains = [f"{name} is {domain}" for name in one.names if (domain := names.domain_of(name))]
+    told = f"{quote(text[start : start + one.width])} is "
+    told += "always true" if one.always else "never true"
+    hint = "compare with another value"
+    if one.joint:
+        hint = f"did you mean '{'or' if one.joint == 'and' else 'and'}'?"
+    elif one.always:
+        hint += ", or remove the comparison"
     reading.error_in(
         "constant-condition",
         node,
         offset + start,
         one.width,
-        f"{quote(text[start : start + one.width])} is {'always' if one.always else 'never'} true: "
-        f"{join_words(lie, 'and')}",
-        "compare with a value inside of the range"
-        + (", or remove the comparison" if one.always else ""),
+        f"{told}: {join_words(domains, 'and')}" if domains else told,
+        hint,
         Severity.WARNING,
     )
 

@@ -14,12 +14,14 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_core.local_time import WEEKDAYS
 from bt_agents_core.scene import Labels, SceneSpace
 from bt_agents_core.stop_cause import STOPPERS
+from bt_agents_core.text import join_quoted
 from bt_agents_language.diagnostics.collection import did_you_mean, nearest
 from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
 from bt_agents_language.expression.expression_values import ANY_LABELS, ValueKind
 from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
+from bt_agents_language.expression.operators import HOUR
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.expression.units import DIMENSIONS
 from bt_agents_language.fields.interfaces import MessageFields
@@ -52,12 +54,14 @@ class Assigned:
         node: Key of the first node that gives it one.
         line: Where that node stands.
         declared: Whether it is an output of this subtree, whose type every value has to have.
+        choices: The texts that it can be; empty for any.
     """
 
     type: FieldType
     node: str
     line: int
     declared: bool = False
+    choices: tuple[str, ...] = ()
 
 
 class _NoTextInside:
@@ -113,7 +117,7 @@ class NameScope:
         self._messages = dict(messages or {})
         self._hidden = dict(hidden or {})
         self._lenient = lenient
-        self._ranges = dict(ranges or {})
+        self._ranges = {HOUR: Range(0, 23), **(ranges or {})}
         self._labels = dict(labels or {})
         self._texts = texts
 
@@ -198,6 +202,8 @@ class NameScope:
         words = _WORD.findall(text)
         types = tuple([self._type_of(word) for word in words])
         ranges = tuple([self._ranges.get(word) for word in words])
+        written = [self._written.get(word) for word in words]
+        choices = tuple([one.choices if one is not None else () for one in written])
         labels = tuple([self._labels.get(word) for word in words])
         texts: dict[str, str] = {}
         for word in words:
@@ -205,11 +211,18 @@ class NameScope:
                 # One that there is not is a problem of the name.
                 with suppress(NoText):
                     texts[word] = self._plain_text(word)
-        return _parsed(text, types, ranges, labels, tuple(texts.items()))
+        return _parsed(text, types, ranges, labels, tuple(texts.items()), choices)
 
     def range_of(self, name: str) -> Range | None:
         """Return what the value of a name lies in; None where nothing declares that."""
         return self._ranges.get(name)
+
+    def domain_of(self, name: str) -> str:
+        """Return in words what the value of a name can be; empty where nothing declares that."""
+        if (known := self._ranges.get(name)) is not None:
+            return f"{known.low:g} to {known.high:g}"
+        written = self._written.get(name)
+        return join_quoted(written.choices) if written is not None else ""
 
     def members(self, group: str) -> list[str]:
         """Return the names that begin with a group such as ``person.``, without it."""
@@ -288,11 +301,13 @@ def _parsed(
     ranges: tuple[Range | None, ...],
     labels: tuple[Labels | None, ...],
     texts: tuple[tuple[str, str], ...],
+    choices: tuple[tuple[str, ...], ...],
 ) -> Expression:
     """Return an expression; files say the same ones again and again."""
     words = _WORD.findall(text)
     known = dict(zip(words, types, strict=True))
     words_for = dict(zip(words, labels, strict=True))
+    choices_for = dict(zip(words, choices, strict=True))
     return parse_expression(
         text,
         kind_of=lambda name: KINDS.get(known.get(name) or FieldType.ANY),
@@ -301,6 +316,7 @@ def _parsed(
         range_of=dict(zip(words, ranges, strict=True)).get,
         labels_of=lambda name: ANY_LABELS if known.get(name) is None else words_for.get(name),
         texts=dict(texts),
+        choices_of=lambda name: choices_for.get(name, ()),
     )
 
 
@@ -321,7 +337,7 @@ def scene_names(
 
 def clock_names() -> dict[str, FieldType]:
     """Return the names of the local time."""
-    return {"clock.hour": FieldType.INTEGER, "clock.weekday": FieldType.TEXT}
+    return {HOUR: FieldType.INTEGER, "clock.weekday": FieldType.TEXT}
 
 
 def run_names() -> dict[str, FieldType]:

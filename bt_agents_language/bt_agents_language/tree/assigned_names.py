@@ -24,7 +24,7 @@ from bt_agents_language.nodes.node_type import MessageSource, RawNode
 from bt_agents_language.yaml.scalars import scalar_type
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence, entries_of
 
 _Written = tuple[str, Scalar, FieldType, Node | None]
 """A name, where it stands, the type of what it gets, and that itself where it is written out."""
@@ -97,12 +97,21 @@ class AssignedNames:
                     this = _Kind(kind, node.key.text, line, written_out=value is not None)
                     self._refuse_mixture(name, place, value, this, first_kinds.get(name))
                     first_kinds.setdefault(name, this)
+                choices = _choices(node) if field_type is FieldType.TEXT else ()
                 if first is None:
                     assigned[name] = Assigned(
-                        type=field_type, node=node.key.text, line=line, declared=name in declared
+                        type=field_type,
+                        node=node.key.text,
+                        line=line,
+                        declared=name in declared,
+                        choices=choices,
                     )
-                elif first.type is not field_type:
-                    assigned[name] = replace(first, type=FieldType.ANY)
+                else:
+                    assigned[name] = replace(
+                        first,
+                        type=first.type if first.type is field_type else FieldType.ANY,
+                        choices=(*first.choices, *choices) if first.choices and choices else (),
+                    )
                 self._types[name] = assigned[name].type
         return assigned
 
@@ -210,6 +219,14 @@ def may_write(node: RawNode) -> bool:
     if node.skill is not None:
         return bool(node.skill.outputs) or "outputs" in node.siblings
     return node.type is not None and node.type.writes
+
+
+def _choices(node: RawNode) -> tuple[str, ...]:
+    """Return the ``choices`` that a skill is given as plain texts; empty for any others."""
+    value = node.value.get("choices") if isinstance(node.value, MappingNode) else None
+    items = value.items if node.skill is not None and isinstance(value, Sequence) else ()
+    texts = [item.text for item in items if isinstance(item, Scalar) and "${" not in item.text]
+    return tuple(texts) if len(texts) == len(items) else ()
 
 
 def _kind_of_expression(node: Node | None) -> ValueKind | None:

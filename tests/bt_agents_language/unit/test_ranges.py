@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import pytest
 
+from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.expression.ranges import Range
 from bt_agents_language.tools.lint import lint
@@ -88,11 +89,11 @@ def test_a_whole_condition_is_decided_by_one_side_of_and():
     assert parse_expression("age < 7 or other", range_of=RANGES.get).range == Range(1, 1)
 
 
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+
+
 def told(text: str) -> list[str]:
-    spec = read_agent_text(
-        "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n" + text, "a", SYMBOLS
-    )
-    return [one.message for one in lint(spec)]
+    return [one.message for one in lint(read_agent_text(HEAD + text, "a", SYMBOLS))]
 
 
 def test_the_warning_says_what_the_range_is():
@@ -132,3 +133,103 @@ def test_a_rule_that_fires_at_the_smallest_change_of_the_mood_needs_a_time(when,
     ]
     assert told(rule.format(when, "")) == expected * hasty
     assert told(rule.format(when, ", for: 2 s")) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "always"),
+    [
+        ("age > 4 and age < 2", False),
+        ("age > 2 and gain > 0 and age < 2", False),
+        ("age != 1 or age != 2", True),
+        ("age <= 3 or age > 2", True),
+        ("not (age > 4 and age < 2)", False),
+        ("age in [1, 2] and age between 3 and 4", False),
+        ("2 > age and age >= 2", False),
+        ("answer == 'A' and answer == 'B'", False),
+        ("answer != 'A' or answer != 'B'", True),
+        ("answer in ['A', 'B'] and answer not in ['A', 'B', 'C']", False),
+        ("here and not here", False),
+        ("here or not here", True),
+        ("(age > 3 or here) and age <= 3 and not here", False),
+        ("age > 4 and age < 2 and age + gain > 3", False),
+    ],
+)
+def test_a_condition_whose_parts_exclude_each_other_goes_only_one_way(text, always):
+    assert [one for _, one in decided(text)] == [always]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "age > 2 and age < 4",
+        "age > 4 or age < 2",
+        "age >= 2 and age <= 2",
+        "answer == 'A' or answer == 'B'",
+        "answer != 'A' and answer != 'B'",
+        "age > 3 and gain < 1 and here",
+        "here and there",
+        "abs(age) > 3 and abs(age) < 2",
+    ],
+)
+def test_a_condition_that_can_be_both_is_not_decided(text):
+    assert decided(text) == []
+
+
+def test_the_smallest_condition_is_told():
+    assert decided("here or age > 4 and age < 2") == [("age > 4 and age < 2", False)]
+    assert decided("here and (age > 6 or age < 0)") == [("age > 6", False), ("age < 0", False)]
+
+
+TREE = """
+tree:
+  sequence:
+    - ask: {text: "Which?", choices: [A, B]}
+    - say: It is night.
+      when: CONDITION
+"""
+
+
+@pytest.mark.parametrize(
+    ("condition", "message", "hint"),
+    [
+        (
+            "clock.hour >= 22 and clock.hour < 6",
+            "'clock.hour >= 22 and clock.hour < 6' is never true: clock.hour is 0 to 23",
+            "did you mean 'or'?",
+        ),
+        (
+            "clock.hour == 24",
+            "'clock.hour == 24' is never true: clock.hour is 0 to 23",
+            "compare with another value",
+        ),
+        (
+            "answer == 'D'",
+            "'answer == 'D'' is never true: answer is 'A', 'B'",
+            "compare with another value",
+        ),
+        (
+            "answer != 'A' or answer != 'B'",
+            "'answer != 'A' or answer != 'B'' is always true: answer is 'A', 'B'",
+            "did you mean 'and'?",
+        ),
+    ],
+)
+def test_a_condition_over_hours_and_choices_that_goes_only_one_way_is_told(
+    condition, message, hint
+):
+    text = HEAD + TREE.replace("CONDITION", condition)
+    [warning] = lint(read_agent_text(text, "a.yaml", SYMBOLS))
+    assert (warning.code, warning.message) == ("constant-condition", message)
+    assert warning.hint == hint
+
+
+def test_a_name_that_other_nodes_write_too_can_be_any_text():
+    tree = TREE.replace("CONDITION", "answer == 'D'")
+    more = tree.replace("    - say", "    - ask: Or which?\n    - say")
+    assert not [*lint(read_agent_text(HEAD + more, "a.yaml", SYMBOLS))]
+
+
+def test_hours_over_midnight_are_two_comparisons():
+    with pytest.raises(ExpressionError) as error:
+        parse_expression("clock.hour between 22 and 6")
+    assert error.value.hint == "write clock.hour >= 22 or clock.hour < 6"
