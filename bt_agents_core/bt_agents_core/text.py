@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from unicodedata import category
+from unicodedata import category, normalize
 
 EXCERPT = 40
 """Characters of a found text that a message shows."""
@@ -22,6 +22,11 @@ _JOINERS = "\u200c\u200d"
 def ellipsize(text: str, longest: int = EXCERPT) -> str:
     """Return a text, or its start and "…" when it has more than so many characters."""
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
+
+
+def folded(text: str) -> str:
+    """Return a text as it is compared: capitals do not matter, nor how an accent is stored."""
+    return text.lower() if text.isascii() else normalize("NFC", normalize("NFC", text).casefold())
 
 
 def single_spaced(text: str) -> str:

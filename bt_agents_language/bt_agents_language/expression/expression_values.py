@@ -10,7 +10,7 @@ from enum import Enum
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import Labels
-from bt_agents_core.text import ellipsize
+from bt_agents_core.text import ellipsize, folded
 from bt_agents_language.expression.conditions import Condition
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.expression.ranges import Range
@@ -120,8 +120,9 @@ class Part:
         Raises:
             ExpressionError: It is none of its ``words``.
         """
+        words = [*map(folded, self.words)]
         for one in other.members or (other,):
-            if self.words and isinstance(one.constant, str) and one.constant not in self.words:
+            if words and isinstance(one.constant, str) and folded(one.constant) not in words:
                 raise one.error(
                     f"it is never '{ellipsize(one.constant)}'",
                     f"write one of {', '.join(self.words)}",

@@ -8,6 +8,7 @@ import operator as python
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from bt_agents_core.text import folded
 from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT
 from bt_agents_language.expression.expression_values import (
     EvaluationError,
@@ -150,13 +151,13 @@ def _equality(word: str, equal: bool) -> Operator:
     def compile_(left: Part, right: Part, column: int) -> Evaluator:
         a_of, b_of, wanted = left.run, right.run, right.constant
         if wanted is not None:
-            wanted_kind = ValueKind.of(wanted)
+            wanted_kind, sought = ValueKind.of(wanted), _compared(wanted)
 
             def against(lookup: Lookup) -> bool:
                 a = a_of(lookup)
                 if ValueKind.of(a) is not wanted_kind:
                     raise _incomparable(word, a, wanted, column)
-                return (a == wanted) is equal
+                return (_compared(a) == sought) is equal
 
             return against
 
@@ -165,11 +166,16 @@ def _equality(word: str, equal: bool) -> Operator:
             kind = ValueKind.of(a)
             if kind is None or kind is ValueKind.LIST or kind is not ValueKind.of(b):
                 raise _incomparable(word, a, b, column)
-            return (a == b) is equal
+            return (_compared(a) == _compared(b)) is equal
 
         return run
 
     return Operator(word=word, check=check, compile=compile_)
+
+
+def _compared(value: object) -> object:
+    """Return a value as it is compared: of texts neither capitals nor their encoding matter."""
+    return folded(value) if isinstance(value, str) else value
 
 
 def _incomparable(word: str, one: object, other: object, column: int) -> EvaluationError:
@@ -227,7 +233,7 @@ def _membership(word: str, inside: bool) -> Operator:
                     raise EvaluationError(
                         f"'{word}' looks for a text in a text, found {described(wanted)}", column
                     )
-                return (wanted in where) is inside
+                return (folded(wanted) in folded(where)) is inside
             if not isinstance(where, (list, tuple)):
                 raise EvaluationError(
                     f"'{word}' needs a list or a text behind it, found {described(where)}", column
@@ -244,10 +250,11 @@ def _among(wanted: object, items: Iterable[object], word: str, column: int) -> b
     kind = ValueKind.of(wanted)
     if kind is None or kind is ValueKind.LIST:
         raise EvaluationError(f"'{word}' looks for one value, found {described(wanted)}", column)
+    sought = _compared(wanted)
     for item in items:
         if ValueKind.of(item) is not kind:
             raise _incomparable(word, wanted, item, column)
-        if item == wanted:
+        if _compared(item) == sought:
             return True
     return False
 

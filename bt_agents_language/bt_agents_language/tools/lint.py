@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain
+from itertools import chain, pairwise
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.field_types import BindingKind
@@ -35,6 +35,7 @@ _UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
 # A comment starts with a word; a number behind it, as in "gate #4", is part of what is said.
 _NUMBER = re.compile(r"[ \t]+#\d\w*")
 _SIGN = re.compile(r"[ \t]#\d")
+_COMMA = re.compile(r"\[[^\]]*,\s+[^\W\d_A-Z]")
 
 Found = Iterator[Diagnostic]
 
@@ -71,9 +72,15 @@ def lint(agent: AgentSpec, *, names_persons: bool = True) -> tuple[Diagnostic, .
 
 
 def cut_texts(source: Source) -> Found:
-    """Yield a warning for each text of a file that was probably meant to go on behind a '#'."""
-    root = read_yaml(source, Diagnostics(source)) if _SIGN.search(source.text) else None
-    for scalar in _scalar_values(root) if root is not None else ():
+    """Yield a warning for each text that was probably meant to go on behind a '#' or a comma."""
+    suspicious = _SIGN.search(source.text) or _COMMA.search(source.text)
+    root = read_yaml(source, Diagnostics(source)) if suspicious else None
+    for node in _below(root) if root is not None else ():
+        if isinstance(node, SequenceNode):
+            yield from _cut_at_commas(source, node)
+        if not isinstance(node, Scalar):
+            continue
+        scalar = node
         match = _NUMBER.match(source.text, scalar.span[1])
         if scalar.plain and scalar.text and match is not None:
             lost = match[0].strip()
@@ -86,12 +93,31 @@ def cut_texts(source: Source) -> Found:
             )
 
 
-def _scalar_values(root: Node) -> Iterator[Scalar]:
+def _cut_at_commas(source: Source, texts: SequenceNode) -> Found:
+    """Yield a warning for each sentence in ``[ ]`` of which a comma has made two texts."""
+    if source.text[texts.span[0]] != "[":
+        return
+    for before, text in pairwise(texts.items):
+        if not (isinstance(before, Scalar) and isinstance(text, Scalar)):
+            continue
+        cut = before.text[:1].isupper() and text.text[:1].islower() and " " in text.text
+        if cut and before.plain and text.plain:
+            yield _warning(
+                "cut-text",
+                text.position,
+                len(text.text),
+                "this is a text of its own, though it begins with a small letter: a comma in [ ] "
+                "ends a text",
+                f'put quotes around the whole text: "{before.text}, {text.text}"',
+            )
+
+
+def _below(root: Node) -> Iterator[Node]:
     waiting: list[Node] = [root]
     while waiting:
-        match waiting.pop():
-            case Scalar() as scalar:
-                yield scalar
+        node = waiting.pop()
+        yield node
+        match node:
             case SequenceNode(items=items):
                 waiting += reversed(items)
             case Mapping(entries=entries):

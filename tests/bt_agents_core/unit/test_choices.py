@@ -18,3 +18,9 @@ def test_only_a_choice_counts_in_any_case(said: str, taken: str) -> None:
 def test_without_choices_any_words_count() -> None:
     assert counted_answer(" Gate 12 ", ()) == "Gate 12"
     assert counted_answer("  ", ()) == ""
+
+
+def test_an_accent_may_be_stored_as_one_character_or_as_two():
+    composed, decomposed = "Caf\u00e9", "cafe\u0301"
+    assert counted_answer(decomposed, ("bar", composed)) == composed
+    assert counted_answer(composed, ("bar", decomposed)) == decomposed

@@ -395,3 +395,18 @@ def test_the_kind_of_the_value_is_known_before_a_run(text, kind):
 def test_two_expressions_of_the_same_text_are_equal():
     assert parse_expression("a > 1") == parse_expression(" a > 1 ")
     assert hash(parse_expression("a > 1")) == hash(parse_expression("a > 1"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "answer == 'CAF\u00c9'",
+        "answer in ['bar', 'caf\u00e9']",
+        "'F\u00c9' in answer",
+        "not answer != 'Caf\u00e9'",
+        "answer == other",
+    ],
+)
+def test_texts_are_compared_whatever_their_capitals_and_accents(text):
+    names = {"answer": "Cafe\u0301", "other": "caf\u00e9"}
+    assert parse_expression(text).evaluate(names.__getitem__) is True

@@ -9,7 +9,8 @@ import pytest
 
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.nodes.endings import Outcome
-from bt_agents_language.tools.lint import lint, outcomes
+from bt_agents_language.tools.lint import cut_texts, lint, outcomes
+from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text
 from tree_harness import SYMBOLS, agent
 
@@ -335,3 +336,21 @@ def test_a_text_is_as_fast_as_the_tunable_that_sets_its_rate():
     tree = 'say: {text: "Put your bag on the platform.", rate: "${rate}"}\ntimeout: 3 s'
     assert warnings_of(tree, head.format(1.0)) == []
     assert warnings_of(tree, head.format(0.5)) == ["cut-speech"]
+
+
+@pytest.mark.parametrize(
+    ("texts", "cut"),
+    [
+        ("[Guten Tag., Schön, dass Sie da sind.]", True),
+        ('[Guten Tag., "Schön, dass Sie da sind."]', False),
+        ("[Guten Tag., Auf Wiedersehen.]", False),
+        ("[Tea, coffee, water]", False),
+        ("[where to, when then]", False),
+    ],
+)
+def test_a_text_in_brackets_that_a_comma_has_cut_is_warned_about(texts, cut):
+    source = Source("a.yaml", f"format: 1\ntexts:\n  hello: {{one_of: {texts}}}\n")
+    found = [*cut_texts(source)]
+    assert [one.code for one in found] == ["cut-text"] * cut
+    if cut:
+        assert found[0].hint == 'put quotes around the whole text: "Schön, dass Sie da sind."'
