@@ -533,8 +533,27 @@ def test_a_latched_topic_is_heard_from_the_start_and_begins_with_its_last_messag
     ros.until(lambda: host.woken == 1)
     message = inbox.take()
     assert message is not None
-    assert message["data"] is False
+    assert (message["data"], inbox.take()) == (False, None)
     assert publisher.get_subscription_count() == 1
+
+
+@pytest.mark.parametrize("profile", [qos.EVENTS, qos.SENSOR], ids=["volatile", "best effort"])
+def test_a_latched_topic_is_heard_from_publishers_that_keep_no_message(
+    ros: Any, host: Host, profile: Any
+) -> None:
+    publisher = ros.node.create_publisher(Bool, "door", profile)
+    inbox = host.environment.watch("door", "std_msgs/msg/Bool", latched=True)
+
+    def is_heard() -> bool:
+        host.environment.look_again()
+        return publisher.get_subscription_count() > 0
+
+    ros.until(is_heard)
+    publisher.publish(Bool(data=True))
+    ros.until(lambda: host.woken == 1)
+    message = inbox.take()
+    assert message is not None
+    assert (message["data"], inbox.take()) == (True, None)
 
 
 def test_of_a_burst_the_newest_messages_stay(ros: Any, host: Host) -> None:

@@ -489,6 +489,16 @@ def test_what_a_launch_file_sets_holds_for_this_start_only(
 def test_an_impossible_value_of_a_launch_file_is_left_out(ros: Any, value: Any) -> None:
     host = ros.add(Host(parameter_overrides=[Parameter("a.patience", value=value)]))
     assert host.value("a.patience") == 8.0
+    assert host.tunables.left_out["a.patience"].startswith(
+        "a.patience as it was given at the start is left out, it is 8 s: "
+    )
+
+
+def test_a_whole_number_of_a_parameter_file_is_taken_for_a_double(ros: Any) -> None:
+    host = ros.add(Host(parameter_overrides=[Parameter("a.patience", value=12)]))
+    assert host.value("a.patience") == 12.0
+    assert host.member().tunables["patience"] == 12.0
+    assert host.tunables.left_out == {}
 
 
 def test_a_second_host_on_the_same_file_goes_on_in_memory(ros: Any, file: str) -> None:

@@ -39,10 +39,10 @@ class HostCardPublisher:
     have one: a card of another host of the same name would replace it.
 
     Args:
-        graph_problems: Returns what keeps skills from being done, as the ROS graph shows it.
+        other_problems: Returns what is wrong beside the files.
 
     Attributes:
-        problems: Those of the files and of the graph, when the card was last asked for.
+        problems: All of them, when the card was last asked for.
     """
 
     def __init__(
@@ -51,13 +51,13 @@ class HostCardPublisher:
         instance: str,
         registry: AgentRegistry,
         versions: AgentVersions,
-        graph_problems: Callable[[], Iterable[str]] = tuple,
+        other_problems: Callable[[], Iterable[str]] = tuple,
     ) -> None:
         self._host = str(node.get_fully_qualified_name())
         self._instance = instance
         self._registry = registry
         self._versions = versions
-        self._graph_problems = graph_problems
+        self._other_problems = other_problems
         self._folder = str(versions.trees.folder.resolve())
         self._machine = socket.gethostname()
         self._node = node
@@ -89,7 +89,7 @@ class HostCardPublisher:
             FileProblem(agent=name, message=f"does not bid: it {reason}")
             for name, reason in self._registry.undecided.items()
         ]
-        problems += [FileProblem(message=message) for message in self._graph_problems()]
+        problems += [FileProblem(message=message) for message in self._other_problems()]
         self.problems = tuple(dict.fromkeys(problems))
         if not self._registered:
             return

@@ -143,11 +143,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         stamp = seconds(self.get_clock().now().to_msg())
         self._versions = AgentVersions(folder, stamp)
         self._host_card = HostCardPublisher(
-            self,
-            self.instance,
-            self.registry,
-            self._versions,
-            lambda: self._runs.environment.graph_problems.messages.values(),
+            self, self.instance, self.registry, self._versions, self._other_problems
         )
         open_goals = configuration.open_goals
         self._open_goals_file = self._hold(Path(open_goals)) if open_goals else None
@@ -245,6 +241,11 @@ class HostNode(ManagedNode[HostConfiguration]):
     def keeps(self, parameter: str) -> bool:
         """Return whether it is none of the tunables, which their file keeps."""
         return parameter not in self._tunables
+
+    def _other_problems(self) -> Iterator[str]:
+        """Yield what is wrong beside the files, for people."""
+        yield from self._tunables.left_out.values()
+        yield from self._runs.environment.graph_problems.messages.values()
 
     def _judge(self) -> tuple[PartHealth, ...]:
         run = self._runs.run

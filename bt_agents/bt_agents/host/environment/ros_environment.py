@@ -332,7 +332,9 @@ class RosEnvironment:
             self._heartbeats.subscribe(binding.heartbeat)
 
     def look_again(self) -> None:
-        """Look whether the problems of the graph are over."""
+        """Look at the graph again: at its problems, and at publishers of latched topics."""
+        for latched in self._latched.values():
+            latched.look()
         for action in self.graph_problems.watched:
             self._look(action)
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
@@ -63,9 +64,11 @@ def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> T
 
 
 class LatchedTopic:
-    """A topic with a transient-local publisher; subscribed to until it is closed.
+    """A topic whose last message counts, too; subscribed to until it is closed.
 
-    A message that has come while an inbox is open wakes the leaf.
+    A message that has come while an inbox is open wakes the leaf. Publishers that are volatile or
+    best effort do not match a latched subscription; while the graph shows one, a second
+    subscription hears them. What comes through both is dropped once.
     """
 
     def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:
@@ -73,10 +76,15 @@ class LatchedTopic:
         self._wake = wake
         self._last: Any = None
         self._inboxes: list[TopicInbox] = []
+        self._received: deque[int] = deque(maxlen=DEPTH)
+        self._kind = kind
+        self._topic = topic
         self._subscription = node.create_subscription(kind, topic, self._receive, qos.FACTS)
+        self._second: Any = None
 
     def open(self) -> TopicInbox:
         """Return an inbox that begins with the last message, if there was one."""
+        self.look()
         inbox = TopicInbox(self._inboxes.remove)
         if self._last is not None:
             inbox.put(self._last)
@@ -86,8 +94,30 @@ class LatchedTopic:
     def close(self) -> None:
         """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
+        if self._second is not None:
+            self._node.destroy_subscription(self._second)
 
-    def _receive(self, message: Any) -> None:
+    def look(self) -> None:
+        """Look on the graph whether a publisher needs the second subscription."""
+        name = self._subscription.topic_name
+        needed = any(
+            one.qos_profile.durability is not DurabilityPolicy.TRANSIENT_LOCAL
+            or one.qos_profile.reliability is not ReliabilityPolicy.RELIABLE
+            for one in self._node.get_publishers_info_by_topic(name)
+        )
+        if needed and self._second is None:
+            self._second = self._node.create_subscription(
+                self._kind, self._topic, self._receive, qos.SENSOR
+            )
+        elif not needed and self._second is not None:
+            self._node.destroy_subscription(self._second)
+            self._second = None
+
+    def _receive(self, message: Any, info: Mapping[str, Any]) -> None:
+        sent_ns = int(info["source_timestamp"])
+        if sent_ns in self._received:
+            return
+        self._received.append(sent_ns)
         self._last = message
         for inbox in self._inboxes:
             inbox.put(message)

@@ -49,6 +49,9 @@ class TunableParameters:
     ``set_parameters_atomically``: the values are checked and logged before they count, and act
     together between two ticks. A moment after learning rates were tuned, ``changed`` is called.
     What was tuned outlives the host in the file ``tunings``; an empty name keeps it in memory.
+
+    Attributes:
+        left_out: Name of a parameter → why the value that was given at the start does not count.
     """
 
     def __init__(
@@ -67,6 +70,7 @@ class TunableParameters:
         self._disk = WorkerThread("tunings")
         self._poller = FuturePoller(node)
         self._store = self._open(tunings)
+        self.left_out: dict[str, str] = {}
         self._cause = TuningCause(author=ROS_PARAMETER)
         self._recorded: TuningRevision | None = None
         self._refusal: Refused | None = None
@@ -193,21 +197,29 @@ class TunableParameters:
             )
 
     def _declare(self, parameter: TunableParameter, value: Setting) -> Setting:
-        """Declare a parameter; return its value, which a launch file may have set."""
+        """Declare a parameter; return its value, which a parameter file may have set."""
         node, descriptor = self._node, _descriptor(parameter)
+        given = node._parameter_overrides.get(parameter.name)
+        if given is not None and isinstance(value, float) and type(given.value) is int:
+            # In a parameter file 12 is an integer, and only 12.0 a double.
+            whole = Parameter(given.name, value=float(given.value))
+            node._parameter_overrides[parameter.name] = whole
+        self.left_out.pop(parameter.name, None)
         try:
             return parameter.check(node.declare_parameter(parameter.name, value, descriptor).value)
         except (InvalidParameterTypeException, InvalidParameterValueException, Refused) as error:
-            node.get_logger().error(
+            self.left_out[parameter.name] = (
                 f"{parameter.name} as it was given at the start is left out, it is "
                 f"{parameter.format(value)}: {error}"
             )
+            node.get_logger().error(self.left_out[parameter.name])
             if node.has_parameter(parameter.name):
                 node.undeclare_parameter(parameter.name)
         node.declare_parameter(parameter.name, value, descriptor, ignore_override=True)
         return value
 
     def _undeclare(self, parameter: TunableParameter) -> None:
+        self.left_out.pop(parameter.name, None)
         self._node.undeclare_parameter(parameter.name)
         self._store.remove(parameter.name)
 
