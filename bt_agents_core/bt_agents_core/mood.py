@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from bt_agents_core.scene import MISSING, Scene, SceneSpace, SceneValue, mood_of
+from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, mood_of
 
 
 class Addressee:
@@ -25,12 +25,41 @@ class Addressee:
         return replace(live, person=False, values=nothing)
 
 
+class MoodStart:
+    """Mood that the changes in a run are counted from.
+
+    It is that of the scene as awarded. Somebody who gives a mood may err, so that a camera that
+    sees another one sees no change: the first mood that is measured takes its place.
+
+    Attributes:
+        value: The mood; NaN when it is not known.
+    """
+
+    def __init__(self, awarded: Scene, space: SceneSpace, confidence: float = 0.0) -> None:
+        self.value = mood_of(awarded, space, confidence=confidence)
+        self._space = space
+        self._confidence = confidence
+        self.is_given = self._origin(awarded) is Origin.GIVEN and not math.isnan(self.value)
+
+    def follow(self, live: Scene) -> None:
+        """Take a live scene, while the mood is only given."""
+        if self.is_given and self._origin(live) is Origin.MEASURED:
+            measured = mood_of(live, self._space, confidence=self._confidence)
+            if not math.isnan(measured):
+                self.value, self.is_given = measured, False
+
+    def _origin(self, scene: Scene) -> Origin:
+        if self._space.mood is None:
+            return Origin.MISSING
+        return scene.values[self._space.names.index(self._space.mood)].origin
+
+
 class Mood:
     """Mood in one run and its change since the start, in the unit of the scene parameter.
 
     Attributes:
-        start: Mood of the scene as awarded; when that is not known, the first live one that is.
-            With a baseline the mean over its time, NaN until then.
+        start: Mood of the scene as awarded, see :class:`MoodStart`; when that is not known, the
+            first live one that is. With a baseline the mean over its time, NaN until then.
         now: Mood of the latest live scene; NaN when it is not known.
 
     Args:
@@ -58,8 +87,9 @@ class Mood:
         self._counted_to = 0.0
         self._sum = 0.0
         self._seconds = 0.0
+        self._first = MoodStart(awarded, space, confidence)
         if not baseline_s:
-            self.start = mood_of(awarded, space, confidence=confidence)
+            self.start = self._first.value
 
     @property
     def change(self) -> float:
@@ -75,6 +105,9 @@ class Mood:
         """Take a live scene."""
         self.tick()
         self.now = mood_of(live, self._space, confidence=self._confidence)
+        if self._first.is_given and not self._baseline_s:
+            self._first.follow(live)
+            self.start = self._first.value
         if math.isnan(self.now) or not math.isnan(self.start):
             return
         if not self._baseline_s:

@@ -34,7 +34,7 @@ def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
         label="",
         person=person,
         values=tuple(
-            SceneValue(name=name, value=values[name], origin=Origin.GIVEN)
+            SceneValue(name=name, value=values[name], origin=Origin.MEASURED)
             if name in values
             else SceneValue.missing(name)
             for name in SPACE.names

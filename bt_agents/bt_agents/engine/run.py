@@ -263,6 +263,8 @@ class Run:
         self.changes = []
         self.overrun = None
         self.deadlines.clear()
+        if self._scope.mood_start.is_given:
+            self._scope.mood_start.follow(self._scope.live())
         if self._breakpoints is not None:
             self._breakpoints.begin_tick()
         if self._phase is _Phase.HALTED and self._steady() >= self.deadline:

@@ -12,6 +12,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_path import NoSuchField, item_of, value_at
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.local_time import LocalTime
+from bt_agents_core.mood import MoodStart
 from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
 from bt_agents_core.stop_cause import Cancellation
 from bt_agents_core.text import quote
@@ -75,6 +76,7 @@ class RunScope:
             what ``scene`` and the live scene of that moment do not say yet.
         blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
             write is not there.
+        mood_start: What ``mood.change`` counts from.
     """
 
     space: SceneSpace
@@ -88,6 +90,10 @@ class RunScope:
     cancellation: Cancellation | None = None
     told: dict[str, Plain] = field(default_factory=dict)
     blackboard: dict[str, Plain] = field(default_factory=dict)
+    mood_start: MoodStart = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.mood_start = MoodStart(self.scene, self.space)
 
     def lookup(self, name: str) -> Plain:
         if name in self.blackboard:
@@ -135,7 +141,7 @@ class RunScope:
         raise MissingValue(name)
 
     def _mood_change(self, live: Scene) -> float:
-        return mood_of(live, self.space) - mood_of(self.scene, self.space)
+        return mood_of(live, self.space) - self.mood_start.value
 
     def _own_value(self, parameter: str) -> float:
         names = self.space.profiles.names

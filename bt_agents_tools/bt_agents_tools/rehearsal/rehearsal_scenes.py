@@ -21,7 +21,7 @@ def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
         person=scenario.person,
         **_who(scenario.known),
         values=tuple(
-            SceneValue(name=name, value=scenario.scene[name], origin=Origin.GIVEN)
+            SceneValue(name=name, value=scenario.scene[name], origin=Origin.MEASURED)
             if name in scenario.scene
             else SceneValue.missing(name)
             for name in space.names

@@ -17,7 +17,8 @@ from std_msgs.msg import Empty
 from bt_agents_core.errors import Refused
 from bt_agents_core.health import PartHealth
 from bt_agents_core.person_facts import values_of
-from bt_agents_core.scene import Scene, first_id
+from bt_agents_core.scene import Origin, Scene, first_id
+from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Persons, Run, SceneEnd
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -282,7 +283,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
                 )
         else:
             scene = self._give(values, person, told=request.told)
-            response.message = "live scene updated, nothing announced"
+            response.message = _told_of(scene, values)
         response.accepted = True
         response.scene = scene_to_msg(scene)
 
@@ -447,6 +448,20 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
 
 def _who(endpoint: Any) -> tuple[str, str]:
     return endpoint.node_namespace, endpoint.node_name
+
+
+def _told_of(live: Scene, given: Mapping[str, float]) -> str:
+    """Return what has become of the values that somebody has given to the live scene."""
+    parts = []
+    for one in live.values:
+        if one.name not in given:
+            continue
+        value = format_known(one.value)
+        if one.origin is Origin.MEASURED:
+            parts.append(f"{one.name} stays {value}, as {one.source or 'a source'} measures it")
+        else:
+            parts.append(f"{one.name} is now {value}")
+    return f"live scene updated: {'; '.join(parts)}" if parts else "live scene updated"
 
 
 def make_node() -> SceneLayerNode:

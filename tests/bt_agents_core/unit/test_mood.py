@@ -164,3 +164,22 @@ def test_somebody_else_is_nobody(awarded, lives, there):
     seen = [addressee.mask(scene(1.0, person_id=one)) for one in lives]
     assert [one.person for one in seen] == there
     assert [not math.isnan(mood_of(one, SPACE)) for one in seen] == there
+
+
+def test_a_given_mood_gives_way_to_the_first_that_is_measured() -> None:
+    course = Course(scene(4.0, origin=Origin.GIVEN))
+    assert course.see(0.0, scene(4.0, origin=Origin.GIVEN)) == 0.0
+    assert course.see(1.0, scene(3.0)) == 0.0
+    assert course.see(2.0, scene(2.0)) == -1.0
+    assert course.see(3.0, scene(1.0, origin=Origin.GIVEN)) == -2.0
+
+
+def test_what_is_given_after_a_given_mood_is_a_change() -> None:
+    course = Course(scene(4.0, origin=Origin.GIVEN))
+    assert course.see(1.0, scene(2.5, origin=Origin.GIVEN)) == -1.5
+
+
+def test_a_measured_mood_without_enough_confidence_is_no_start() -> None:
+    course = Course(scene(4.0, origin=Origin.GIVEN), confidence=0.5)
+    assert math.isnan(course.see(1.0, scene(3.0, confidence=0.2)))
+    assert course.see(2.0, scene(2.0)) == 0.0
