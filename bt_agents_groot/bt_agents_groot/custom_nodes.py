@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import Document, Model, ModelPort, given_ports, node_id
-from bt_agents_groot.naming import field_of, port, snake
+from bt_agents_groot.naming import field_of, output_of, port, snake
 from bt_agents_groot.ports import (
     PortError,
     field_type_of,
@@ -213,6 +213,8 @@ class CustomNodes:
         self, tree: TreeImport, use: _Use, attribute: Attribute, declared: ModelPort
     ) -> None:
         name, entry = field_of(attribute.name), pointed_at(attribute.value)
+        if use.signature is not None and name not in use.signature.outputs:
+            name = output_of(name, use.signature.fields)
         if use.signature is None:
             _merge_type(self.missing[use.name].outputs, name, field_type_of(declared.type))
         elif name not in use.signature.outputs:

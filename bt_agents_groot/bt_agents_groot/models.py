@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from bt_agents_groot.catalogue import BUILTINS, EXPLICIT
-from bt_agents_groot.naming import pascal, port
+from bt_agents_groot.naming import output_name, pascal, port
 from bt_agents_groot.ports import cpp_type, plain_port
 from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec, Tunable
@@ -39,7 +40,10 @@ class Models:
 
     def leaf(self, name: str, inputs: Iterable[Field], outputs: Iterable[Field] = ()) -> str:
         """Return the ID of a skill or of a plug-in's node and declare it."""
-        return self.declare("Action", self._id("leaf", name), inputs, outputs)
+        inputs = list(inputs)
+        names = [one.name for one in inputs]
+        renamed = [replace(one, name=output_name(one.name, names)) for one in outputs]
+        return self.declare("Action", self._id("leaf", name), inputs, renamed)
 
     def declare(
         self, kind: str, model_id: str, inputs: Iterable[Field], outputs: Iterable[Field] = ()

@@ -13,6 +13,7 @@ from bt_agents_language.yaml.typed_reader import MAX_NAME
 _BORDER = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _OURS = re.compile(rf"[a-z][a-z0-9_]{{0,{MAX_NAME - 1}}}")
 _OTHER = re.compile(r"[^a-z0-9]+")
+_OUT = "_out"
 
 
 def snake(text: str) -> str:
@@ -43,6 +44,17 @@ def pascal(name: str, taken: Collection[str]) -> str:
 def port(name: str) -> str:
     """Return the port name of a field; ``name`` has another meaning in BehaviorTree.CPP."""
     return f"{name}_" if re.fullmatch("name_*", name) else name
+
+
+def output_name(name: str, inputs: Collection[str]) -> str:
+    """Return the name of an output as a port, which is another than that of an input."""
+    return f"{name}{_OUT}" if name in inputs else name
+
+
+def output_of(name: str, inputs: Collection[str]) -> str:
+    """Return the output that is called so beside some inputs, the inverse of `output_name`."""
+    own = name.removesuffix(_OUT)
+    return own if own in inputs else name
 
 
 def field_of(port_name: str) -> str:

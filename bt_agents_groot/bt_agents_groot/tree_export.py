@@ -14,7 +14,7 @@ from bt_agents_groot.catalogue import SKIP_IF
 from bt_agents_groot.expressions import condition_script, set_script
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Field, Models
-from bt_agents_groot.naming import port
+from bt_agents_groot.naming import output_name, port
 from bt_agents_groot.ports import (
     JSON,
     as_port,
@@ -88,7 +88,8 @@ class TreeExport:
             ports = self._ports(values, skill.inputs)
             if variants is not None and skill.main is not None:
                 ports[port(skill.main)] = variants_port(variants)
-            outputs = self._outputs(raw, skill.outputs)
+            inputs = [one.name for one in skill.inputs]
+            outputs = self._outputs(raw, skill.outputs, inputs)
             tag = self._models.leaf(skill.name, skill.inputs, skill.outputs)
             return Xml(tag, ports | outputs)
         assert raw.type is not None
@@ -131,12 +132,14 @@ class TreeExport:
                 )
         return ports
 
-    def _outputs(self, raw: RawNode, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
+    def _outputs(
+        self, raw: RawNode, declared: tuple[FieldSpec, ...], inputs: Sequence[str] = ()
+    ) -> dict[str, str]:
         entry = raw.siblings.get("outputs")
         if entry is None or not isinstance(entry.value, MappingNode):
-            return {port(one.name): f"{{{one.name}}}" for one in declared}
+            return {port(output_name(one.name, inputs)): f"{{{one.name}}}" for one in declared}
         return {
-            port(item.value.text): f"{{{item.key.text}}}"
+            port(output_name(item.value.text, inputs)): f"{{{item.key.text}}}"
             for item in entry.value.entries
             if isinstance(item.value, Scalar)
         }

@@ -308,19 +308,21 @@ def _live_fields(scene: Scene) -> Entry:
         "remembered": dict(scene.remembered),
         "stale_s": scene.stale_s,
         "values": list(scene.vector),
+        "origins": [int(value.origin) for value in scene.values],
     }
 
 
 def _with_live_fields(scene: Scene, new: Mapping[str, Any]) -> Scene:
-    """Return a live scene with recorded fields."""
+    """Return a live scene with recorded fields; earlier recordings have no origins."""
     changed = dict(new)
-    if "values" in changed:
-        changed["values"] = tuple(
-            SceneValue.missing(before.name)
-            if math.isnan(value)
-            else replace(before, value=float(value), origin=Origin.MEASURED)
-            for before, value in zip(scene.values, changed["values"], strict=True)
-        )
+    values = changed.pop("values", scene.vector)
+    origins = changed.pop("origins", [int(one.origin or Origin.MEASURED) for one in scene.values])
+    changed["values"] = tuple(
+        SceneValue.missing(before.name)
+        if math.isnan(value)
+        else replace(before, value=float(value), origin=Origin(origin))
+        for before, value, origin in zip(scene.values, values, origins, strict=True)
+    )
     return replace(scene, **changed)
 
 

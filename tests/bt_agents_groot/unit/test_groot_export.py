@@ -15,7 +15,7 @@ from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source, read_source
-from file_texts import read_agent_text
+from file_texts import read_agent_text, read_skills_text
 from tree_harness import SYMBOLS, TREES
 
 HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
@@ -189,4 +189,26 @@ def test_the_agents_that_come_along_are_the_same_after_going_there_and_back(path
         tree = replace(tree, children=tuple(rest))
     assert shape(tree) == shape(agent.tree)
     assert shape(again.on_cancel) == shape(agent.on_cancel)
+    assert not made.missing
+
+
+SHIFT = """
+format: 1
+skills:
+  shift:
+    inputs: {speed: {type: number}, far: {type: number}}
+    outputs: {speed: {type: number}}
+"""
+
+
+def test_an_input_and_an_output_of_one_name_are_two_ports_and_one_skill_again():
+    symbols = SYMBOLS.with_skills(read_skills_text(SHIFT, "skills.yaml"))
+    tree = 'tree:\n  sequence:\n    - shift: {speed: 0.3, far: 2}\n    - log: "it was ${speed}"\n'
+    text = export_agent(Source("a.yaml", HEAD + tree), symbols).text
+    assert '<Shift speed="0.3" far="2" speed_out="{speed}"/>' in text
+    assert '<output_port name="speed_out" type="double"/>' in text
+    made = import_agent(Source("t.xml", text), "my_agent", symbols)
+    again = read_agent_text(made.text, "a.yaml", symbols)
+    agent = read_agent_text(HEAD + tree, "a.yaml", symbols)
+    assert shape(again.tree) == shape(agent.tree)
     assert not made.missing
