@@ -3,19 +3,32 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 
-from programs import Program, node_of
+from programs import HANG_S, ROOT, Program, children, node_of, nodes
 
 pytestmark = pytest.mark.e2e
 
 Start = Callable[..., Program]
 Ask = Callable[..., str]
 MRS_SMITH = ("trigger", "age=4.5", "familiarity=1", "mood=3")
+HOST = "bt_agents.host.node"
+
+
+def wait_for(done: Callable[[], bool]) -> None:
+    end = time.monotonic() + HANG_S
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.1)
 
 
 def kill_component(up: Program, module: str, number: int = signal.SIGKILL) -> None:
@@ -85,3 +98,30 @@ def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
     up.until("attentive_guide starts")
     assert up.stop()[0] == 0, up.output
     assert "Traceback" not in up.output
+
+
+def test_a_terminal_that_is_not_read_holds_up_neither_the_supervision_nor_the_end(
+    environment: dict[str, str], ask: Ask
+) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, b"x" * fcntl.fcntl(writing, fcntl.F_GETPIPE_SZ))
+    up = subprocess.Popen(
+        [sys.executable, "-m", "bt_agents_tools.cli", "up", "--no-voice", "--no-studio"],
+        stdout=writing,
+        cwd=ROOT,
+        env=environment,
+    )
+    os.close(writing)
+    try:
+        wait_for(lambda: "attentive_guide" in ask("status", code=None))
+        host = node_of(up.pid, HOST)
+        os.kill(host, signal.SIGKILL)
+        wait_for(lambda: [pid for name, pid in nodes(up.pid) if name == HOST] not in ([], [host]))
+        up.terminate()
+        assert up.wait(HANG_S) == 0
+    finally:
+        for pid in [*children(up.pid), up.pid]:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        up.wait()
+        os.close(reading)

@@ -17,6 +17,7 @@ from rich.console import Console
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.fleet_plan import FleetPlan
 from bt_agents_tools.cli.formatting import counted, print_line
 from bt_agents_tools.cli.supervision import (
@@ -133,6 +134,7 @@ def hold_parts(domain: int, names: Sequence[str], who: str) -> None:
         hold_domain(domain, who, name)
 
 
+@printing_aside()
 def run_parts(
     command: str,
     parts: Sequence[Component],

@@ -24,6 +24,7 @@ from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.state_folder import STUDIO_ADDRESSES, StateFolder
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.signals import Interrupt, loading
+from bt_agents_tools.cli.aside_output import printing_aside
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.fleet_plan import FleetPlan
 from bt_agents_tools.cli.formatting import print_line
@@ -125,6 +126,7 @@ def studio_plan(
     )
 
 
+@printing_aside()
 def run_system(
     command: str,
     processes: Sequence[Component],

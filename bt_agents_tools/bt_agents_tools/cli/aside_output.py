@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Standard output written by a thread, so that nobody waits for a terminal that is not read."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import threading
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+MOST_BYTES = 1_000_000
+"""Longest output that waits to be written; what comes then is dropped."""
+
+END_LIMIT_S = 1.0
+"""Longest wait at the end for the rest to be written [s]."""
+
+
+class AsideOutput(io.RawIOBase):
+    """Raw stream that never blocks: a thread writes what it is given.
+
+    Ctrl-S, a pipe that is full or a connection that hangs stop the thread only. When the output
+    is read again, a line says how many were dropped. After an error nothing is written any more.
+
+    Args:
+        descriptor: Of the output, which stays open.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__()
+        self._descriptor = descriptor
+        self._waiting: deque[bytes] = deque()
+        self._bytes = 0
+        self._dropped = 0
+        self._ended = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._write_all, name="output", daemon=True)
+        self._thread.start()
+
+    def writable(self) -> bool:
+        return True
+
+    def isatty(self) -> bool:
+        return os.isatty(self._descriptor)
+
+    def fileno(self) -> int:
+        return self._descriptor
+
+    def write(self, data: Any, /) -> int:
+        taken = bytes(data)
+        with self._changed:
+            if self._bytes + len(taken) > MOST_BYTES:
+                self._dropped += taken.count(b"\n")
+            else:
+                self._waiting.append(taken)
+                self._bytes += len(taken)
+                self._changed.notify()
+        return len(taken)
+
+    def end(self) -> None:
+        """Write the rest, as far as somebody reads it in time."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join(END_LIMIT_S)
+
+    def _write_all(self) -> None:
+        while (data := self._next()) is not None:
+            rest = data
+            try:
+                while rest:
+                    rest = rest[os.write(self._descriptor, rest) :]
+            except OSError:
+                return
+            with self._changed:
+                self._bytes = max(0, self._bytes - len(data))
+
+    def _next(self) -> bytes | None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting or self._dropped or self._ended)
+            if self._waiting:
+                return self._waiting.popleft()
+            if not self._dropped:
+                return None
+            dropped, self._dropped = self._dropped, 0
+            return f"… {dropped} lines are not here, as nobody read them in time\n".encode()
+
+
+@contextmanager
+def printing_aside() -> Iterator[None]:
+    """Let a thread write the standard output of this block, see :class:`AsideOutput`."""
+    before = sys.stdout
+    before.flush()
+    output = AsideOutput(before.fileno())
+    aside = io.TextIOWrapper(
+        io.BufferedWriter(output),
+        encoding=before.encoding,
+        errors=before.errors,
+        line_buffering=True,
+    )
+    sys.stdout = aside
+    try:
+        yield
+    finally:
+        sys.stdout = before
+        aside.flush()
+        output.end()
+        aside.detach()

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is printed while nobody reads, and when the reader is gone."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from typing import TextIO
+
+from bt_agents_tools.cli.aside_output import MOST_BYTES, printing_aside
+
+LINE = f"{'x' * 99}\n"
+LINES = 3 * MOST_BYTES // len(LINE)
+
+
+@contextmanager
+def piped() -> Iterator[TextIO]:
+    """Let standard output go into a pipe within the block; yield the end that reads it."""
+    reading, writing = os.pipe()
+    with (
+        open(reading, encoding="utf-8") as read,
+        open(writing, "w", encoding="utf-8") as stream,
+        redirect_stdout(stream),
+    ):
+        yield read
+
+
+def test_what_is_printed_is_written_in_order() -> None:
+    with piped() as read:
+        with printing_aside():
+            for number in range(100):
+                print(number)
+        assert [read.readline() for _ in range(100)] == [f"{number}\n" for number in range(100)]
+
+
+def test_a_pipe_that_is_not_read_blocks_nobody_and_the_reader_is_told_what_is_missing() -> None:
+    found = [""]
+    with piped() as read, printing_aside():
+        for _ in range(LINES):
+            print(LINE, end="")
+        while not found[-1].startswith("…"):
+            found.append(read.readline())
+        print("and on")
+        assert read.readline() == "and on\n"
+    dropped = int(found[-1].split()[1])
+    assert len(found) - 2 + dropped == LINES
+    assert dropped > LINES // 2
+
+
+def test_the_end_does_not_wait_for_a_reader() -> None:
+    with piped(), printing_aside():
+        for _ in range(LINES):
+            print(LINE, end="")
+
+
+def test_a_reader_that_is_gone_ends_the_printing_alone() -> None:
+    with piped() as read, printing_aside():
+        read.close()
+        for _ in range(100):
+            print(LINE, end="")
