@@ -23,57 +23,84 @@ from bt_agents_tools.cli.terminal import OutputLost, os_error_text, prepare_stre
 _INTERRUPTED = 128 + signal.SIGINT
 _LEFT = 128 + signal.SIGPIPE
 
-COMMANDS: Mapping[str, str] = {
-    "demo": "demo",
-    "up": "up",
-    "host": "host",
-    "robot": "robot",
-    "trigger": "trigger",
-    "sense": "trigger",
-    "answer": "answer",
-    "press": "publish",
-    "publish": "publish",
-    "visit": "visit",
-    "cancel": "operate",
-    "pause": "control",
-    "resume": "control",
-    "step": "control",
-    "breakpoint": "control",
-    "scene": "scene",
-    "status": "status",
-    "why": "why",
-    "pin": "operate",
-    "unpin": "operate",
-    "veto": "operate",
-    "allow": "operate",
-    "award": "operate",
-    "preview": "operate",
-    "strategy": "strategy",
-    "feedback": "feedback",
-    "profile": "profile",
-    "forget": "forget",
-    "moods": "moods",
-    "check": "check",
-    "explain": "explain",
-    "new": "new",
-    "show": "show",
-    "fmt": "fmt",
-    "rehearse": "rehearse",
-    "test": "test",
-    "schema": "schema",
-    "tune": "tune",
-    "preset": "preset",
-    "keep": "keep",
-    "record": "record",
-    "reload": "reload",
-    "versions": "reload",
-    "roll-back": "reload",
-    "security": "security",
+TASKS: Mapping[str, Mapping[str, str]] = {
+    "Write agents": {
+        "new": "new",
+        "check": "check",
+        "explain": "explain",
+        "show": "show",
+        "fmt": "fmt",
+        "rehearse": "rehearse",
+        "test": "test",
+        "schema": "schema",
+        "import": "",
+        "export": "",
+    },
+    "Run them": {
+        "demo": "demo",
+        "up": "up",
+        "host": "host",
+        "robot": "robot",
+        "status": "status",
+        "studio": "",
+        "watch": "",
+        "reload": "reload",
+        "versions": "reload",
+        "roll-back": "reload",
+        "security": "security",
+    },
+    "Play the person": {
+        "trigger": "trigger",
+        "sense": "trigger",
+        "answer": "answer",
+        "press": "publish",
+        "publish": "publish",
+        "visit": "visit",
+    },
+    "Take charge": {
+        "cancel": "operate",
+        "pause": "control",
+        "resume": "control",
+        "step": "control",
+        "breakpoint": "control",
+        "pin": "operate",
+        "unpin": "operate",
+        "veto": "operate",
+        "allow": "operate",
+        "award": "operate",
+        "preview": "operate",
+        "strategy": "strategy",
+    },
+    "Tune and teach": {
+        "tune": "tune",
+        "preset": "preset",
+        "keep": "keep",
+        "feedback": "feedback",
+        "profile": "profile",
+        "forget": "forget",
+        "fleet": "",
+    },
+    "Study": {
+        "scene": "scene",
+        "why": "why",
+        "moods": "moods",
+        "record": "record",
+        "journal": "",
+        "replay": "",
+        "what-if": "",
+        "experiment": "",
+    },
 }
-"""Command → its module in ``bt_agents_tools.cli.commands``.
+"""Task → its commands, as the help lists them → their modules in ``bt_agents_tools.cli.commands``.
 
-The function is named as the command, with ``_`` for ``-``.
+The function is named as the command, with ``_`` for ``-``. Those without a module are brought by
+other packages, as are any that are not here.
 """
+
+COMMANDS: Mapping[str, str] = {
+    name: module for commands in TASKS.values() for name, module in commands.items() if module
+}
+"""Command of this package → its module."""
 
 _MEANT: Mapping[str, str] = {
     "undo": "'tune --undo' for what was tuned, 'profile undo AGENT' for what was learned",
@@ -129,9 +156,13 @@ class LazyGroup(click.Group):
         names = self.list_commands(ctx)
         limit = formatter.width - 6 - max(map(len, names))
         listed = {name: click.Command(name, help=self._help(ctx, name)) for name in names}
-        rows = [(name, one.get_short_help_str(limit)) for name, one in listed.items()]
-        with formatter.section("Commands"):
-            formatter.write_dl(rows)
+        rows = {name: (name, one.get_short_help_str(limit)) for name, one in listed.items()}
+        for task, wanted in TASKS.items():
+            with formatter.section(task):
+                formatter.write_dl([rows.pop(name) for name in wanted if name in rows])
+        if rows:
+            with formatter.section("Other packages"):
+                formatter.write_dl([*rows.values()])
 
     def _help(self, ctx: click.Context, name: str) -> str:
         """Return the help of a command from its source, as loading all of them takes long."""

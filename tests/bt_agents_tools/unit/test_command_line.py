@@ -12,7 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from bt_agents_tools.cli.main import _MEANT, all_commands, bt_agents
+from bt_agents_tools.cli.main import _MEANT, TASKS, all_commands, bt_agents
 
 LOADED = """
 import sys
@@ -36,12 +36,17 @@ def test_the_help_lists_every_command() -> None:
         assert f"\n  {name} " in result.output
 
 
+def test_every_command_has_one_task() -> None:
+    listed = [name for names in TASKS.values() for name in names]
+    assert sorted(listed) == sorted(all_commands())
+
+
 def test_the_help_says_of_each_command_what_that_says_itself() -> None:
     context = click.Context(bt_agents)
     formatter = click.HelpFormatter(width=1000)
     bt_agents.format_commands(context, formatter)
-    _, *lines = formatter.getvalue().splitlines()
-    shown = dict(line.split(maxsplit=1) for line in lines)
+    lines = formatter.getvalue().splitlines()
+    shown = dict(line.split(maxsplit=1) for line in lines if line.startswith("  "))
     assert shown.keys() == all_commands().keys()
     for name, text in shown.items():
         command = bt_agents.get_command(context, name)
