@@ -41,6 +41,8 @@ ELSEWHERE = {
     "duplicate-agent", "no-agents", "no-texts",
     # Known only where ROS is.
     "unknown-ros-type", "unknown-ros-field",
+    # A fault of the reader itself.
+    "reader-fault",
 }  # fmt: skip
 LINE = re.compile(r"(?P<file>.+?):(?P<place>\d+:\d+): error\[(?P<code>[a-z0-9-]+)\]: .+")
 

@@ -97,7 +97,7 @@ def marked(error: ExpressionError, text: str) -> str:
         ("contains(l, 'a')", 10, "l", "with 'in'"),
         ("contains(t, '')", 13, "''", "what to look for"),
         ("n Else 1", 3, "Else", "write else"),
-        ("d == 'Sunday'", 6, "'Sunday'", "write one of saturday, sunday"),
+        ("d == 'Sontag'", 6, "'Sontag'", "write one of saturday, sunday"),
         ("'sun' != d", 1, "'sun'", "write one of saturday, sunday"),
         ("d in ['saturday', 'sun']", 19, "'sun'", "write one of saturday, sunday"),
     ],
