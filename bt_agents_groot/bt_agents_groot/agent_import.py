@@ -13,6 +13,7 @@ from bt_agents_groot.controls import CONTROLS
 from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
 from bt_agents_groot.document import Model, ModelPort, node_id, read_document
 from bt_agents_groot.naming import Renaming, port, snake
+from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.ports import field_type_of, from_port, pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
@@ -34,7 +35,7 @@ from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import FORMAT
 
-_BUILDERS = {**CONTROLS, **SIMPLE_NODES}
+_BUILDERS = {**CONTROLS, **SIMPLE_NODES, **NAV2_NODES}
 _SCRIPT_NAME = re.compile(r"[A-Za-z_@]\w*")
 _INITIAL_COMMENT = (
     "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."

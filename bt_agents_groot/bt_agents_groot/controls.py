@@ -110,7 +110,7 @@ def _if_then_else(tree: TreeImport, element: Element) -> YamlNode:
         text = _condition_text(tree, condition_node)
         if text is None:
             break
-        cases.append(_case(tree, then, text, len(cases) + 1))
+        cases.append(numbered_case(tree, then, text, len(cases) + 1))
         rest = otherwise
     if not cases:
         return _by_result(tree, element)
@@ -130,7 +130,7 @@ def _by_result(tree: TreeImport, element: Element) -> YamlNode:
     if not otherwise:
         return sequence(tree.node(condition_node), tree.node(first))
     name, *steps = _result_of(tree, condition_node)
-    return sequence(*steps, _choose(tree, [_case(tree, first, Raw(name), 1)], otherwise))
+    return sequence(*steps, _choose(tree, [numbered_case(tree, first, Raw(name), 1)], otherwise))
 
 
 def _branch(tree: TreeImport, element: Element) -> YamlNode:
@@ -140,7 +140,8 @@ def _branch(tree: TreeImport, element: Element) -> YamlNode:
     return node
 
 
-def _case(tree: TreeImport, element: Element, condition: Raw, number: int) -> YamlNode:
+def numbered_case(tree: TreeImport, element: Element, condition: Raw, number: int) -> YamlNode:
+    """Return a case of a ``choose``, called by its number where it has no name."""
     case = decorated(_branch(tree, element), "when", condition)
     return replace(case, name=case.name or f"case_{number}")
 
@@ -203,7 +204,7 @@ def _switch(tree: TreeImport, element: Element) -> YamlNode:
     for number, branch in enumerate(branches, start=1):
         key = _operand(tree, element.attributes[f"case_{number}"])
         text = tree.text(Binary("==", variable, key))
-        cases.append(_case(tree, branch, text, number))
+        cases.append(numbered_case(tree, branch, text, number))
     return _choose(tree, cases, [default])
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import Document, Model, ModelPort, given_ports, node_id
-from bt_agents_groot.naming import field_of, output_of, port, snake
+from bt_agents_groot.naming import entry_of, field_of, output_of, port, snake
 from bt_agents_groot.ports import (
     PortError,
     field_type_of,
@@ -21,6 +21,7 @@ from bt_agents_groot.simple_nodes import unknown_parent
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, decorated
+from bt_agents_language.fields.scope import RESERVED
 from bt_agents_language.fields.values import ONE_OF
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, WORDS
 from bt_agents_language.nodes.node_type import Children, Content, NodeType
@@ -155,6 +156,7 @@ class CustomNodes:
     def __init__(self, document: Document, symbols: SymbolTable) -> None:
         self.missing: dict[str, MissingSkill] = {}
         self._models = document.models
+        self._directions: dict[tuple[str, str], str] = {}
         self._signatures: dict[str, _Signature] = {}
         for name, skill in symbols.skills.items():
             types = {one.name: one.type for one in skill.inputs}
@@ -188,7 +190,11 @@ class CustomNodes:
         model = self._models.get(node_id(element), Model(kind="Action"))
         for attribute in _ports(element, model):
             declared = model.ports.get(attribute.name, ModelPort(direction=""))
-            direction = _direction(tree, use, attribute, declared)
+            port_key = name, attribute.name
+            if port_key not in self._directions:
+                self._directions[port_key] = _direction(tree, use, attribute, declared)
+                _note_name(tree, attribute)
+            direction = self._directions[port_key]
             if direction != "out":
                 self._input(tree, use, attribute, declared)
             if direction != "in":
@@ -225,6 +231,15 @@ class CustomNodes:
             tree.note(attribute, f"the output '{attribute.name}' is lost: {shown}")
             return
         use.outputs[tree.names.rename(entry)] = name
+
+
+def _note_name(tree: TreeImport, attribute: Attribute) -> None:
+    if entry_of(attribute.name) in RESERVED:
+        tree.note(
+            attribute,
+            f"'{attribute.name}' means something in our expressions, so it is called "
+            f"'{field_of(attribute.name)}'",
+        )
 
 
 def _direction(tree: TreeImport, use: _Use, attribute: Attribute, declared: ModelPort) -> str:

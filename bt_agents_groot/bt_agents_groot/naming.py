@@ -58,9 +58,13 @@ def output_of(name: str, inputs: Collection[str]) -> str:
 
 
 def field_of(port_name: str) -> str:
-    """Return the field name of a port, the inverse of :func:`port`."""
+    """Return the field name of a port, the inverse of :func:`port`.
+
+    A port that is called as a word of expressions gets another name.
+    """
     name = entry_of(port_name)
-    return name if _OURS.fullmatch(name) else snake(name)
+    name = name if _OURS.fullmatch(name) else snake(name)
+    return f"{name}_value" if name in RESERVED else name
 
 
 def entry_of(port_name: str) -> str:

@@ -81,12 +81,10 @@ def _precondition(tree: TreeImport, element: Element) -> YamlNode:
 
 
 def unknown_parent(tree: TreeImport, element: Element) -> YamlNode:
-    """Return the children of an element without equivalent, in a sequence if several."""
-    one = len(element.children) == 1
-    fate = "its child stands alone" if one else "its children stand in a sequence"
-    tree.lost(element, f"{_element_text(element)} has no equivalent; {fate}")
-    children = [tree.node(child) for child in element.children]
-    return children[0] if one else sequence(*children)
+    """Return the children of an element without equivalent behind a leaf that fails."""
+    fate = "child stands" if len(element.children) == 1 else "children stand"
+    failing = _untranslated(tree, element, f"; its {fate} behind a node that fails")
+    return sequence(failing, *map(tree.node, element.children))
 
 
 def _count(tree: TreeImport, element: Element, port: str) -> Data:

@@ -25,7 +25,14 @@ MAX_TEXT = 20_000
 """Characters of one attribute."""
 
 _ATTRIBUTE = re.compile(r"""([^\s=<>"'/]+)\s*=\s*("[^"]*"|'[^']*')""")
-_WRITTEN_CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
+_ENTITY = r"&(?:#[0-9]+|#x[0-9a-fA-F]+|amp|lt|gt|quot|apos);"
+_WRITTEN_CHARACTER = re.compile(rf"{_ENTITY}|\r\n|.", re.DOTALL)
+_VALUE = re.compile(
+    r"""<!--.*?-->|<!\[CDATA\[.*?\]\]>|=\s*(?P<value>"[^"]*"|'[^']*')""", re.DOTALL
+)
+_BARE = re.compile(rf"(?!{_ENTITY})[&<]")
+_STAND_INS = str.maketrans("&<", "\ue000\ue001")
+_MEANT = str.maketrans("\ue000\ue001", "&<")
 _ESCAPE_HINT = "write &lt; for '<', &amp; for '&' and &quot; for '\"' inside an attribute"
 _ESCAPES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 
@@ -123,7 +130,7 @@ class _Parser:
     def __init__(self, source: Source, problems: Diagnostics) -> None:
         self._source = source
         self._problems = problems
-        self._data = source.text.encode("utf-8", "replace")
+        self._data = _with_stand_ins(source.text).encode("utf-8", "replace")
         # Expat counts bytes, and only forwards: the part before this index is not decoded again.
         self._counted = (0, 0)
         self._open: list[_Open] = []
@@ -201,7 +208,8 @@ class _Parser:
 
     def _attributes(self, index: int, pairs: list[str]) -> dict[str, Attribute]:
         attributes: dict[str, Attribute] = {}
-        for name, value in zip(pairs[::2], pairs[1::2], strict=True):
+        for name, parsed in zip(pairs[::2], pairs[1::2], strict=True):
+            value = parsed.translate(_MEANT)
             written = _ATTRIBUTE.search(self._source.text, index)
             assert written is not None
             index = written.end()
@@ -273,6 +281,25 @@ class _Parser:
             case "unclosed token" | "unclosed CDATA section":
                 return "what starts here is not closed", "add the missing '>' or quotation mark"
         return f"this is not XML ({quote(expat_message)})", _ESCAPE_HINT
+
+
+def _with_stand_ins(text: str) -> str:
+    """Return a text in which bare ``&`` and ``<`` inside of attributes are other characters.
+
+    XML forbids the two there, and BehaviorTree.CPP reads them. A ``<`` before a ``>`` is rather
+    the next element, behind a quotation mark that is missing.
+    """
+
+    def replaced(match: re.Match[str]) -> str:
+        value = match["value"]
+        if value is None or not _BARE.search(value) or re.search("<[^>]*>", value):
+            return match[0]
+        bare = _BARE.sub(lambda one: one[0].translate(_STAND_INS), value)
+        return match[0].removesuffix(value) + bare
+
+    if not _MEANT.keys().isdisjoint(map(ord, text)):
+        return text
+    return _VALUE.sub(replaced, text)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import yaml
 from bt_agents_groot.agent_import import ImportedAgent, import_agent, skills_file
 from bt_agents_groot.catalogue import BUILTINS
 from bt_agents_groot.controls import CONTROLS
+from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.tools.formatting.formatter import format_source
@@ -205,10 +206,16 @@ def test_a_small_difference_is_noted_and_stands_in_the_file(inner, note):
     [
         ("<UnsetBlackboard key='t'/>", '<UnsetBlackboard key="t">'),
         ("<WasEntryUpdated entry='{t}'/>", "<WasEntryUpdated"),
-        (f"<LoopInt queue='1;2' value='{{v}}'>{S}</LoopInt>", "its child stands alone"),
-        (f"<WaitValueUpdate entry='{{t}}'>{S}</WaitValueUpdate>", "its child stands alone"),
+        (
+            f"<LoopInt queue='1;2' value='{{v}}'>{S}</LoopInt>",
+            "its child stands behind a node that fails",
+        ),
+        (
+            f"<WaitValueUpdate entry='{{t}}'>{S}</WaitValueUpdate>",
+            "its child stands behind a node that fails",
+        ),
         (f"<Decorator ID='Rate' hz='2'>{S}</Decorator>", '<Rate hz="2"> has no equivalent'),
-        (f"<Control ID='Pick'>{S}{F}</Control>", "its children stand in a sequence"),
+        (f"<Control ID='Pick'>{S}{F}</Control>", "its children stand behind a node that fails"),
         ("<Script code='k := k &amp; 4'/>", "no operator '&'"),
         ("<Script code='{t}'/>", "stands in a blackboard entry"),
         ("<ScriptCondition code='~k &gt; 2'/>", "no operator '~'"),
@@ -230,6 +237,110 @@ def test_what_has_no_equivalent_is_listed_and_stands_in_the_file(inner, lost):
     assert "# Not everything could be translated; " in made.text
 
 
+def test_what_cannot_be_translated_fails_before_its_children_do_anything():
+    made = imported(f"<Decorator ID='Rate' hz='2'>{S}</Decorator>")
+    failing, child = document(made)["tree"]["sequence"]
+    assert failing["fail"] is True
+    assert child == {"check": True}
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+def test_a_recovery_runs_after_each_failure_but_the_last_and_ends_the_tries_when_it_fails():
+    made = imported(f"<RecoveryNode number_of_retries='2'>{F}{S}</RecoveryNode>")
+    counted, tries = document(made)["tree"]["sequence"]
+    assert counted == {"set": {"recoveries_1": 0}}
+    assert tries == {
+        "retry": 3,
+        "sequence": [
+            {"check": "recoveries_1 <= 2"},
+            {
+                "selector": [
+                    {"check": False},
+                    {
+                        "sequence": [
+                            {"check": "recoveries_1 < 2"},
+                            {"set": {"recoveries_1": "${recoveries_1 + 1}"}},
+                            {"selector": [{"check": True}, {"set": {"recoveries_1": "${2 + 1}"}}]},
+                            {"check": False},
+                        ]
+                    },
+                ]
+            },
+        ],
+    }
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+def test_a_round_robin_goes_on_with_the_next_child_each_time():
+    made = imported(f"<RoundRobin>{S}{F}</RoundRobin>")
+    assert document(made)["tree"] == {
+        "retry": 2,
+        "sequence": [
+            {"set": {"turn_1": "${((turn_1 else 1) + 1) % 2}"}},
+            {
+                "choose": [
+                    {"name": "case_1", "when": "turn_1 == 0", "check": True},
+                    {"name": "case_2", "when": "turn_1 == 1", "check": False},
+                ]
+            },
+        ],
+    }
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+def test_a_pipeline_repeats_its_first_child_at_a_rate_while_the_next_runs():
+    plan, follow = "<AlwaysSuccess/>", "<Sleep msec='9000'/>"
+    made = imported(
+        f"<PipelineSequence><RateController hz='0.5'>{plan}</RateController>{follow}"
+        "</PipelineSequence>"
+    )
+    assert document(made)["tree"] == {
+        "sequence": [
+            {"check": True},
+            {
+                "parallel": {
+                    "succeed_on": ["behind_1"],
+                    "children": [
+                        {"repeat": "forever", "sequence": [{"wait": "2 s"}, {"check": True}]},
+                        {"name": "behind_1", "wait": "9 s"},
+                    ],
+                }
+            },
+        ]
+    }
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+def test_a_port_has_one_direction_in_the_whole_file():
+    made = imported(
+        "<Sequence><Pick kind='a' job='{j}'/><Do job='{j}'/>"
+        "<Pick kind='b' job='{j}'/><Do job='{j}'/></Sequence>"
+    )
+    pick, do = sorted(made.missing, key=lambda one: one.name, reverse=True)
+    assert (list(pick.inputs), list(pick.outputs)) == (["kind"], ["job"])
+    assert (list(do.inputs), list(do.outputs)) == (["job"], [])
+
+
+def test_a_port_that_means_something_here_gets_another_name():
+    made = imported("<Announce msg='hello' times='2'/>")
+    [announce] = made.missing
+    assert list(announce.inputs) == ["msg_value", "times"]
+    assert "so it is called 'msg_value'" in said(made, RemarkLevel.NOTE)
+    read_skills_text(skills_file(made.missing), "new.yaml")
+
+
+@pytest.mark.parametrize(
+    ("written", "read"),
+    [
+        ("<ScriptCondition code='k > 0 && k <3'/>", "k > 0 and k < 3"),
+        ("<ScriptCondition code='k > 0 &amp;&amp; k &lt; 3'/>", "k > 0 and k < 3"),
+    ],
+)
+def test_a_bare_ampersand_in_an_attribute_is_read_as_behaviortree_cpp_reads_it(written, read):
+    made = imported(f"<Sequence>{KNOWN}{written}</Sequence>")
+    assert document(made)["tree"]["sequence"][1] == {"check": read}
+
+
 def test_a_leaf_that_is_lost_fails_and_says_so():
     made = imported("<UnsetBlackboard key='x'/>")
     assert document(made)["tree"] == {
@@ -240,7 +351,7 @@ def test_a_leaf_that_is_lost_fails_and_says_so():
 
 
 def test_every_built_in_node_has_a_translator():
-    assert CONTROLS.keys() | SIMPLE_NODES.keys() == BUILTINS.keys()
+    assert CONTROLS.keys() | SIMPLE_NODES.keys() | NAV2_NODES.keys() == BUILTINS.keys()
 
 
 def test_a_condition_that_is_a_node_is_asked_once():
