@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rcl_interfaces.msg import ParameterType, ParameterValue
 from std_msgs.msg import Empty, Float64, Int32MultiArray, String
 
 from active_nodes import active_scene_layer
@@ -21,6 +22,7 @@ from bt_agents_interfaces.msg import (
     Face,
     Faces,
     MarketStatus,
+    PersonFact,
     PersonIds,
     Persons,
     Run,
@@ -289,6 +291,33 @@ def test_a_tree_remembers_somebody_and_puts_what_they_say_into_the_live_scene(ro
     client = ros.node.create_client(Remember, "scene_layer/remember")
     refused = ros.call(client, Remember.Request(person_id="face7"))
     assert (refused.accepted, refused.code) == (False, "UNKNOWN_PERSON")
+
+
+def test_a_person_who_is_named_by_hand_is_one_whom_the_robot_knows(ros):
+    more = "remembers: {favourite: text}\nplace: lobby\n"
+    layer = Layer(ros, FACES.replace("place: lobby\n", more))
+    remember = ros.node.create_client(Remember, "scene_layer/remember")
+    tea = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="tea")
+
+    def named(name: str, person: int = Analyze.Request.PRESENT) -> Analyze.Response:
+        return ros.call(layer.client, Analyze.Request(announce=True, person=person, name=name))
+
+    first = named("anna").scene
+    assert (first.person, first.person_id, first.visits) == (True, "anna", 1)
+    kept = ros.call(
+        remember,
+        Remember.Request(person_id="anna", facts=[PersonFact(key="favourite", value=tea)]),
+    )
+    assert kept.message == "remembered of anna; the memory ends with the scene layer"
+    assert named("ben").scene.visits == 1
+    second = named("anna").scene
+    assert (second.visits, [one.value for one in second.remembered]) == (2, [tea])
+    for refused, code in (
+        (named("anna", Analyze.Request.ABSENT), "NAMED_NOBODY"),
+        (named("a\nb"), "BAD_ID"),
+        (ros.call(layer.client, Analyze.Request(name="anna")), "NAMED_NOBODY"),
+    ):
+        assert (refused.accepted, refused.code) == (False, code)
 
 
 def test_a_damaged_memory_is_kept_aside_and_the_node_starts_empty(ros, tmp_path):

@@ -16,6 +16,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_ros import qos
+from bt_agents_ros.system_topics import TOPICS
 from bt_agents_ros.types import fill, load_type, read_field
 from bt_agents_tools.client.observer import Observer
 
@@ -26,7 +27,8 @@ publisher, and until they have taken the message, which is gone with its publish
 
 _AT_ONCE = Duration(nanoseconds=1)
 
-_OWN_PACKAGES = ("action_msgs", "bt_agents_interfaces", "rcl_interfaces", "rosgraph_msgs")
+_ROS_PACKAGES = ("action_msgs", "rcl_interfaces", "rosgraph_msgs")
+_OWN_PACKAGE = "bt_agents_interfaces"
 
 
 def heard_topics(graph: Node, nodes: Iterable[str]) -> dict[str, str]:
@@ -40,13 +42,22 @@ def heard_topics(graph: Node, nodes: Iterable[str]) -> dict[str, str]:
         for name, namespace in graph.get_node_names_and_namespaces()
     }
     prefix = graph.get_namespace().rstrip("/") + "/"
-    return {
+    heard = {
         topic.removeprefix(prefix): types[0]
         for node in nodes
         if node in known
         for topic, types in graph.get_subscriber_names_and_types_by_node(*known[node])
-        if types[0].partition("/")[0] not in _OWN_PACKAGES and "/_" not in topic
+        if "/_" not in topic
     }
+    return {topic: kind for topic, kind in heard.items() if not _is_of_the_system(topic, kind)}
+
+
+def _is_of_the_system(topic: str, kind: str) -> bool:
+    """Return whether a topic serves ROS or the system; a tracker may use our types, too."""
+    package = kind.partition("/")[0]
+    if package == _OWN_PACKAGE:
+        return any(one.is_called(topic) for one in TOPICS)
+    return package in _ROS_PACKAGES
 
 
 def heard_message(heard: Mapping[str, str], topic: str, texts: Sequence[str]) -> Any:

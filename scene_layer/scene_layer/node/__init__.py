@@ -40,6 +40,7 @@ from scene_layer.memory import Memory
 from scene_layer.node.memory_store import MemoryStore
 from scene_layer.node.script_player import ScriptPlayer
 from scene_layer.node.source_subscriptions import SourceSubscriptions
+from scene_layer.persons import check_id
 from scene_layer.run_tracker import LiveRun, RunTracker
 from scene_layer.scene_delivery import KEPT_S, MOST_KEPT, SceneDelivery
 from scene_layer.scene_estimator import SceneEstimator, check_given
@@ -242,6 +243,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
     # Scenes
 
     def _on_trigger(self, _message: Empty) -> None:
+        self._begin_visit_by_hand("")
         self._announce("", {}, None, urgent=False)
 
     def _on_analyze(self, request: Any, response: Any) -> Any:
@@ -261,6 +263,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             if request.person not in _PERSON:
                 raise Refused("UNKNOWN_PERSON", f"person is {request.person}, expected 0, 1 or 2")
             person = _PERSON[request.person]
+            name = _check_name(request)
             gives = bool(values) or person is not None
             if gives and not request.announce and not self._present_id():
                 raise Refused(
@@ -272,8 +275,14 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             response.code, response.message = refused.code, refused.reason
             return
         if request.announce:
+            self._begin_visit_by_hand(name)
             scene, response.kept = self._announce(
-                request.label, values, person, request.urgent, told=request.told
+                request.label,
+                values,
+                person,
+                request.urgent,
+                told=request.told,
+                person_id=name or None,
             )
             response.message = f"scene {scene.scene_id} announced"
             if response.kept:
@@ -296,11 +305,27 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             return response
         response.accepted = True
         response.message = f"remembered of {request.person_id}"
+        if not self._store.lasts:
+            response.message += "; the memory ends with the scene layer"
+            self.get_logger().warning(
+                "what is remembered ends with this scene layer; its parameter 'memory', or "
+                "bt-agents up --memory, keeps it",
+                once=True,
+            )
         self._on_change()
         return response
 
-    def _begin_visit(self, visit: Visit) -> None:
-        self._estimate.encounters.begin_visit(visit.name, time.monotonic(), time.time())
+    def _begin_visit(self, name: str) -> None:
+        self._estimate.encounters.begin_visit(name, time.monotonic(), time.time())
+
+    def _begin_visit_by_hand(self, name: str) -> None:
+        """Begin the visit of a person who is named, or of nobody.
+
+        A script names its own; who is tracked has begun one by that.
+        """
+        tracked = name in self._estimate.encounters.persons.tracked
+        if not tracked and (name or self._player is None):
+            self._begin_visit(name)
 
     def _announce_visit(self, visit: Visit) -> Scene:
         return self._announce(
@@ -448,6 +473,22 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
 
 def _who(endpoint: Any) -> tuple[str, str]:
     return endpoint.node_namespace, endpoint.node_name
+
+
+def _check_name(request: Any) -> str:
+    """Return the name of the person whom a scene is announced about; empty for none.
+
+    Raises:
+        Refused: ``NAMED_NOBODY``, or as :func:`check_id`.
+    """
+    if not request.name:
+        return ""
+    if not request.announce or request.person == Analyze.Request.ABSENT:
+        raise Refused(
+            "NAMED_NOBODY",
+            "a name is given, expected one only where a scene with a person is announced",
+        )
+    return check_id(request.name)
 
 
 def _told_of(live: Scene, given: Mapping[str, float]) -> str:

@@ -67,6 +67,11 @@ class MemoryStore:
             ManageProfiles, "~/manage", self._manage, qos_profile=qos.SERVICE, callback_group=group
         )
 
+    @property
+    def lasts(self) -> bool:
+        """Whether what is remembered outlives the node."""
+        return self._path is not None
+
     def request_stop(self) -> None:
         """Save what has changed, in the thread of the disk, after what it is at."""
         if self._memory.changes != self._saved:

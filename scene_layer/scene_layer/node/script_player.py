@@ -24,7 +24,7 @@ class ScriptPlayer:
 
     Args:
         announce: Announces the scene of a visit, maybe again.
-        begin_visit: Called once for each visit, before its scene is announced.
+        begin_visit: Called with the name of each visitor once, before their scene is announced.
         listened: Says whether a market takes scenes.
     """
 
@@ -33,7 +33,7 @@ class ScriptPlayer:
         node: Node,
         script: Script,
         announce: Callable[[Visit], Scene],
-        begin_visit: Callable[[Visit], None],
+        begin_visit: Callable[[str], None],
         give: Callable[[Mapping[str, float], bool | None], object],
         listened: Callable[[], bool],
     ) -> None:
@@ -96,7 +96,7 @@ class ScriptPlayer:
     def _begin(self, visit: Visit) -> None:
         if self._begun != self._performance.number:
             self._begun = self._performance.number
-            self._begin_visit(visit)
+            self._begin_visit(visit.name)
         scene = self._announce(visit)
         self._performance.announced(scene.scene_id)
         self._node.get_logger().info(f"visit {self._performance.number}: {visit.label}")

@@ -23,8 +23,11 @@ _REFUSED = ("BUSY", "QUEUE_FULL", "DUPLICATE", "SHUTTING_DOWN")
 @click.argument("values", nargs=-1, callback=assignments)
 @click.option("--label", default="", help="Words for people.")
 @click.option("--person/--no-person", default=True, help="Whether somebody is there.")
+@click.option(
+    "--name", default="", help="Who it is, for person.name; each time is one more visit."
+)
 @click.option("--urgent", is_flag=True, help="Stop whoever runs, where new scenes preempt.")
-def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None:
+def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bool) -> None:
     """Put a scene on the market.
 
     For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
@@ -34,7 +37,9 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
             observer.received("bt_agents/auctions"),
             observer.received("bt_agents/scene_ends"),
         )
-        answer = _analyze(observer, values, person, label=label, urgent=urgent, announce=True)
+        answer = _analyze(
+            observer, values, person, label=label, name=name, urgent=urgent, announce=True
+        )
         mine = answer.scene.scene_id
         if answer.kept:
             click.echo(answer.message)
