@@ -32,7 +32,7 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Bids, CallForBids, Heartbeat
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_language.files.folder_reader import Trees as TreesFolder
-from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.folder_reader import binding_problems, read_trees
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.bid_encoding import BidEncoder
@@ -244,6 +244,8 @@ class HostNode(ManagedNode[HostConfiguration]):
 
     def _other_problems(self) -> Iterator[str]:
         """Yield what is wrong beside the files, for people."""
+        trees = self._versions.trees
+        yield from binding_problems(trees.symbols.skills, trees.robot)
         yield from self._tunables.left_out.values()
         yield from self._runs.environment.graph_problems.messages.values()
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from pathlib import Path
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.text import join_words, quote
-from bt_agents_language.diagnostics.collection import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean
 from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.agent_file import AgentFile, read_agent_file
 from bt_agents_language.files.libraries import FolderLibraries
@@ -19,7 +19,7 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.texts_reader import FOLDER, FolderTexts
 from bt_agents_language.model.scene_specs import SceneSpec
-from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.specs import AgentSpec, SkillSpec
 from bt_agents_language.nodes.plugin_discovery import installed_plugins
 from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.yaml.source import Source, read_source
@@ -86,6 +86,23 @@ class Trees:
                 )
         chosen = tuple(agent for agent in self.agents if is_wanted(agent, wanted))
         return replace(self, agents=chosen, tags=wanted)
+
+
+def binding_problems(skills: Mapping[str, SkillSpec], robot: str) -> Iterator[str]:
+    """Yield in words which robots are preferred in vain; see :func:`read_skills`."""
+    every = sorted({name for skill in skills.values() for name in skill.robots})
+    wanted = [name for one in robot.split(",") if (name := one.strip())]
+    for name in wanted:
+        if name not in every:
+            hint = did_you_mean(name, every) or "there are no bindings"
+            yield f"no skills file binds the robot {quote(name)}, which is preferred; {hint}"
+    for skill in skills.values():
+        for name in wanted:
+            problem = skill.robots.get(name)
+            if problem == "":
+                break
+            if problem is not None:
+                yield f"skill '{skill.name}' is not done by {quote(name)}, as preferred: {problem}"
 
 
 def read_trees(

@@ -201,6 +201,7 @@ class SkillsReader:
 
     def _bound(self, skill: SkillSpec) -> SkillSpec:
         offers = self._offers[skill.name]
+        skill = replace(skill, robots={one.robot: one.problem for one in offers})
         installed = [offer for offer in offers if offer.binding is not None]
         for offer in sorted(installed, key=self._rank):
             assert offer.binding is not None

@@ -215,6 +215,7 @@ class SkillSpec:
         outputs: Names that later nodes may use.
         binding: None while no robot is bound to it whose ROS types are installed.
         unoffered: Why there is no binding, in words; empty when there is one.
+        robots: Robot that has a binding → why it cannot be used, in words; empty where it can.
     """
 
     name: str
@@ -225,6 +226,7 @@ class SkillSpec:
     binding: Binding | None
     position: Position
     unoffered: str = ""
+    robots: Mapping[str, str] = field(default_factory=_nothing)
 
     @cached_property
     def input_names(self) -> tuple[str, ...]:

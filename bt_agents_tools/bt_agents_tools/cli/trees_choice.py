@@ -12,6 +12,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.state_folder import StateFolder, find_state
 from bt_agents_core.text import printable_line
 from bt_agents_core.trees_folder import SHIPPED, NoTreesFolderError, find_trees
+from bt_agents_tools.cli.params_file import checked_params
 
 state_option = click.option(
     "--state",
@@ -23,6 +24,7 @@ state_option = click.option(
 params_option = click.option(
     "--params",
     type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),
+    callback=checked_params,
     help="ROS parameter file for all nodes; what the command sets by itself wins.",
 )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_language.files.folder_reader import binding_problems
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.symbols import SymbolTable
@@ -57,6 +58,24 @@ def test_a_robot_whose_package_is_not_installed_is_passed_over(tmp_path):
     robots = (("one", "absent_msgs"), ("two", "known_msgs"))
     assert bound(ask(tmp_path, *robots)) == "ask_two"
     assert bound(ask(tmp_path, *robots, prefer="one")) == "ask_two"
+
+
+@pytest.mark.parametrize(
+    ("prefer", "told"),
+    [
+        ("", []),
+        ("two, one", []),
+        (
+            "one,two",
+            ["skill 'ask' is not done by 'one', as preferred: "
+             "the ROS package 'absent_msgs' is not installed"],
+        ),
+        ("tow", ["no skills file binds the robot 'tow', which is preferred; did you mean 'two'?"]),
+    ],
+)  # fmt: skip
+def test_a_robot_that_is_preferred_in_vain_is_told(tmp_path, prefer, told):
+    skill = ask(tmp_path, ("one", "absent_msgs"), ("two", "known_msgs"), prefer=prefer)
+    assert list(binding_problems({"ask": skill}, prefer)) == told
 
 
 def test_a_skill_that_nobody_offers_says_why_and_keeps_its_agents_from_bidding(tmp_path):

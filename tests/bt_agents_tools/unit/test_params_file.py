@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter files that a command gives to its nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.trees_choice import params_option
+
+
+@click.command()
+@params_option
+def command(params: Path | None) -> None:
+    click.echo(f"started with {params and params.name}")
+
+
+def told(folder: Path, text: str) -> str:
+    file = folder / "params.yaml"
+    file.write_text(text)
+    result = CliRunner().invoke(command, ["--params", str(file)])
+    if isinstance(result.exception, BtAgentsError):
+        return str(result.exception)
+    return result.output
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "/**: {ros__parameters: {tick_rate: 20.0}}",
+        "marketplace: {ros__parameters: {bid_deadline: 3.0}}",
+        "/library/marketplace: {ros__parameters: {}}",
+        "library: {marketplace: {ros__parameters: {}}, agents: {ros__parameters: {}}}",
+        "a_host_of_mine: {ros__parameters: {}}",
+    ],
+)
+def test_a_parameter_file_of_ros_is_taken_without_a_word(tmp_path: Path, text: str) -> None:
+    assert told(tmp_path, text) == "started with params.yaml\n"
+
+
+@pytest.mark.parametrize("text", ["marketplce: {%s}", "/library/marketplce: {%s}"])
+def test_a_node_that_is_misspelt_is_told(tmp_path: Path, text: str) -> None:
+    assert told(tmp_path, text % "ros__parameters: {}") == (
+        "params.yaml: no node is called 'marketplce'; did you mean 'marketplace'?\n"
+        "started with params.yaml\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("marketplace: {bid_deadline: 3.0}", "there is no 'ros__parameters' below 'bid_deadline'"),
+        ("marketplace:", "there is no 'ros__parameters' below 'marketplace'"),
+        ("", "there is no 'ros__parameters' in it"),
+        ("[1, 2]", "there is no 'ros__parameters' in it"),
+        ("a: {b: 1\nc: }", "line 2: it is no YAML"),
+        ("a: \x07", "it is no YAML"),
+        (f"a: {'{a: ' * 40}1{'}' * 40}", "there is no 'ros__parameters' below 'a'"),
+        ("#" * 1_000_001, "is larger than 1,000,000 bytes"),
+    ],
+)
+def test_a_file_of_another_form_is_refused_in_words(tmp_path: Path, text: str, words: str) -> None:
+    assert words in told(tmp_path, text)
