@@ -28,6 +28,7 @@ from bt_agents_language.model.experiment import (
     difference,
 )
 from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.formatting import progress_bar
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 from marketplace_node.settings import Settings
@@ -46,6 +47,7 @@ def experiment() -> None:
 
 @experiment.command()
 @click.argument("name")
+@click.argument("options", nargs=-1, callback=assignments)
 @click.option(
     "--ros",
     is_flag=True,
@@ -60,28 +62,27 @@ def experiment() -> None:
 @click.option("--rounds", type=click.IntRange(1), help="Another number of rounds.")
 @click.option("--strategy", default="manhattan", show_default=True, help="Who gets a scene.")
 @click.option("--tie-break", default="least_recently_run", show_default=True)
-@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="Of the strategy.")
 @table_options
 def run(
     name: str,
+    options: Assignments,
     ros: bool,
     out: Path | None,
     seed: int | None,
     rounds: int | None,
     strategy: str,
     tie_break: str,
-    options: tuple[str, ...],
     form: TableForm,
 ) -> None:
     """Run experiment NAME and compare every profile with the closed form of the learning rule.
 
-    NAME is 1, 2 or 3, as in the paper, or a folder.
+    NAME is 1, 2 or 3, as in the paper, or a folder. OPTIONS are those of the strategy, such as
+    temperature=0.3.
     """
     from bt_agents_lab.experiments.core import through_core
 
-    settings = Settings(
-        strategy=strategy, tie_break=tie_break, options=_options(strategy, options)
-    )
+    of_strategy = {f"{strategy}.{option}": value for option, value in options}
+    settings = Settings(strategy=strategy, tie_break=tie_break, options=of_strategy)
     fine = True
     folders = find_experiments(name)
     files = {path: _file_of(path, folders, out) for path in folders}
@@ -290,19 +291,6 @@ def _write(path: Path, text: str) -> None:
         ) from None
 
 
-def _options(strategy: str, given: Sequence[str]) -> dict[str, float]:
-    found = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        try:
-            found[f"{strategy}.{name}"] = float(value)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise click.BadParameter(f"'{text}', expected NAME=NUMBER, such as c=2")
-    return found
-
-
 def _compare(
     console: Console, core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]
 ) -> bool:
@@ -391,6 +379,13 @@ def _judge(
     orders = tuple(record.scene for record in records) == spec.order()
     if not orders:
         console.print("[red]the scenes did not come in the order that was drawn[/]")
+    winners = {record.winner for record in records}
+    if idle := [name for name in starts if name not in winners]:
+        console.print(
+            f"{', '.join(idle)} never ran, and so learned nothing: a claim that every agent finds "
+            "its scenes fails in this run; 'bt-agents experiment plot' judges many runs",
+            highlight=False,
+        )
     if reason := _no_closed_form(folder, spec):
         console.print(f"not compared with the closed form, as {reason}", highlight=False)
         return orders

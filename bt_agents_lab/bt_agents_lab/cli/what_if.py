@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import click
@@ -17,15 +16,11 @@ from bt_agents_core.scene import finite_or_none
 from bt_agents_core.text import format_known, printable
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import loading
+from bt_agents_tools.cli.assignments import assignments
 from bt_agents_tools.cli.table import Column, TableForm, print_table, table_options
 
 with loading():
-    from bt_agents_lab.cli.journal import (
-        damage_reported,
-        files_argument,
-        read_files,
-        show_problems,
-    )
+    from bt_agents_lab.cli.journal import damage_reported, read_files, show_problems
     from bt_agents_lab.replay.counterfactual_replay import (
         ASSUMED,
         OTHERS_ASSUMED,
@@ -42,9 +37,8 @@ _NOBODY = "nobody"
 
 
 @click.command()
-@files_argument
+@click.argument("words", nargs=-1, metavar="[FILES]... [OPTIONS]...")
 @click.option("--strategy", default="", help="Rank by this strategy.")
-@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="Of the strategy.")
 @click.option("--learning-rate", type=click.FloatRange(0.0, 1.0), help="Of every agent.")
 @click.option(
     "--update", type=click.Choice([one.value for one in Update]), help="How profiles follow."
@@ -53,10 +47,11 @@ _NOBODY = "nobody"
 @click.option("--tags", default="", help="Only agents of --agents with one of these tags.")
 @click.option("--all", "everything", is_flag=True, help="Show the rounds that stay as they were.")
 @table_options
+@click.pass_context
 def what_if(
-    files: tuple[Path, ...],
+    context: click.Context,
+    words: tuple[str, ...],
     strategy: str,
-    options: tuple[str, ...],
     learning_rate: float | None,
     update: str | None,
     agents: str,
@@ -66,14 +61,16 @@ def what_if(
 ) -> None:
     """Show what the FILES of a journal would hold if something had been different.
 
-    For example: bt-agents what-if --strategy softmax --option temperature=0.3
+    OPTIONS are those of the strategy: bt-agents what-if --strategy softmax temperature=0.3
     """
+    files = tuple(Path(word) for word in words if "=" not in word or Path(word).exists())
+    options = [word for word in words if Path(word) not in files]
     if tags and not agents:
         raise BtAgentsError("tags choose among other agents; name their folder with --agents")
     add_installed()
     changes = Changes(
         strategy=strategy,
-        options=dict(_option(text) for text in options),
+        options=dict(assignments(context, context.command.params[0], tuple(options))),
         rate=learning_rate,
         update=Update(update) if update else None,
         agents=_agents(agents, tags) if agents else None,
@@ -96,17 +93,6 @@ def what_if(
     _show(console, result, everything, form)
     for assumption in assumed:
         console.print(f"[dim]{assumption}[/]")
-
-
-def _option(text: str) -> tuple[str, float]:
-    name, equals, value = text.partition("=")
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not (name and equals and math.isfinite(number)):
-        raise BtAgentsError(f"--option is '{text}', expected name=number, as in temperature=0.3")
-    return name, number
 
 
 def _agents(folder: str, tags: str) -> tuple[AgentSpec, ...]:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import click
 
 Assignments = tuple[tuple[str, float], ...]
@@ -20,11 +22,14 @@ def assignments(
     for text in texts:
         name, equals, number = text.partition("=")
         try:
-            found.append((name, float(number if equals and name else "")))
+            value = float(number if equals and name else "")
         except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
             raise click.BadParameter(
                 f"'{text}' is not of the form name=number, for example age=4.5"
-            ) from None
+            )
+        found.append((name, value))
     return tuple(found)
 
 

@@ -254,8 +254,9 @@ def test_a_scene_without_a_name_is_shown_by_its_values(tmp_path: Path) -> None:
     assert "age 4.5, familiarity 1, mood 3: bert wins" in shown.output
 
 
-@pytest.mark.parametrize("text", ["temperature", "temperature=", "=1", "temperature=nan"])
+@pytest.mark.parametrize("text", ["temperature=", "=1", "temperature=nan"])
 def test_an_option_that_is_no_number_is_refused(tmp_path: Path, text: str) -> None:
-    result = CliRunner().invoke(command, ["--strategy", "softmax", "--option", text])
-    assert "expected name=number" in str(result.exception)
+    result = CliRunner().invoke(command, ["--strategy", "softmax", text])
+    assert result.exit_code == 2
+    assert "not of the form name=number" in result.output
     assert len(SPACE) == 3
