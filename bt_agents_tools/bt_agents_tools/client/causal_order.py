@@ -125,10 +125,13 @@ def scene_links(scene: Any) -> Links:
 
 
 def auction_links(auction: Any) -> Links:
-    """Return the links of an ``Auction.msg``: the scene, but for a follow-up round, is before."""
+    """Return the links of an ``Auction.msg``: the scene that was announced for it is before.
+
+    For a follow-up round, and for a scene that people award, none is.
+    """
     scene_id = auction.scene.scene_id
     is_first = not auction.follows and first_id(scene_id) == scene_id
-    causes = {("scene", scene_id)} if is_first else set()
+    causes = {("scene", scene_id)} if is_first and not auction.intervention else set()
     return Links(frozenset(causes), frozenset({_fact("round", auction)}))
 
 

@@ -93,9 +93,10 @@ def test_what_waits_for_its_cause_does_not_hold_up_what_has_nothing_to_do_with_i
     [
         Auction(**ROUND, follows=1, scene=Scene(scene_id="s1+2")),
         Auction(**ROUND, follows=1, scene=SCENE),
+        Auction(**ROUND, scene=SCENE, intervention="anna awards it to bert"),
     ],
 )
-def test_a_follow_up_round_waits_for_no_scene(auction):
+def test_a_follow_up_round_and_a_scene_that_people_award_wait_for_no_scene(auction):
     assert auction_links(auction).causes == frozenset()
 
 
