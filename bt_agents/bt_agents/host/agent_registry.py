@@ -357,7 +357,7 @@ def unmet(
     try:
         if is_true(requires, scope):
             return None
-        lacking = requires.text
+        lacking = requires.unmet(scope.lookup)
     except MissingValue as missing:
         lacking = f"{requires.text}, but {missing.name} is missing"
     except Undecided as undecided:

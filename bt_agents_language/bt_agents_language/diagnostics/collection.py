@@ -20,6 +20,11 @@ NO_TEXTS = "no-texts"
 _LONGEST_WORD = 64
 _MANY_WORDS = 200
 _LIST_COLUMNS = 140
+_SAME = (
+    ("answers", "choices", "options", "replies"),
+    ("clip", "image", "photo", "picture", "video"),
+)
+"""Words that people take for one another."""
 
 
 class SourceText(Protocol):
@@ -141,6 +146,9 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     head = next((other for other in words if other.startswith(f"{word}_")), None)
     if head is not None:
         return head
+    for same in _SAME:
+        if word in same and (meant := next((one for one in words if one in same), None)):
+            return meant
     if len(words) > _MANY_WORDS:
         # So many are no list of keys; a wrong first letter is not worth the time.
         words = [other for other in words if other[:1] == word[:1]][:_MANY_WORDS]

@@ -4,16 +4,20 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import re
+from collections.abc import Callable, Iterable
 
+from bt_agents_core.scene import Labels
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import (
     HINTS,
+    NAME,
     ExpressionError,
     Token,
     TokenKind,
     unit_hint,
 )
+from bt_agents_language.expression.ranges import Range
 
 NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
 """Words of other languages for nothing."""
@@ -49,11 +53,62 @@ def no_value(token: Token) -> ExpressionError:
     return token.error(f"'{token.text}' is no value", ABSENT_HINT)
 
 
-def unexpected(token: Token, before: Token | None, after: Token | None) -> ExpressionError:
-    """Return the error for a word where an operator or the end is expected."""
+def with_phrase(
+    error: ExpressionError, text: str, range_of: Callable[[str], Range | None] | None
+) -> ExpressionError:
+    """Return the error with the hint for a phrase of people in the text, where there is one."""
+    hint = _share_hint(text, range_of)
+    for pattern, said in HINTS["phrases"].items():
+        match = re.search(pattern, text, re.IGNORECASE)
+        if match is not None:
+            hint = match.expand(said)
+            break
+    return ExpressionError(error.message, error.column, hint, error.width) if hint else error
+
+
+_SHARE = re.compile(rf"({NAME})\s*([<>]=?|==)\s*([0-9]{{1,3}})\s*%(?!\s*[\w(])")
+
+
+def _share_hint(text: str, range_of: Callable[[str], Range | None] | None) -> str:
+    """Return how to compare with a share of a range; empty where the text does not do that."""
+    match = _SHARE.search(text)
+    if match is None:
+        return ""
+    name, sign, share = match.groups()
+    limits = range_of(name) if range_of is not None else None
+    if limits is None:
+        return "'%' is the remainder of a division; write a plain number"
+    value = limits.low + (limits.high - limits.low) * float(share) / 100
+    return (
+        f"write {ellipsize(name)} {sign} {value:g}, which is {share} % of the way from "
+        f"{limits.low:g} to {limits.high:g}"
+    )
+
+
+def label_hint(name: str, sign: str, word: str) -> str:
+    """Return how to compare a parameter that has labels with one of them."""
+    return f"write label({ellipsize(name)}) {sign} '{ellipsize(word)}'"
+
+
+def unexpected(
+    token: Token, before: Token | None, after: Token | None, labels: Labels | None
+) -> ExpressionError:
+    """Return the error for a word where an operator or the end is expected.
+
+    Args:
+        token: The word.
+        before: The word before it.
+        after: The word behind it.
+        labels: Words for the values of a parameter that stands before it.
+    """
     if token.text.lower() == "is" and after is not None and after.text in (*ABSENT, "not"):
         hint = ABSENT_HINT if after.text in ABSENT else "write !="
         return token.error("an operator is expected before 'is'", hint)
+    if labels and before is not None and after is not None and after.kind is TokenKind.NAME:
+        sign = HINTS["operators"].get(token.text.lower(), "").removeprefix("write ")
+        if sign in ("==", "!="):
+            hint = label_hint(before.text, sign, after.text)
+            return token.error(f"an operator is expected before '{token.text}'", hint)
     if token.text == ")":
         return token.error("this ')' closes nothing", "remove it")
     if token.text == "]":
@@ -84,6 +139,11 @@ def _between(token: Token, before: Token | None) -> str:
         hint = unit_hint(before.text, token.text)
         if hint:
             return hint
+        if "." not in token.text:
+            return (
+                f"numbers have no unit here: write {before.text}; join conditions with 'and' or "
+                "'or'"
+            )
     return "join conditions with 'and' or 'or', and put texts in quotes"
 
 

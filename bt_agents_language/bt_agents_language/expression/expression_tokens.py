@@ -31,6 +31,9 @@ HINTS: Mapping[str, Mapping[str, str]] = yaml.load(
 
 _WORDS = frozenset((*OPERATOR_WORDS, "true", "false"))
 
+_HALVES_OF_A_DAY = {"am": 0, "pm": 12}
+"""Half of a day by its name → its first hour."""
+
 _NUMBER_LIKE = re.compile(r"[\w.]+")
 _UNIT = re.compile(r"([0-9.]+)([^\W\d_]+)")
 _TOKEN = re.compile(
@@ -146,6 +149,9 @@ def _name(token: Token) -> Token:
 
 def unit_hint(amount: str, unit: str) -> str:
     """Return how to write a number that has a unit behind it; empty when that is no unit."""
+    if unit.lower() in _HALVES_OF_A_DAY and amount.isdecimal() and 1 <= int(amount[:3]) <= 12:
+        hour = int(amount) % 12 + _HALVES_OF_A_DAY[unit.lower()]
+        return f"compare clock.hour, from 0 to 23: write {hour}"
     dimension = dimension_of(unit)
     if dimension is None:
         return ""

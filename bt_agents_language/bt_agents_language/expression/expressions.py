@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import ParamSpec, TypeVar
 
@@ -18,6 +19,7 @@ from bt_agents_language.expression.expression_tokens import (
     tokenize,
 )
 from bt_agents_language.expression.expression_values import (
+    ANY_LABELS,
     EvaluationError,
     Evaluator,
     Lookup,
@@ -135,6 +137,7 @@ class Expression:
     range: Range | None = field(compare=False)
     foregone: tuple[Foregone, ...] = field(compare=False)
     _run: Evaluator = field(compare=False, repr=False)
+    _conjuncts: tuple[tuple[str, Evaluator], ...] = field(compare=False, repr=False)
     texts: tuple[tuple[str, str], ...] = ()
 
     def evaluate(self, lookup: Lookup) -> object:
@@ -160,6 +163,17 @@ class Expression:
         if value is True or value is False:
             return value
         raise self._undecided(f"it is {described(value)}, expected true or false", 1)
+
+    def unmet(self, lookup: Lookup) -> str:
+        """Return the first of the conditions joined by ``and`` that is false; else the whole text.
+
+        It is for a condition that :meth:`is_true` says is false.
+        """
+        for text, run in self._conjuncts:
+            with suppress(NoValue, EvaluationError):
+                if run(lookup) is False:
+                    return text
+        return self.text
 
     def _undecided(self, why: str, column: int) -> Undecided:
         told = ellipsize(self.text, _LONGEST_TOLD)
@@ -205,8 +219,12 @@ def parse_expression(
             1,
             "split it over several nodes",
         )
+    try:
+        tokens = tokenize(text)
+    except ExpressionError as error:
+        raise expression_hints.with_phrase(error, text, range_of) from None
     parser = _Parser(
-        tokenize(text),
+        tokens,
         known,
         kind_of,
         unit_of,
@@ -219,9 +237,10 @@ def parse_expression(
     try:
         whole = parser.whole()
     except ExpressionError as error:
+        told = expression_hints.with_phrase(error, text, range_of)
         if parser.misfits:
-            raise MisfitError([*parser.misfits, error], ()) from None
-        raise
+            raise MisfitError([*parser.misfits, told], ()) from None
+        raise told from None
     if parser.misfits:
         raise MisfitError(parser.misfits, parser.mentions)
     return Expression(
@@ -234,6 +253,7 @@ def parse_expression(
         foregone=tuple(parser.foregone),
         texts=tuple(parser.texts.items()),
         _run=whole.run,
+        _conjuncts=tuple((text[start:end].strip(), run) for start, end, run in parser.conjuncts),
     )
 
 
@@ -256,6 +276,7 @@ class _Parser:
         self.foregone: list[Foregone] = []
         self.misfits: list[ExpressionError] = []
         self.texts: dict[str, str] = {}
+        self.conjuncts: list[tuple[int, int, Evaluator]] = []
         self._tokens = tokens
         self._known = known
         self._kind_of = kind_of
@@ -292,7 +313,11 @@ class _Parser:
     def _unexpected(self) -> ExpressionError:
         before = self._tokens[self._next - 1] if self._next else None
         after = None if self._at_end() else self._tokens[self._next + 1]
-        return expression_hints.unexpected(self._token, before, after)
+        labels: Labels | None = None
+        if before is not None and self._labels_of is not None:
+            labels = self._labels_of(before.text)
+        labels = None if labels is ANY_LABELS else labels
+        return expression_hints.unexpected(self._token, before, after, labels)
 
     def _expression(self, weakest: int) -> Part:
         self._depth += 1
@@ -319,7 +344,11 @@ class _Parser:
             self._take()
             if operator.replaces_missing:
                 self._let_miss(first)
+            beginning = self._token.column - 1
+            end = token.column - 1
             right = self._expression(operator.strength)
+            if self._depth == 1:
+                self._note_conjuncts(operator.word, left, right, end, beginning)
             self._attempt(operator.check, left, right)
             operands = left, right
             left = Part(
@@ -339,6 +368,26 @@ class _Parser:
                 self._note_foregone(left, first, foregone, operator.word)
         self._depth -= 1
         return left
+
+    def _note_conjuncts(
+        self, word: str, left: Part, right: Part, end: int, beginning: int
+    ) -> None:
+        """Note the operands of an ``and`` that is not inside of anything.
+
+        Args:
+            word: The operator just read.
+            left: Its operand before it.
+            right: Its operand behind it.
+            end: Offset at which the one before it ends.
+            beginning: Offset at which the one behind it begins.
+        """
+        if word != "and":
+            self.conjuncts.clear()
+            return
+        if not self.conjuncts:
+            self.conjuncts.append((self._tokens[0].column - 1, end, left.run))
+        last = self._tokens[self._next - 1]
+        self.conjuncts.append((beginning, last.column - 1 + len(last.text), right.run))
 
     def _let_miss(self, first: int) -> None:
         """Mark the names from one on as those that may be without a value."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.text import folded
-from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT
+from bt_agents_language.expression.expression_hints import ABSENT, ABSENT_HINT, label_hint
 from bt_agents_language.expression.expression_values import (
     EvaluationError,
     Evaluator,
@@ -143,7 +143,7 @@ def _equality(word: str, equal: bool) -> Operator:
         if left.kind is not None and right.kind is not None and left.kind is not right.kind:
             raise right.error(
                 f"'{word}' cannot compare {left.kind.one} with {right.kind.one}",
-                _quotes_hint(left, right),
+                _quotes_hint(left, word, right),
             )
         left.refuse_other_words(right)
         right.refuse_other_words(left)
@@ -183,12 +183,14 @@ def _incomparable(word: str, one: object, other: object, column: int) -> Evaluat
     return EvaluationError(message, column)
 
 
-def _quotes_hint(left: Part, right: Part) -> str:
+def _quotes_hint(left: Part, word: str, right: Part) -> str:
     """Return how to fix a comparison with a text: mostly by its quotes."""
     for part, other in ((left, right), (right, left)):
         value = part.constant
         if isinstance(value, str) and value in ABSENT:
             return ABSENT_HINT
+        if isinstance(value, str) and other.labels:
+            return label_hint(other.name, word, value)
         if isinstance(value, str):
             number = other.kind is ValueKind.NUMBER and value.replace(".", "", 1).isdecimal()
             if number or (other.kind is ValueKind.BOOLEAN and value in ("true", "false")):

@@ -237,6 +237,10 @@ def _number_hint(text: str, bare: bool) -> str:
     """Return how to write a number; ``bare`` where no unit is possible."""
     if text.lower() in _WORDS:
         return f"write {_WORDS.index(text.lower())}"
+    until = re.fullmatch(r"until\s+(.+)", text)
+    if until:
+        condition = f"answer == '{until[1]}'" if until[1].isalnum() else ellipsize(until[1])
+        return f"write repeat: {{until: {condition}}}"
     if text[:1] in "−–" and text[1:2].isdecimal():
         return f"write the plain minus sign: -{ellipsize(text[1:])}"
     if text.isdecimal() and len(text) < 19:

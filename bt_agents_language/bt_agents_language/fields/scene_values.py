@@ -8,7 +8,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace, Vector, check_value
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.yaml.typed_reader import TypedReader, adding
-from bt_agents_language.yaml.yaml_reader import Node
+from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 
 def read_values(
@@ -18,14 +18,27 @@ def read_values(
     found: dict[str, float] = {}
     for entry in reading.entries(node, what, f"values of {', '.join(space.names)}"):
         parameter = read_parameter(reading, entry.key, space)
-        value = reading.number(entry.value, entry.key.text) if parameter is not None else None
-        if parameter is None or value is None:
+        if parameter is None or _is_label(reading, entry.value, parameter):
+            continue
+        value = reading.number(entry.value, entry.key.text)
+        if value is None:
             continue
         try:
             found[parameter.name] = check_value(parameter, value)
         except Refused as refused:
             reading.error("out-of-range", entry.value, refused.reason)
     return found
+
+
+def _is_label(reading: TypedReader, node: Node, parameter: SceneParameter) -> bool:
+    """Report a word for a value that stands where the value itself is expected."""
+    word = node.text if isinstance(node, Scalar) else ""
+    value = next((one for one, label in parameter.labels.items() if label == word), None)
+    if value is None:
+        return False
+    message = f"{parameter.name}: expected a number, found the word {quote(word)}"
+    reading.error("bad-number", node, message, f"write {value:g}, which scene.yaml calls so")
+    return True
 
 
 def read_vector(reading: TypedReader, node: Node, what: str, space: SceneSpace) -> Vector | None:

@@ -277,6 +277,8 @@ class NameScope:
             return f"a field of the message is named {message}.{last}"
         if maybe_text and known and "." not in name:
             kind = KINDS.get(self._type_of(beside) or FieldType.ANY)
+            if name in [word for _, word in self._labels.get(beside, ())]:
+                return f"compare label({beside}) with '{name}'"
             if kind is ValueKind.NUMBER or kind is ValueKind.BOOLEAN:
                 return f"'{beside}' is {kind.one}: compare it with {kind.one}"
             return f"if it is meant as a text, put it in quotation marks: '{name}'"

@@ -236,10 +236,17 @@ def read_condition(
             "bad-expression",
             node,
             f"{what} is a {expression.kind.value}, expected something that is true or false",
-            "compare it, for example with >=",
+            _comparison_hint(expression),
         )
         return None
     return expression
+
+
+def _comparison_hint(expression: Expression) -> str:
+    if expression.kind is ValueKind.TEXT:
+        known = f"known({expression.text}), or " if expression.text in expression.names else ""
+        return f"write {known}{expression.text} == 'a text'"
+    return "compare it, for example with >="
 
 
 def is_plain(value: Value) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import nearest
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
 from bt_agents_language.nodes.symbols import ImportProblem, Library, SymbolTable
 from bt_agents_language.yaml.field_tables import TEXT, FieldDecl, Items
@@ -56,7 +57,8 @@ def _load(
 ) -> Library | None:
     problem, hint = _path_problem(path)
     if problem:
-        reading.error("bad-import", node, problem, hint)
+        meant = _meant(path, symbols)
+        reading.error("bad-import", node, problem, f"write {meant}" if meant else hint)
         return None
     if path in seen:
         reading.error("duplicate-key", node, f"{quote(path)} is imported twice", "remove one")
@@ -72,6 +74,18 @@ def _load(
     except ImportProblem as error:
         reading.error(error.code, node, error.message, error.hint)
         return None
+
+
+def _meant(path: str, symbols: SymbolTable) -> str:
+    """Return the path of the library that is named most like a path; empty without one."""
+    known = symbols.libraries.paths() if symbols.libraries is not None else []
+    stems = {_stem(one): one for one in known}
+    stem = nearest(_stem(path), stems)
+    return stems[stem] if stem is not None else ""
+
+
+def _stem(path: str) -> str:
+    return posixpath.splitext(posixpath.basename(path))[0]
 
 
 def _path_problem(path: str) -> tuple[str, str]:

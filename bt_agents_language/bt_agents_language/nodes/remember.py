@@ -17,7 +17,7 @@ from bt_agents_language.nodes.node_type import (
     RawNode,
     Resources,
 )
-from bt_agents_language.yaml.yaml_reader import Mapping
+from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Scalar
 
 BINDING = Binding(
     kind=BindingKind.SERVICE,
@@ -33,7 +33,17 @@ _MEASURED = ("name", "visits")
 
 def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> NodeSpec:
     reading = reader.reading
-    entries = reading.entries(raw.value, "'remember'", "names and values")
+    entries: tuple[MappingEntry, ...] = ()
+    if isinstance(raw.value, Scalar) and raw.value.text.isidentifier():
+        word = raw.value.text[:40]
+        reading.error(
+            "wrong-type",
+            raw.value,
+            "'remember': expected names and values, found a word",
+            f'write remember: {{{word}: "${{answer}}"}}',
+        )
+    else:
+        entries = reading.entries(raw.value, "'remember'", "names and values")
     if isinstance(raw.value, Mapping) and not entries:
         reading.error(
             "missing-value",

@@ -6,13 +6,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_core.text import join_quoted, quote
+from bt_agents_core.text import ellipsize, join_quoted, quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.fields.values import ONE_OF, read_value, read_variants
-from bt_agents_language.model.specs import NOTHING, FieldSpec, NodeSpec, SkillSpec, SubtreeSpec
+from bt_agents_language.model.specs import (
+    NOTHING,
+    FieldSpec,
+    Literal,
+    NodeSpec,
+    SkillSpec,
+    SubtreeSpec,
+)
 from bt_agents_language.nodes.catalogue import SIBLING_KEYS
-from bt_agents_language.nodes.node_type import FieldValues, RawNode, short
+from bt_agents_language.nodes.node_type import LABEL_LENGTH, FieldValues, RawNode, short
 from bt_agents_language.nodes.skill import takes_variants
 from bt_agents_language.nodes.subtree import SUBTREE
 from bt_agents_language.nodes.symbols import SymbolTable
@@ -44,12 +51,13 @@ class CallReader:
         if nodes is None:
             return None
         outputs, feedback = self._skill_outputs(raw, skill)
+        fields = self._skill_inputs(skill, nodes, names, raw)
         return NodeSpec(
             path=path,
             position=raw.key.position,
             kind=skill.name,
-            name=raw.name or _skill_label(skill, nodes),
-            fields=self._skill_inputs(skill, nodes, names, raw),
+            name=raw.name or _skill_label(skill, nodes, fields),
+            fields=fields,
             skill=skill,
             outputs=outputs,
             feedback=feedback,
@@ -235,10 +243,15 @@ class CallReader:
         return outputs
 
 
-def _skill_label(skill: SkillSpec, nodes: Mapping[str, Node]) -> str:
+def _skill_label(skill: SkillSpec, nodes: Mapping[str, Node], fields: FieldValues) -> str:
     if skill.main not in nodes and isinstance(nodes.get(ONE_OF), Sequence):
         return f"{skill.name} {ONE_OF} …"
-    shortened = short(nodes.get(skill.main or ""))
+    main = skill.main or ""
+    shortened = short(nodes.get(main))
+    match fields.get(main):
+        # Of a text by its name, as of ${t.bye}, people see the words.
+        case Literal(value=str() as words) if "${" in shortened:
+            shortened = ellipsize(" ".join(words.split()), LABEL_LENGTH)
     if shortened and skill.main_is_text:
         shortened = f'"{shortened}"'
     return f"{skill.name} {shortened}".rstrip()

@@ -13,6 +13,7 @@ from bt_agents_language.model.specs import NOTHING
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLING_KEYS, SIBLINGS
 from bt_agents_language.nodes.node_type import Children, Content, NodeType, RawNode
 from bt_agents_language.nodes.skill import SKILL
+from bt_agents_language.nodes.subtree import SUBTREE
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.typed_reader import Shape, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
@@ -36,6 +37,8 @@ _OTHER_LANGUAGES = {
     "fallback": "did you mean 'selector'?",
     "loop": "write 'repeat: …' beside the node",
     "for": "write 'repeat: …' beside the node",
+    "until": "write 'repeat: {until: …}' beside the node",
+    "goto": "there are no jumps: use 'choose', or call a subtree by its name",
     "inverter": "write 'invert: true' beside the node",
 }
 """Words of other languages → how the same is said here."""
@@ -348,6 +351,8 @@ class RawNodeReader:
             hint = f"write '{key}: {{children: [ … ], {word}: … }}', the list behind 'children:'"
         elif word in [one.name for one in fields] or word == "children":
             hint = f"it belongs to '{key}': indent it below, or write both inside {{ … }}"
+        elif key == SUBTREE.key and word not in _OTHER_LANGUAGES:
+            hint = f"write 'with: {{{word[:40]}: …}}' beside 'subtree'"
         else:
             other = _OTHER_LANGUAGES.get(word.lower())
             hint = other or did_you_mean(word, SIBLING_KEYS)

@@ -154,6 +154,7 @@ def in_brackets(source: Source, index: int, begun: int) -> SyntaxHint:
             index=index - 1,
             message="${…} stands without quotes inside { … } or [ … ]",
             hint='quote it there: "${name}"',
+            fix=_quoted(text, index),
         )
     bracket = text[begun : begun + 1] or "{"
     closing = _CLOSING.get(bracket, "}")
@@ -190,6 +191,20 @@ def in_brackets(source: Source, index: int, begun: int) -> SyntaxHint:
     return SyntaxHint(
         index=index, message="a ',' or the closing bracket is expected here", hint=QUOTE_INSIDE
     )
+
+
+_VALUE_BEHIND = re.compile(r"[^\n}]*}[^\n,\[\]{}]*")
+
+
+def _quoted(text: str, index: int) -> Edit | None:
+    """Return the edit that quotes the value with the ``${`` that ends at an index."""
+    begin = max(text.rfind(mark, 0, index) for mark in ("{", "[", ",", ": ", "\n")) + 1
+    begin += len(text[begin:index]) - len(text[begin:index].lstrip())
+    behind = _VALUE_BEHIND.match(text, index)
+    value = text[begin : behind.end()].rstrip() if behind is not None else ""
+    if not value or '"' in value or "\\" in value:
+        return None
+    return Edit(start=begin, stop=begin + len(value), text=f'"{value}"')
 
 
 def _word_before(text: str, index: int) -> str:

@@ -57,6 +57,23 @@ def test_what_a_scene_lacks_is_told_apart_from_other_reasons_not_to_bid():
     }
 
 
+@pytest.mark.parametrize(
+    ("requires", "lacking"),
+    [
+        ("scene.age >= 1 and scene.mood > 4", "scene.mood > 4"),
+        ("scene.age between 3 and 5 and scene.mood > 1", "scene.age between 3 and 5"),
+        ("(scene.age > 2 or scene.mood > 4) and scene.age > 1",
+         "(scene.age > 2 or scene.mood > 4)"),
+        ("scene.age > 3 and scene.mood > 1 or scene.mood > 4",
+         "scene.age > 3 and scene.mood > 1 or scene.mood > 4"),
+        ("not (scene.age > 1 and scene.mood > 1)", "not (scene.age > 1 and scene.mood > 1)"),
+    ],
+)  # fmt: skip
+def test_of_conditions_joined_by_and_the_one_that_is_not_met_is_named(requires, lacking):
+    registry = AgentRegistry(SPACE, [agent("say: x", f"requires: {requires}")])
+    assert declined(registry, age=2, mood=3) == {"a": f"needs {lacking}"}
+
+
 def test_a_requirement_that_cannot_be_decided_is_told_apart_from_one_that_a_scene_lacks():
     registry = AgentRegistry(SPACE, [agent("say: x", "requires: 1 / (scene.age - 3) > 0")])
     registry.apply_registration(["a"], [1], [""])

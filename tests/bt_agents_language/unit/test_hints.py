@@ -115,6 +115,70 @@ def test_a_word_of_another_language_is_answered_with_the_word_for_it_here(tree, 
     assert all(word in hint for word, hint in zip(wanted, found, strict=True)), found
 
 
+@pytest.mark.parametrize(
+    ("condition", "hint"),
+    [
+        ("time > 22:00", "write clock.hour >= 22"),
+        ("clock.hour < 08:30", "write clock.hour < 8"),
+        ("clock.hour > 10 pm", "compare clock.hour, from 0 to 23: write 22"),
+        ("clock.hour > 12am", "compare clock.hour, from 0 to 23: write 0"),
+        ("at night", "write clock.hour >= 22 or clock.hour < 6"),
+        ("in the evening", "write clock.hour between 18 and 21"),
+        ("mood falls by 1", "write mood.change <= -1"),
+        ("mood rises", "write mood.change > 0"),
+        ("live.mood > 50%", "write live.mood > 3, which is 50 % of the way from 1 to 5"),
+        ("scene.age > 60 dB", "write 60; join conditions"),
+        ("scene.mood is upset", "write label(scene.mood) == 'upset'"),
+        ("scene.mood == 'upset'", "write label(scene.mood) == 'upset'"),
+        ("scene.mood != 'upset'", "write label(scene.mood) != 'upset'"),
+        ("scene.mood == upset", "compare label(scene.mood) with 'upset'"),
+    ],
+)
+def test_a_condition_as_people_say_it_is_answered_with_one_that_is_read(condition, hint):
+    (found,) = of_condition(condition)
+    assert hint in found
+    write = re.match(r"write (.+?)(?:, which|;|$)", found)
+    if write is not None and write[1] != "60":
+        assert of_condition(write[1]) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("tree: {ask: {question: Tea?, answers: [yes, no]}}", "did you mean 'choices'?"),
+        ("tree: {ask: Tea?, retry: until yes}", "write repeat: {until: answer == 'yes'}"),
+        (
+            "tree: {say: Hello., until: live.mood > 3}",
+            "write 'repeat: {until: …}' beside the node",
+        ),
+        (
+            "tree: {subtree: greet, name_of: Anna}\nsubtrees: {greet: {tree: {say: Hello.}}}",
+            "write 'with: {name_of: …}' beside 'subtree'",
+        ),
+    ],
+)
+def test_a_node_as_people_write_it_is_answered_with_the_line_to_type(text, wanted):
+    assert wanted in hints(text)
+
+
+def test_a_reference_without_quotes_in_braces_does_not_hide_what_else_is_wrong():
+    found = problems(
+        "tree:\n  sequence:\n    - {ask: {text: Hello ${name}, choices: [a, b]}}\n"
+        "    - {say: ${other}}\n    - sya: Hello.\n"
+    )
+    assert sorted((one.position.line, one.code) for one in found) == [
+        (6, "syntax"), (6, "unknown-name"), (7, "syntax"), (7, "unknown-name"), (8, "unknown-node")
+    ]  # fmt: skip
+
+
+def test_a_word_for_a_value_of_a_profile_is_answered_with_the_value():
+    with pytest.raises(ReadError) as caught:
+        read_agent_text(
+            HEAD.replace("mood: 3", "mood: upset") + "tree: {say: Hello.}", "a.yaml", SYMBOLS
+        )
+    assert caught.value.diagnostics[0].hint == "write 1, which scene.yaml calls so"
+
+
 def test_a_rule_that_is_to_stop_the_run_is_told_the_word():
     rule = "feedback: [{when: live.mood < 2, for: 2 s, give: negative, then: stop}]\n"
     assert hints(rule + "tree: {say: Hello.}") == ["did you mean 'cancel'?"]

@@ -185,6 +185,13 @@ def test_an_import_that_leads_nowhere_is_named_where_it_stands(folder, path, exp
     assert found[0].startswith(f"4:11 {expected}")
 
 
+@pytest.mark.parametrize("path", ["manners", "maners", "libraries/manners", "manners.txt"])
+def test_a_library_by_its_name_alone_is_answered_with_its_path(folder, path):
+    with pytest.raises(ReadError) as caught:
+        agent(folder, "{say: x}", path)
+    assert caught.value.diagnostics[0].hint == "write libraries/manners.yaml"
+
+
 def test_a_link_out_of_the_folder_is_not_followed(folder, tmp_path_factory):
     outside = tmp_path_factory.mktemp("outside") / "x.yaml"
     outside.write_text(MANNERS)
