@@ -64,7 +64,7 @@ def test_a_system_is_triggered_explained_tuned_by_feedback_cancelled_and_remembe
 def test_what_is_wrong_on_the_command_line_is_said_in_one_line(start: Start, ask: Ask) -> None:
     up = start("up", "--no-voice", "--no-studio")
     up.until("ready")
-    assert "NOT_FINITE" in ask("trigger", "age=nan", code=1)
+    assert "name=number" in ask("trigger", "age=nan", code=2)
     assert "OUT_OF_RANGE" in ask("trigger", "age=9", code=1)
     assert "UNKNOWN_PARAMETER" in ask("trigger", "size=3", code=1)
     assert "name=number" in ask("trigger", "age:3", code=2)
