@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.controls import CONTROLS
 from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
-from bt_agents_groot.document import Model, ModelPort, node_id, read_document
+from bt_agents_groot.document import Document, Load, Model, ModelPort, node_id, read_document
 from bt_agents_groot.naming import Renaming, port, snake
 from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.ports import field_type_of, from_port, pointed_at
@@ -51,21 +51,35 @@ class ImportedAgent:
     missing: tuple[MissingSkill, ...]
 
 
-def import_agent(source: Source, agent: str, symbols: SymbolTable) -> ImportedAgent:
-    """Return the agent file for a file of BehaviorTree.CPP.
+def import_agent(
+    source: Source,
+    agent: str,
+    symbols: SymbolTable,
+    others: Sequence[Source] = (),
+    load: Load | None = None,
+    main: str = "",
+) -> ImportedAgent:
+    """Return the agent file for a file, or a project, of BehaviorTree.CPP.
 
-    The symbols are the scene parameters, for the profile, and the known skills and plug-ins.
+    Args:
+        source: The file, or the project file of Groot2.
+        agent: Name of the agent.
+        symbols: The scene parameters, for the profile, and the known skills and plug-ins.
+        others: As for :func:`read_document`.
+        load: As for :func:`read_document`.
+        main: As for :func:`read_document`.
 
     Raises:
-        ReadError: There is a problem in the file; it lists all of them.
+        ReadError: There is a problem in a file; it lists all of them.
     """
-    return _Import(source, agent, symbols).run()
+    document = read_document(source, others, load, main)
+    return _Import(document, source.file, agent, symbols).run()
 
 
 class _Import:
-    def __init__(self, source: Source, agent: str, symbols: SymbolTable) -> None:
-        self._document = read_document(source)
-        self._file_name = source.file.rpartition("/")[2]
+    def __init__(self, document: Document, file: str, agent: str, symbols: SymbolTable) -> None:
+        self._document = document
+        self._file_name = file.rpartition("/")[2]
         self._agent = agent
         self._space = symbols.space
         self._custom = CustomNodes(self._document, symbols)
@@ -137,14 +151,16 @@ class _Import:
                 f"{'things are' if len(lost) > 1 else 'thing is'} missing:"
             )
         for remark in lost:
-            yield from comment_lines(f"  line {remark.position.line}: {remark.message}")
+            name = remark.position.file.rpartition("/")[2]
+            place = "" if name == self._file_name else f"{name}, "
+            yield from comment_lines(f"  {place}line {remark.position.line}: {remark.message}")
 
     def _remark_unread(self, element: Element) -> None:
         if element.tag == "include":
             path = element.get("path")
             self._remarks.lost(
                 element.position,
-                f'<include path="{path[:120]}"> is not followed; import that file too',
+                f'<include path="{path[:120]}"> is not followed; name that file, too',
             )
         else:
             self._remarks.note(element.position, f"<{element.tag[:40]}> is not read here")

@@ -34,20 +34,30 @@ def export() -> None:
 
 
 @import_.command("groot")
-@click.argument("file")
+@click.argument("files", nargs=-1, required=True)
 @_OUT
-@click.option("--agent", default="", help="Name of the agent; without it, that of the file.")
+@click.option("--agent", default="", help="Name of the agent; without it, that of the first file.")
+@click.option("--tree", default="", help="ID of the tree that starts, where no file says it.")
 @_TREES
-def import_groot(file: str, out: str, agent: str, directory: str) -> None:
-    """Make an agent from a FILE of BehaviorTree.CPP 4 or Groot2.
+def import_groot(files: tuple[str, ...], out: str, agent: str, tree: str, directory: str) -> None:
+    """Make an agent from FILES of BehaviorTree.CPP 4 or Groot2, or from a project (.btproj).
 
-    Without -o it is printed. What could not be translated is listed, and stands in the file as
-    comments. The skills of the trees folder are used where their names fit.
+    What a file includes is read, too. Without -o the agent is printed. What could not be
+    translated is listed, and stands in the file as comments. The skills of the trees folder are
+    used where their names fit.
     """
     _refuse_existing(out)
     folder = _take(directory)
     symbols = read_symbols(folder)
-    imported = import_agent(read_source(Path(file)), snake(agent or Path(file).stem), symbols)
+    first, *others = (Path(file) for file in files)
+    imported = import_agent(
+        read_source(first),
+        snake(agent or first.stem),
+        symbols,
+        [read_source(other) for other in others],
+        read_source,
+        tree,
+    )
     _write(out, imported.text)
     _print_remarks(imported.remarks)
     if imported.missing:

@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
+from bt_agents_core.errors import ReadError
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, EXPLICIT, Builtin, Limits, PortKind
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scripts import ScriptError, parse_script
 from bt_agents_groot.xml_files import Attribute, Element, XmlReading
-from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.diagnostics.collection import as_error, did_you_mean
 from bt_agents_language.yaml.source import Source
 
 _WHOLE = re.compile(r"[-+]?[0-9]{1,9}")
@@ -20,6 +22,13 @@ _STATUSES = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED")
 _BOOLEANS = ("true", "false", "1", "0", "True", "False", "TRUE", "FALSE")
 _DIRECTIONS = {"input_port": "in", "output_port": "out", "inout_port": "both"}
 _KINDS = (*EXPLICIT, "SubTree")
+_ROOT = "root"
+
+MAX_FILES = 64
+"""Files of one project."""
+
+Load = Callable[[Path], Source]
+"""Returns the text of a file that is included; raises a ``ReadError`` where it cannot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +54,7 @@ class Model:
 
 @dataclass(kw_only=True)
 class Document:
-    """Checked content of one file.
+    """Checked content of one file, or of the files of a project.
 
     Attributes:
         trees: ID → the ``BehaviorTree`` element, which has one child.
@@ -78,74 +87,129 @@ def given_ports(element: Element) -> list[Attribute]:
     ]
 
 
-def read_document(source: Source) -> Document:
-    """Return the trees and models of a file.
+def read_document(
+    source: Source, others: Sequence[Source] = (), load: Load | None = None, main: str = ""
+) -> Document:
+    """Return the trees and models of a file, and of others that belong to it.
+
+    Args:
+        source: The file.
+        others: More files that are read with it.
+        load: Reads what ``<include path="…"/>`` names; None leaves that unread.
+        main: ID of the tree that starts; empty takes the one that the first file names.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    reading = XmlReading(source)
-    if reading.root is None:
-        raise reading.problems.error()
-    return _DocumentReader(reading, reading.root).read()
+    return _DocumentReader([source, *others], load, main).read()
 
 
 class _DocumentReader:
-    def __init__(self, reading: XmlReading, root: Element) -> None:
-        self._reading = reading
-        self._root = root
+    def __init__(self, sources: Sequence[Source], load: Load | None, main: str) -> None:
+        self._load = load
+        self._wanted = main
+        self._readings: dict[str, XmlReading] = {}
         self._found = Document()
+        for source in sources:
+            self._open(source)
+
+    def _open(self, source: Source) -> None:
+        if source.file not in self._readings:
+            self._readings[source.file] = XmlReading(source)
 
     def read(self) -> Document:
-        self._check_root()
-        for child in self._root.children:
-            match child.tag:
-                case "BehaviorTree":
-                    self._tree(child)
-                case "TreeNodesModel":
-                    for model in child.children:
-                        self._model(model)
-                case _:
-                    self._found.unread.append(child)
+        taken: set[str] = set()
+        # What is read here may include more files.
+        while waiting := [one for file, one in self._readings.items() if file not in taken]:
+            taken.add(waiting[0].source.file)
+            if waiting[0].root is not None:
+                self._take(waiting[0].root)
+        roots = [one.root for one in self._readings.values()]
+        if any(root is None or root.tag != _ROOT for root in roots):
+            raise self._problems()
         for tree_id, tree in self._found.trees.items():
             calls = self._found.calls[tree_id] = []
             for child in tree.children:
                 self._node(child, calls)
         self._order_trees()
         self._found.main = self._main()
-        self._reading.problems.raise_if_any()
+        if any(one.problems for one in self._readings.values()):
+            raise self._problems()
         return self._found
 
-    def _check_root(self) -> None:
-        root = self._root
-        if root.tag != "root":
-            self._reading.error(
+    def _take(self, root: Element) -> None:
+        if not self._is_root(root):
+            return
+        for child in root.children:
+            match child.tag:
+                case "BehaviorTree":
+                    self._tree(child, root)
+                case "TreeNodesModel":
+                    for model in child.children:
+                        self._model(model)
+                case "include" if self._load is not None and not child.get("ros_pkg"):
+                    self._include(child, self._load)
+                case _:
+                    self._found.unread.append(child)
+
+    def _include(self, element: Element, load: Load) -> None:
+        named = element.attributes.get("path")
+        if named is None:
+            self._missing(element, "path", 'write <include path="…"/>')
+            return
+        path = Path(named.position.file).parent / named.value
+        if len(self._readings) >= MAX_FILES:
+            self._error(
+                "too-many-values",
+                named,
+                f"the project has more than {MAX_FILES} files",
+                "import a part of it",
+            )
+            return
+        try:
+            self._open(load(path))
+        except ReadError as error:
+            first = error.diagnostics[0]
+            self._error("no-file", named, f"{quote(named.value)}: {first.message}", first.hint)
+
+    def _error(self, code: str, where: Element | Attribute, message: str, hint: str = "") -> None:
+        self._readings[where.position.file].error(code, where, message, hint)
+
+    def _problems(self) -> ReadError:
+        return as_error(
+            one for reading in self._readings.values() for one in reading.problems.sorted()
+        )
+
+    def _is_root(self, root: Element) -> bool:
+        if root.tag != _ROOT:
+            self._error(
                 "xml-root",
                 root,
                 f"the outermost element is <{root.tag[:40]}>, expected <root>",
                 'trees of Groot2 stand in <root BTCPP_format="4"> … </root>',
             )
-            raise self._reading.problems.error()
+            return False
         version = root.attributes.get("BTCPP_format")
         if version is not None and version.value != "4":
-            self._reading.error(
+            self._error(
                 "wrong-format",
                 version,
                 f"the file has BTCPP_format {quote(version.value)}, this program reads format 4",
                 "open the file in Groot2 and save it; files of Groot 1 need convert_v3_to_v4.py, "
                 "which comes with BehaviorTree.CPP",
             )
+        return True
 
-    def _tree(self, element: Element) -> None:
+    def _tree(self, element: Element, root: Element) -> None:
         tree_id = element.get("ID")
         if not tree_id:
-            if sum(one.tag == "BehaviorTree" for one in self._root.children) > 1:
+            if sum(one.tag == "BehaviorTree" for one in root.children) > 1:
                 self._missing(element, "ID", "give each tree a name of its own")
             tree_id = "main"
         if tree_id in self._found.trees:
             if "ID" in element.attributes:
                 first = self._found.trees[tree_id].position.line
-                self._reading.error(
+                self._error(
                     "name-taken",
                     element.attributes["ID"],
                     f"there is a tree {quote(tree_id)} already (line {first})",
@@ -180,7 +244,7 @@ class _DocumentReader:
         models[model_id] = Model(kind=element.tag, ports=ports)
 
     def _missing(self, element: Element, name: str, hint: str) -> None:
-        self._reading.error(
+        self._error(
             "missing-attribute", element, f"<{element.tag}> has no attribute '{name}'", hint
         )
 
@@ -207,11 +271,12 @@ class _DocumentReader:
 
     def _check_tree(self, named: Attribute) -> None:
         if named.value not in self._found.trees:
-            self._reading.error(
+            hint = did_you_mean(named.value, self._found.trees)
+            self._error(
                 "unknown-subtree",
                 named,
                 f"there is no <BehaviorTree> {quote(named.value)}",
-                did_you_mean(named.value, self._found.trees),
+                hint or "where it stands in another file, name that, too",
             )
 
     def _builtin(self, element: Element, builtin: Builtin) -> None:
@@ -234,7 +299,7 @@ class _DocumentReader:
     def _check_names(self, element: Element, ports: Mapping[str, object]) -> None:
         for attribute in given_ports(element):
             if attribute.name not in ports:
-                self._reading.error(
+                self._error(
                     "unknown-attribute",
                     attribute,
                     f"<{node_id(element)}> has no attribute {quote(attribute.name)}",
@@ -251,7 +316,7 @@ class _DocumentReader:
         else:
             expected = "no" if high == 0 else f"{low}" if low == high else f"{low} to {high}"
         children = "child" if high == 1 else "children"
-        self._reading.error(
+        self._error(
             "wrong-children",
             element,
             f"<{node_id(element) or element.tag}> has {count or 'no'} "
@@ -263,7 +328,7 @@ class _DocumentReader:
         try:
             parse_script(attribute.value, str)
         except ScriptError as error:
-            self._reading.error_in(
+            self._readings[attribute.position.file].error_in(
                 "bad-script", attribute, error.offset, f"'{attribute.name}': {error.message}"
             )
 
@@ -283,7 +348,7 @@ class _DocumentReader:
             PortKind.STATUS: value in _STATUSES,
         }[kind]
         if not fits:
-            self._reading.error(
+            self._error(
                 "bad-attribute",
                 attribute,
                 f"'{attribute.name}' of <{of}> is {quote(value)}, expected {kind.value}",
@@ -305,7 +370,7 @@ class _DocumentReader:
                 elif called in chain:
                     names = list(chain)
                     loop = " → ".join([*names[names.index(called) :], called])
-                    self._reading.error(
+                    self._error(
                         "recursion",
                         call.attributes["ID"],
                         f"tree {quote(called)} contains itself: {loop[:200]}",
@@ -316,20 +381,31 @@ class _DocumentReader:
         self._found.calls = finished
 
     def _main(self) -> str:
-        named = self._root.attributes.get("main_tree_to_execute")
+        root = next(one.root for one in self._readings.values())
+        assert root is not None
+        if self._wanted:
+            if self._wanted not in self._found.trees:
+                self._error(
+                    "unknown-subtree",
+                    root,
+                    f"there is no <BehaviorTree> {quote(self._wanted)} to start",
+                    did_you_mean(self._wanted, self._found.trees),
+                )
+            return self._wanted
+        named = root.attributes.get("main_tree_to_execute")
         if named is not None:
             self._check_tree(named)
             return named.value
         called = {call.get("ID") for calls in self._found.calls.values() for call in calls}
         roots = [tree_id for tree_id in self._found.trees if tree_id not in called]
         if not self._found.trees:
-            self._reading.error(
+            self._error(
                 "xml-root",
-                self._root,
+                root,
                 "there is no <BehaviorTree> in the file",
                 'write <BehaviorTree ID="…"> around the tree',
             )
         elif len(roots) > 1:
             hint = f"name the tree that starts: {join_quoted(roots)}"
-            self._missing(self._root, "main_tree_to_execute", hint)
+            self._missing(root, "main_tree_to_execute", hint)
         return roots[0] if roots else ""

@@ -89,6 +89,54 @@ def test_a_bad_file_is_refused_with_its_errors(run, tmp_path):
         run("import", "groot", "elsewhere.xml")
 
 
+ROUND = """<root BTCPP_format="4">{more}<BehaviorTree ID="Round"><Sequence>
+<SubTree ID="Visit" place="kitchen"/><SubTree ID="Visit" place="hall"/>
+</Sequence></BehaviorTree></root>"""
+VISIT = """<root BTCPP_format="4"><BehaviorTree ID="Visit">
+<Sequence><Say text="{place}"/><UnsetBlackboard key="x"/></Sequence></BehaviorTree></root>"""
+PROJECT = """<?xml version="1.0" encoding="UTF-8"?>
+<root BTCPP_format="4" project_name="Project"><include path="parts/visit.xml"/>
+<include path="round.xml"/><TreeNodesModel/></root>"""
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("", ("project.btproj",)),
+        ("", ("round.xml", "parts/visit.xml")),
+        ('<include path="parts/visit.xml"/>', ("round.xml",)),
+        ('<include path="parts/visit.xml"/>', ("parts/visit.xml", "round.xml", "--tree", "Round")),
+    ],
+)
+def test_a_project_of_several_files_becomes_one_agent(run, tmp_path, more, words):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "round.xml").write_text(ROUND.format(more=more))
+    (tmp_path / "parts" / "visit.xml").write_text(VISIT)
+    (tmp_path / "project.btproj").write_text(PROJECT)
+    out, err = run("import", "groot", *words, "--agent", "round")
+    assert "\nsubtrees:\n  visit:\n" in out
+    assert "parts/visit.xml:2:32: not translated: <UnsetBlackboard" in err
+
+
+@pytest.mark.parametrize(
+    ("more", "words", "code"),
+    [
+        ("", (), "unknown-subtree"),
+        ("<include/>", (), "missing-attribute"),
+        ('<include path="visit.xml"/>', (), "no-file"),
+        ('<include path="."/>', (), "no-file"),
+        ('<include path="round.xml"/>', (), "unknown-subtree"),
+        ("", ("parts/visit.xml", "--tree", "Ruond"), "unknown-subtree"),
+    ],
+)
+def test_a_project_that_is_not_whole_is_refused_where_it_says_so(run, tmp_path, more, words, code):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "round.xml").write_text(ROUND.format(more=more))
+    (tmp_path / "parts" / "visit.xml").write_text(VISIT)
+    with pytest.raises(ReadError, match=rf"round\.xml:1:\d+: error\[{code}\]|round\.xml:2:\d+"):
+        run("import", "groot", "round.xml", *words)
+
+
 @pytest.mark.parametrize("agent", ["attentive_guide", "trees/agents/attentive_guide.yaml"])
 def test_an_export_names_an_agent_or_its_file(run, tmp_path, agent):
     out, _ = run("export", "groot", agent, "-o", "guide.xml")
