@@ -14,7 +14,6 @@ from playwright.sync_api import Browser, Page, expect
 
 from browser import chromium
 from command_server import CommandServer, command_server
-from npm_packages import NotFetched
 from programs import ROOT, Program, children
 from studio_browser import System, opened_page
 
@@ -79,15 +78,8 @@ def trees(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    try:
-        context = chromium()
-        opened = context.__enter__()
-    except NotFetched as reason:
-        pytest.skip(str(reason))
-    try:
+    with chromium() as opened:
         yield opened
-    finally:
-        context.__exit__(None, None, None)
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ import pytest
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from checkout import ROOT
 from language_server import LanguageServer, installed_server
-from npm_packages import NotFetched
 from tree_harness import SPACE, SYMBOLS
 
 pytestmark = pytest.mark.e2e
@@ -25,11 +24,7 @@ WORDS = {*NODE_TYPES, *DECORATORS, *SYMBOLS.skills}
 @pytest.fixture(scope="module")
 def server() -> Iterator[LanguageServer]:
     """The server that VS Code and others start for YAML files."""
-    try:
-        command = installed_server()
-    except NotFetched as reason:
-        pytest.skip(str(reason))
-    running = LanguageServer(command)
+    running = LanguageServer(installed_server())
     yield running
     running.close()
 

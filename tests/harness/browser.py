@@ -23,11 +23,7 @@ _UNPACK_S = 120
 
 @contextmanager
 def chromium() -> Iterator[Browser]:
-    """Run a headless browser.
-
-    Raises:
-        NotFetched: There is none here, and the package cannot be fetched.
-    """
+    """Run a headless browser."""
     path, libraries = installed_browser()
     environment = {**os.environ}
     if libraries is not None:
@@ -43,11 +39,7 @@ def chromium() -> Iterator[Browser]:
 
 
 def installed_browser() -> tuple[str, Path]:
-    """Return the path of a browser, and of the libraries that it needs besides the machine's.
-
-    Raises:
-        NotFetched: There is none here, and the package cannot be fetched.
-    """
+    """Return the path of a browser, and of the libraries that it needs besides the machine's."""
     folder = installed_packages().parent
     unpacked = folder / "unpacked"
     if not unpacked.exists():

@@ -17,11 +17,7 @@ ANSWER_S = 60
 
 
 def installed_server() -> list[str]:
-    """Return the command that starts the server, which is installed first when it is not there.
-
-    Raises:
-        NotFetched: There is no node or npm, or the package cannot be fetched.
-    """
+    """Return the command that starts the server, which is installed first when it is not there."""
     program_file = installed_packages() / PACKAGE / "bin" / PACKAGE
     return [program("node"), str(program_file), "--stdio"]
 

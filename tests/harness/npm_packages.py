@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Packages of npm that tests need, fetched once into a cache."""
+"""Packages of npm that tests need, fetched once into a cache; a test is skipped without them."""
 
 from __future__ import annotations
 
@@ -12,26 +12,20 @@ import sys
 import tempfile
 from pathlib import Path
 
+import pytest
+
 from checkout import ROOT
 
 INSTALL_S = 240
 _LOCKED = ROOT / "tests" / "npm"
 
 
-class NotFetched(Exception):
-    """A package is not to be had here, for the reason given."""
-
-
 def program(name: str) -> str:
-    """Return the path of ``node`` or ``npm``, of the environment or of the machine.
-
-    Raises:
-        NotFetched: There is none.
-    """
+    """Return the path of ``node`` or ``npm``, of the environment or of the machine."""
     beside = Path(sys.executable).parent
     found = shutil.which(name, path=f"{beside}{os.pathsep}{os.environ.get('PATH', '')}")
     if found is None:
-        raise NotFetched(f"there is no {name} here")
+        pytest.skip(f"there is no {name} here")
     return found
 
 
@@ -42,11 +36,7 @@ def node_environment() -> dict[str, str]:
 
 
 def npm(*arguments: str, folder: Path) -> None:
-    """Run npm in a folder.
-
-    Raises:
-        NotFetched: It fails. What it says may name the registry of this machine, and is left out.
-    """
+    """Run npm in a folder; what it says may name the registry of this machine, and is left out."""
     command = [program("npm"), *arguments, "--no-audit", "--no-fund"]
     try:
         done = subprocess.run(
@@ -58,17 +48,13 @@ def npm(*arguments: str, folder: Path) -> None:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise NotFetched(f"npm {arguments[0]} did not end within {INSTALL_S} s") from None
+        pytest.skip(f"npm {arguments[0]} did not end within {INSTALL_S} s")
     if done.returncode:
-        raise NotFetched(f"npm {' '.join(arguments)} failed (exit {done.returncode})")
+        pytest.skip(f"npm {' '.join(arguments)} failed (exit {done.returncode})")
 
 
 def installed_packages() -> Path:
-    """Return the folder ``node_modules`` with the packages that ``tests/npm`` locks.
-
-    Raises:
-        NotFetched: There is no node or npm, or the packages cannot be fetched.
-    """
+    """Return the folder ``node_modules`` with the packages that ``tests/npm`` locks."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     cache = Path(home) / "bt-agents" / "npm"
     locked = [_LOCKED / "package.json", _LOCKED / "package-lock.json"]

