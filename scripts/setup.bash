@@ -18,6 +18,17 @@ fail() {
   exit 1
 }
 
+# Set "network_variables" to those by which this machine reaches registries, as NAME=VALUE.
+find_network_variables() {
+  local name
+  network_variables=()
+  for name in "${!PIP_@}" "${!UV_@}" "${!npm_config_@}" "${!NPM_CONFIG_@}" \
+    SSL_CERT_FILE SSL_CERT_DIR NODE_EXTRA_CA_CERTS \
+    http_proxy https_proxy no_proxy HTTP_PROXY HTTPS_PROXY NO_PROXY TMPDIR; do
+    [[ -z ${!name-} ]] || network_variables+=("$name=${!name}")
+  done
+}
+
 # Bring .venv up to date; "set_up dev" adds the tools that tests and checks need.
 set_up() {
   # A parent process that runs on ROS wheels hands down the paths of its own environment.
