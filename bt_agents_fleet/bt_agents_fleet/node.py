@@ -11,6 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.srv import ManageProfiles
 from bt_agents_ros import qos
+from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.spinner import Spinner
 
 _FIND_S = 3.0
@@ -22,7 +23,7 @@ class FeedbackClient:
     """Client of the feedback node of the system on this ROS domain, made when it is needed."""
 
     def __init__(self) -> None:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(
             "_bt_agents_observer",  # as that of a command, which policies of DDS security know
             namespace=os.environ.get("ROS_NAMESPACE", ""),

@@ -84,7 +84,13 @@ class Calls:
         if now < call.send_at or not call.client.service_is_ready():
             return
         call.send_at = now + REPEAT_S if identify(call.request) else math.inf
-        future = call.client.call_async(call.request)
+        try:
+            future = call.client.call_async(call.request)
+        except Exception as error:
+            # What cannot be sent, such as half a character, must not keep the others waiting.
+            self._end(call)
+            call.on_failure(f"{call.client.srv_name} cannot be asked: {error}")
+            return
         call.futures.append(future)
         future.add_done_callback(lambda future: self._on_response(call, future))
 

@@ -25,11 +25,13 @@ from bt_agents.host.tuning.tunable import profile_values
 from bt_agents.host.tuning.tune_service import info_from_msg
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.ros_names import is_full_name
 from bt_agents_interfaces.msg import HostCard, OpenQuestions, Scene, SceneValue, Tunables, Tunings
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.limits import MOST_PARAMETERS
+from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.messages import header_at
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
@@ -319,6 +321,10 @@ class StudioNode(BaseNode):
         except (AssertionError, AttributeError, OverflowError) as error:
             answer.set_exception(Refused("BAD_FIELD", str(error)))
             return
+        host = service.rpartition("/")[0]
+        if host.startswith("/") and host not in self._cards:
+            answer.set_exception(Refused("UNKNOWN_HOST", f"there is no host {host}"))
+            return
         if service not in self._service_clients:
             self._service_clients[service] = self.create_client(
                 type_, service, qos_profile=qos.SERVICE
@@ -356,9 +362,11 @@ class StudioNode(BaseNode):
         return self.create_subscription(kind, name, own.get(last, handle), profile)
 
     def _handle_card(self, message: HostCard, info: Mapping[str, Any]) -> None:
+        host = message.host
+        if not is_full_name(host):
+            return
         at_s = int(info["source_timestamp"]) * 1e-9
         self._receive("bt_agents_interfaces/msg/HostCard", message, at_s, False)
-        host = message.host
         is_new = host not in self._cards
         if is_new and len(self._cards) >= MOST_HOSTS:
             return
@@ -453,7 +461,7 @@ class NodeThread:
         self._thread.join(_JOIN_S)
 
     def _run(self) -> None:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
         try:
             node = self._make()
         except BaseException as error:

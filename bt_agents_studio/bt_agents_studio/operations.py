@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.ros_names import is_full_name
 from bt_agents_studio.access import OPERATORS, SessionRole
 
 LIMIT_S = 30.0
@@ -19,6 +20,8 @@ LONGEST_TEXT = 1000
 
 MOST_VALUES = 500
 """Entries of a list of an operation."""
+
+_ABOVE_COUNTS = 2**32
 
 
 Fields = Mapping[str, str | Mapping[str, int]]
@@ -199,7 +202,7 @@ def read_request(
     service = operation.service
     if "{host}" in service:
         host = _text("host", found.pop("host", ""))
-        if not host.startswith("/") or not host.replace("/", "").replace("_", "").isalnum():
+        if not is_full_name(host):
             raise Refused("BAD_FIELD", f"'host' is '{host[:80]}', expected a name such as /agents")
         service = service.format(host=host)
     is_person = role is SessionRole.PERSON
@@ -235,7 +238,7 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
         case "text":
             return _text(name, value)
         case "number":
-            return int(_number(name, value))
+            return _count(name, value)
         case "bool":
             if isinstance(value, bool):
                 return value
@@ -251,7 +254,18 @@ def _read(name: str, kind: str | Mapping[str, int], value: object) -> object:
 def _text(name: str, value: object) -> str:
     if not isinstance(value, str) or len(value) > LONGEST_TEXT:
         raise Refused("BAD_FIELD", f"'{name}' is no text of at most {LONGEST_TEXT} characters")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise Refused("BAD_FIELD", f"'{name}' holds half a character") from None
     return value
+
+
+def _count(name: str, value: object) -> int:
+    number = _number(name, value)
+    if not (number.is_integer() and 0 <= number < _ABOVE_COUNTS):
+        raise Refused("BAD_FIELD", f"'{name}' is no whole number from 0 to {_ABOVE_COUNTS - 1}")
+    return int(number)
 
 
 def _number(name: str, value: object) -> float:

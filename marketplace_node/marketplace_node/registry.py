@@ -10,10 +10,9 @@ from dataclasses import dataclass, field, replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.liveness import extended_after_stall
+from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 
 _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
-_ROS_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
-_MAX_NAME = 180
 
 MOST_HOSTS = 100
 """Hosts that are known; a new one takes the place of the one that is gone for longest."""
@@ -279,11 +278,11 @@ class Registry:
             ("run_action", registration.run_action),
             ("heartbeat", registration.heartbeat),
         ):
-            if len(name) > _MAX_NAME or not _ROS_NAME.fullmatch(name):
+            if not is_full_name(name):
                 raise Refused(
                     "BAD_NAME",
-                    f"{what} is '{name[:_MAX_NAME]}', expected a fully qualified ROS name of at "
-                    f"most {_MAX_NAME} characters such as /agents/run",
+                    f"{what} is '{name[:LONGEST_NAME]}', expected a fully qualified ROS name of "
+                    f"at most {LONGEST_NAME} characters such as /agents/run",
                 )
         if registration.host not in self._entries and len(self._entries) >= MOST_HOSTS:
             raise Refused(
@@ -321,11 +320,11 @@ class Registry:
             )
 
     def _check_agent(self, name: str, host: str, accepted: Mapping[str, int], now: float) -> None:
-        if len(name) > _MAX_NAME or not _AGENT_NAME.fullmatch(name):
+        if len(name) > LONGEST_NAME or not _AGENT_NAME.fullmatch(name):
             raise Refused(
                 "BAD_NAME",
-                f"'{name[:_MAX_NAME]}' is no agent name; it starts with a small letter and goes "
-                f"on with small letters, digits and _, {_MAX_NAME} characters at most",
+                f"'{name[:LONGEST_NAME]}' is no agent name; it starts with a small letter and "
+                f"goes on with small letters, digits and _, {LONGEST_NAME} characters at most",
             )
         if name in accepted:
             raise Refused("DUPLICATE", f"'{name}' stands twice in the list of {host}")

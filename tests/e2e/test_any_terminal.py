@@ -226,6 +226,19 @@ def test_ctrl_c_ends_long_work_and_its_workers_soon(
     wait_for(lambda: not any(map(alive, mine)))
 
 
+@pytest.mark.parametrize("home", ["{folder}", ""])
+def test_a_command_leaves_no_log_file_at_home_and_needs_no_home(home: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "bt_agents_tools.cli", "sense", "age=3"],
+        env={**os.environ, "HOME": home.format(folder=tmp_path)},
+        stderr=subprocess.PIPE,
+        timeout=HANG_S,
+        check=False,
+    )
+    assert b"Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 _SWALLOWED = """
 import signal, sys, time
 from bt_agents_ros.signals import interruptible

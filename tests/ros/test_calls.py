@@ -140,3 +140,22 @@ def test_a_request_without_an_id_is_sent_once(ros: Any) -> None:
     ros.until(lambda: caller.ends)
     assert caller.ends == ["somebody did not answer in time"]
     assert len(asked) == 1
+
+
+def test_a_request_that_cannot_be_sent_fails_at_once_and_keeps_no_other_waiting(ros: Any) -> None:
+    ros.node.create_service(Analyze, "analyze", lambda _, answer: answer, qos_profile=qos.SERVICE)
+    client = ros.node.create_client(Analyze, "analyze", qos_profile=qos.SERVICE)
+    ros.until(client.service_is_ready)
+    calls, ends = Calls(ros.node), []
+    for label in ("\ud800", "Anna"):
+        calls.call(
+            client,
+            Analyze.Request(label=label),
+            deadline_s=30.0,
+            on_answer=lambda _: ends.append("answered"),
+            on_failure=ends.append,
+        )
+    ros.until(lambda: len(ends) == 2)
+    ros.turns()
+    assert ends[0].startswith("analyze cannot be asked: ")
+    assert ends[1:] == ["answered"]

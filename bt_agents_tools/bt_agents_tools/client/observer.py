@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, Empty, String
 
 from bt_agents.host.reload.host_card_diff import CardDiff, CardDifference
+from bt_agents_core.ros_names import is_full_name
 from bt_agents_core.text import printable
 from bt_agents_interfaces.msg import (
     Auction,
@@ -49,6 +50,7 @@ from bt_agents_interfaces.srv import (
 )
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.system_topics import topic_called
 from bt_agents_ros.timers import steady_timer
@@ -231,7 +233,7 @@ class Observer:
     """
 
     def __init__(self, listener: Listener | None = None) -> None:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[*NO_LOG_FILE], signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node(
             "_bt_agents_observer",  # hidden, so that 'ros2 param list' does not wait for it
             namespace=os.environ.get("ROS_NAMESPACE", ""),
@@ -329,6 +331,8 @@ class Observer:
         self.market = message
 
     def _on_card(self, message: Any) -> None:
+        if not is_full_name(message.host):
+            return
         self.cards[message.host] = message
         if self._card_listener is not None:
             self._card_listener.handle(message)

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.fastdds_profile import PROFILE
+from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_ros.signals import block_sigint
 from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
@@ -42,7 +43,15 @@ SILENCE_S = 10.0
 
 _NAMESPACE = re.compile(r"/?([A-Za-z]\w*/)*([A-Za-z]\w*)?", re.ASCII)
 
+REDISCOVERY_S = 40.0
+"""Time after a long pause for participants to find each other again [s].
+
+Who was away for longer than their DDS lease of 20 s was dropped by the others, and is found at
+one of the next announcements.
+"""
+
 _STALL_S = 1.0
+_LONG_PAUSE_S = 10.0
 _POLL_S = 0.01
 _FAILURE_LINES = 15
 _RESTART_LINES = 3
@@ -90,7 +99,7 @@ class Component:
     def command(self) -> list[str]:
         """Return the command line of the process."""
         command = [sys.executable, "-m", "bt_agents_ros.node_main", self.module]
-        command += [*self.arguments, "--ros-args", "--disable-external-lib-logs"]
+        command += [*self.arguments, *NO_LOG_FILE]
         namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
         command += ["-r", f"__ns:=/{namespace}"] if namespace else []
         command += ["-r", f"__node:={self.node}"] if self.node else []
@@ -314,12 +323,13 @@ class Supervisor:
         """
         events, self._events = self._events, []
         now = self._clock()
-        stalled = now - self._last_poll > _STALL_S
+        pause_s = now - self._last_poll
         self._last_poll = now
         for one in self._components.values():
-            if stalled and one.last_heartbeat is not None:
-                # This process was suspended, and has handled no heartbeat meanwhile.
-                one.last_heartbeat = now
+            if pause_s > _STALL_S and one.last_heartbeat is not None:
+                # This process was suspended, and has handled no heartbeat meanwhile. After a long
+                # pause it hears the next one only once it has found the others again.
+                one.last_heartbeat = now + REDISCOVERY_S * (pause_s > _LONG_PAUSE_S)
             one.log.rotate()
             events += self._poll_one(one)
         return events

@@ -64,6 +64,10 @@ def test_null_says_that_there_is_no_opinion() -> None:
         ("cancel", {"round": "1"}),
         ("cancel", {"round": math.inf}),
         ("cancel", {"round": True}),
+        ("cancel", {"round": -1}),
+        ("cancel", {"round": 1.5}),
+        ("cancel", {"round": 2**32}),
+        ("cancel", {"reason": "\ud800"}),
         ("cancel", {"by": "MOOD_RULE"}),
         ("feedback", {"kind": "__class__"}),
         ("feedback", {"kind": 1}),
@@ -77,6 +81,12 @@ def test_null_says_that_there_is_no_opinion() -> None:
         ("tune", {"host": "/agents/../marketplace"}),
         ("tune", {"host": "/agents tune"}),
         ("tune", {"host": {"a": 1}}),
+        ("tune", {"host": "/1abc"}),
+        ("tune", {"host": "/é"}),
+        ("tune", {"host": "//a"}),
+        ("tune", {"host": "/a__b"}),
+        ("tune", {"host": "/a/"}),
+        ("tune", {"host": "/" + "a" * 900}),
     ],
 )
 def test_a_malformed_request_is_refused(name: str, body: object) -> None:

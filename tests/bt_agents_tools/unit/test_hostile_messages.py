@@ -68,7 +68,11 @@ class FakeNode:
     ) -> None:
         if not raw:
             info = ({"source_timestamp": 0},) * (len(inspect.signature(callback).parameters) - 1)
-            callback(hostile(kind), *info)
+            message = hostile(kind)
+            if kind is HostCard:
+                # A host with any other name is no host; all else that it says is hostile.
+                message.host = "/agents"
+            callback(message, *info)
 
     def create_client(self, kind: Any, *_: Any, **__: Any) -> Any:
         return SimpleNamespace(kind=kind, service_is_ready=lambda: True)

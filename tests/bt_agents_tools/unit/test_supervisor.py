@@ -18,6 +18,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_tools.launcher.supervisor import (
     LAN_PROFILE,
     LOOPBACK_PROFILE,
+    REDISCOVERY_S,
     Backoff,
     Component,
     Supervisor,
@@ -233,14 +234,17 @@ def test_a_heartbeat_before_the_first_poll_counts(watched: Watched) -> None:
     assert events == ["agents hangs (no heartbeat for 10 s): killing it"]
 
 
-def test_silence_while_nobody_listened_is_no_reason_to_kill(watched: Watched) -> None:
+@pytest.mark.parametrize(("pause_s", "grace_s"), [(5.0, 0.0), (3600.0, REDISCOVERY_S)])
+def test_silence_while_nobody_listened_is_no_reason_to_kill(
+    watched: Watched, pause_s: float, grace_s: float
+) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     watched.up("agents")
     watched.supervisor.poll()
     watched.supervisor.on_heartbeat("agents")
-    watched.now += 3600.0
+    watched.now += pause_s
     assert watched.supervisor.poll() == []
-    for _ in range(19):
+    for _ in range(19 + round(2 * grace_s)):
         watched.now += 0.5
         assert watched.supervisor.poll() == []
     watched.now += 0.5

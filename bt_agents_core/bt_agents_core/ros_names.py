@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fully qualified names of ROS nodes, topics, services and actions."""
+
+from __future__ import annotations
+
+import re
+
+LONGEST_NAME = 180
+"""Characters of a fully qualified name."""
+
+_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
+
+
+def is_full_name(name: str) -> bool:
+    """Return whether something can be called so: ``/library/agents``."""
+    return len(name) <= LONGEST_NAME and _NAME.fullmatch(name) is not None
