@@ -19,8 +19,8 @@ from bt_agents_core.errors import Refused
 LARGEST_BODY = 256 * 1024
 """Bytes of the body of a request."""
 
-MOST_SESSIONS = 200
-"""Sessions that are known; the one that was used longest ago is forgotten first."""
+MOST_SESSIONS = 100
+"""Sessions of one role that are known; the one that was used longest ago is forgotten first."""
 
 SESSION_S = 7 * 24 * 3600.0
 """Time after which a session that is not used ends [s]."""
@@ -144,8 +144,9 @@ class AccessControl:
             )
         session = self._random_bytes(_TOKEN_BYTES).hex()
         self._sessions[_digest(session)] = (fitting[0], self._clock())
-        while len(self._sessions) > MOST_SESSIONS:
-            self._sessions.popitem(last=False)
+        own = [digest for digest, (role, _) in self._sessions.items() if role is fitting[0]]
+        for digest in own[:-MOST_SESSIONS]:
+            del self._sessions[digest]
         self._keep(self.text())
         return session
 
@@ -216,7 +217,7 @@ class AccessControl:
             found = json.loads(kept) if len(kept) <= LARGEST_STATE else {}
             made_at = float(found["made_at"])
             tokens = {role: str(found["tokens"][role]) for role in SessionRole}
-            for digest, role, used in found["sessions"][-MOST_SESSIONS:]:
+            for digest, role, used in found["sessions"][-MOST_SESSIONS * len(SessionRole) :]:
                 if _HEX.fullmatch(digest) and 0 <= now - float(used) <= SESSION_S:
                     sessions[bytes.fromhex(digest)] = (SessionRole(role), float(used))
         except (KeyError, RecursionError, TypeError, ValueError):

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import quote
 
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from bt_agents_core.errors import Refused
 from bt_agents_studio.access import (
@@ -51,7 +51,7 @@ PERIOD_S = 1 / 30
 """Shortest time between two messages to one client [s]."""
 
 MOST_CLIENTS = 32
-"""WebSockets at a time."""
+"""WebSockets of one role at a time."""
 
 
 _BEAT_S = 10.0
@@ -101,7 +101,8 @@ class Server:
         self._watch = watch
         self._namespace = namespace
         self._secure = secure
-        self._clients: set[web.WebSocketResponse] = set()
+        # Socket → role and id of the session that has opened it.
+        self._clients: dict[web.WebSocketResponse, tuple[SessionRole, str]] = {}
         self._changed = asyncio.Event()
         self._headers = security_headers(secure=secure)
         self._files = _read_page(_PAGE)
@@ -164,6 +165,9 @@ class Server:
         described = _described(request)
         self._access.check(described, ALL_ROLES)
         self._access.log_out(described.session)
+        for socket, (_, session) in list(self._clients.items()):
+            if session == described.session:
+                await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"logged out")
         answer = _json({"code": "", "message": ""})
         answer.del_cookie(_cookie_name(request), path="/")
         return answer
@@ -225,17 +229,19 @@ class Server:
         return web.Response(body=data, content_type=kind, charset="utf-8", headers=headers)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        role = self._access.check(_described(request), ALL_ROLES)
-        if len(self._clients) >= MOST_CLIENTS:
+        described = _described(request)
+        role = self._access.check(described, ALL_ROLES)
+        if sum(one is role for one, _ in self._clients.values()) >= MOST_CLIENTS:
             raise Refused(
                 "TOO_MANY_CLIENTS",
-                f"{MOST_CLIENTS} pages are open, no more may be; close one of them",
+                f"{MOST_CLIENTS} pages of the role {role} are open, no more may be; close one of "
+                "them",
             )
         socket = web.WebSocketResponse(
             heartbeat=_BEAT_S, max_msg_size=LARGEST_MESSAGE, compress=False
         )
         await socket.prepare(request)
-        self._clients.add(socket)
+        self._clients[socket] = role, described.session
         self._watch(True)
         feed = Feed(
             self._studio.store,
@@ -255,7 +261,7 @@ class Server:
                     await self._send(socket, Failure(code=refused.code, message=refused.reason))
                 self.changed()
         finally:
-            self._clients.discard(socket)
+            self._clients.pop(socket, None)
             self._watch(bool(self._clients))
             pump.cancel()
         return socket

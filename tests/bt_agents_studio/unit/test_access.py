@@ -105,6 +105,14 @@ def test_of_too_many_sessions_the_one_used_longest_ago_is_forgotten() -> None:
     assert _code(lambda: access.check(_request(session=second), ALL_ROLES)) == "NO_SESSION"
 
 
+def test_sessions_of_one_role_take_no_places_from_another() -> None:
+    access = _access()
+    operator = access.log_in(access.token(SessionRole.OPERATE))
+    for _ in range(2 * MOST_SESSIONS):
+        access.log_in(access.token(SessionRole.VIEW))
+    assert access.check(_request(session=operator), ALL_ROLES) is SessionRole.OPERATE
+
+
 @pytest.mark.parametrize(
     ("fields", "code"),
     [

@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 import pytest
-from aiohttp import ClientSession, ClientWebSocketResponse, CookieJar, WSMsgType
+from aiohttp import ClientSession, ClientWebSocketResponse, CookieJar, WSCloseCode, WSMsgType
 
 from bt_agents_studio.access import LARGEST_BODY, SessionRole, cookie_name
 from bt_agents_studio.protocol import VERSION
@@ -227,6 +227,39 @@ def test_one_page_too_many_is_refused_and_the_others_go_on() -> None:
             assert (await _next(again))["type"] == "hello"
             for socket in (*sockets, again):
                 await socket.close()
+
+    served(test)
+
+
+def test_pages_of_one_role_take_no_places_from_another() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with (
+            one.client(SessionRole.VIEW) as viewer,
+            one.client(SessionRole.OPERATE) as operator,
+        ):
+            sockets = [await viewer.ws_connect("/api/socket") for _ in range(MOST_CLIENTS)]
+            own = await operator.ws_connect("/api/socket")
+            assert (await _next(own))["type"] == "hello"
+            for socket in (*sockets, own):
+                await socket.close()
+
+    served(test)
+
+
+def test_a_socket_closes_when_its_session_is_logged_out() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with (
+            one.client(SessionRole.VIEW) as client,
+            one.client(SessionRole.OPERATE) as other,
+        ):
+            closing = await client.ws_connect("/api/socket")
+            own = await other.ws_connect("/api/socket")
+            await client.delete("/api/session")
+            while not closing.closed:
+                await closing.receive()
+            assert closing.close_code == WSCloseCode.POLICY_VIOLATION
+            assert (await _next(own))["type"] == "hello"
+            await own.close()
 
     served(test)
 
