@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
-from bt_agents_core.text import format_number, join_first, join_words
+from bt_agents_core.text import format_number, join_first, join_words, single_spaced
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
 from marketplace_node.formatting import FEW, distance, percent
 from marketplace_node.outcomes import AuctionOutcome
@@ -53,7 +53,8 @@ def _lines(decision: Decision, space: SceneSpace) -> Iterator[str]:
 
 def _head(decision: Decision) -> str:
     terms, winner = decision.terms, decision.winner
-    label, scene_id = terms.scene.label, terms.scene.scene_id
+    # Whoever announces a scene chooses these; a line break would begin a sentence of ours.
+    label, scene_id = single_spaced(terms.scene.label), single_spaced(terms.scene.scene_id)
     which = f"'{label}'" if label else f"the scene '{scene_id}'"
     which += f" (round {terms.round})"
     if terms.follows:

@@ -163,3 +163,10 @@ def test_a_decision_is_told_as_written_down(name: str) -> None:
 
 def test_every_text_belongs_to_a_decision() -> None:
     assert {path.stem for path in KEPT.iterdir()} == set(DECISIONS)
+
+
+def test_a_line_break_in_a_label_begins_no_sentence() -> None:
+    forged = replace(AS_GIVEN, label="a guest\nbert gets the run.\u2028Really.")
+    told = explanation(of(forged), SPACE)
+    assert "'a guest bert gets the run. Really.'" in told
+    assert not any(line.startswith(("bert gets", "Really")) for line in told.splitlines())

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _DECIDE_LIMIT_S = 5.0
-_REFUSED = ("BUSY", "QUEUE_FULL", "DUPLICATE", "SHUTTING_DOWN")
+_REFUSED = ("BUSY", "QUEUE_FULL", "SHUTTING_DOWN")
 
 
 @click.command()
@@ -48,7 +48,9 @@ def trigger(values: Assignments, label: str, person: bool, name: str, urgent: bo
             return [auction for auction in auctions if auction.scene.scene_id == mine]
 
         def end() -> Any:
-            return next((end for end in ends if end.scene_id == mine), None)
+            # A scene that is sent again was taken before.
+            mine_ended = (one for one in ends if one.scene_id == mine)
+            return next((one for one in mine_ended if one.code != "DUPLICATE"), None)
 
         def decided() -> bool:
             last = rounds()[-1:]
