@@ -45,8 +45,15 @@ from scene_layer.script import MarketView, ScriptPerformance, answer
 SENSOR_PERIOD_S = 0.2
 """Time between two readings of one sensor [s]."""
 
-SETTLE_S = 0.1
-"""Time for the first readings of a visitor to arrive before the scene is requested [s]."""
+MEASURED_S = 2.0
+"""Longest time until the first readings of a visitor are measured; then the scene is requested
+all the same [s].
+
+A publisher knows a subscription before that hears it, so a match alone says nothing.
+"""
+
+_NEAR = 0.1
+"""Share of its range by which a value is measured otherwise than it was sent."""
 
 WARNING_PERIOD_S = 5.0
 """Time between two warnings that nobody subscribes [s]."""
@@ -137,6 +144,7 @@ class VisitorsNode(BaseNode):
         self._warn_at = math.inf
         self._awaiting_scene = False
         self._sensing_pending = False
+        self._is_asking = False
         self._said: list[tuple[float, String]] = []
         self._presses = ButtonPresses()
         self._host = ""
@@ -239,7 +247,7 @@ class VisitorsNode(BaseNode):
         self._sensing_pending = True
 
     def _trigger_when_sensed(self, now: float) -> None:
-        """Request the scene once every sensor in use has a subscriber and was published."""
+        """Request the scene once every sensor in use has a subscriber and was measured."""
         if self._sensing_pending:
             values = readings(self._spec, self._values, self._person)
             used = [one.publisher for one in self._sensors if one.has_reading(values)]
@@ -255,7 +263,9 @@ class VisitorsNode(BaseNode):
                 return
             self._sensing_pending = False
             self._sense()
-            self._trigger_at = now + SETTLE_S
+            self._trigger_at = now + MEASURED_S
+        elif now < self._trigger_at < math.inf:
+            self._ask_what_is_measured()
         elif now >= self._trigger_at:
             self._trigger_at = math.inf
             self._awaiting_scene = True
@@ -264,6 +274,41 @@ class VisitorsNode(BaseNode):
                 self._request_urgently()
             else:
                 self._trigger.publish(Empty())
+
+    def _ask_what_is_measured(self) -> None:
+        """Request the scene at once where the scene layer measures the visitor by now."""
+        if self._is_asking:
+            return
+        self._is_asking = True
+        number = self._performance.number
+
+        def take(response: Any) -> None:
+            self._is_asking = False
+            waits = self._performance.number == number and self._trigger_at < math.inf
+            if waits and self._is_measured(response.scene):
+                self._trigger_at = time.monotonic()
+
+        def give_up(_reason: str) -> None:
+            self._is_asking = False
+
+        self._calls.call(
+            self._analyze,
+            Analyze.Request(),
+            deadline_s=MEASURED_S,
+            on_answer=take,
+            on_failure=give_up,
+        )
+
+    def _is_measured(self, scene: Any) -> bool:
+        if self._spec.person is not None and scene.person != self._person:
+            return False
+        measured = {one.name: one.value for one in scene.values if one.origin == one.MEASURED}
+        for name in {source.parameter for source in self._spec.sources} & self._values.keys():
+            one = self._spec.space.parameter(name)
+            off = abs(measured.get(name, math.inf) - self._values[name])
+            if off > _NEAR * (one.maximum - one.minimum):
+                return False
+        return True
 
     def _request_urgently(self) -> None:
         """Request the scene by the service, as a trigger cannot carry the urgency."""
