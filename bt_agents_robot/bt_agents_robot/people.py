@@ -20,6 +20,9 @@ REACTION_S = 1.0
 
 _MARGIN_S = 0.1
 
+_NEAR = 0.1
+"""Largest difference between a value and its measurement, as a share of its range."""
+
 
 def check_visitors(spec: SceneSpec, script: Script) -> None:
     """Check that the visitors of a script can come through the sensors of a scene.
@@ -62,6 +65,37 @@ def _reading(source: SourceSpec, value: float) -> float | str:
     if source.table:
         return min(source.table, key=lambda row: abs(row[1] - value))[0]
     return inverted(source.points, value)
+
+
+def is_measured(
+    spec: SceneSpec,
+    values: Mapping[str, float],
+    person: bool,
+    person_measured: bool,
+    measured: Mapping[str, float],
+) -> bool:
+    """Return whether a scene layer measures a visitor as :func:`readings` describe them.
+
+    Args:
+        spec: The scene.
+        values: What is true of the visitor, by scene parameter.
+        person: Whether the visitor is a person.
+        person_measured: What the scene layer says about that.
+        measured: What it measures, by scene parameter.
+    """
+    if spec.person is not None and person_measured != person:
+        return False
+    for source in spec.sources:
+        if source.parameter not in values:
+            continue
+        value = values[source.parameter]
+        if source.table:
+            value = min((row[1] for row in source.table), key=lambda one: abs(one - value))
+        one = spec.space.parameter(source.parameter)
+        off = abs(measured.get(source.parameter, math.inf) - value)
+        if off > _NEAR * (one.maximum - one.minimum):
+            return False
+    return True
 
 
 def is_read(reading: float | str) -> bool:

@@ -28,6 +28,7 @@ from bt_agents_robot.people import (
     REACTION_S,
     check_visitors,
     field_value,
+    is_measured,
     is_read,
     nested,
     pause_after,
@@ -46,14 +47,10 @@ SENSOR_PERIOD_S = 0.2
 """Time between two readings of one sensor [s]."""
 
 MEASURED_S = 2.0
-"""Longest time until the first readings of a visitor are measured; then the scene is requested
-all the same [s].
+"""Longest wait until the scene layer measures a visitor; then the scene is requested anyway [s].
 
-A publisher knows a subscription before that hears it, so a match alone says nothing.
+A publisher can see a subscription that does not hear it yet.
 """
-
-_NEAR = 0.1
-"""Share of its range by which a value is measured otherwise than it was sent."""
 
 WARNING_PERIOD_S = 5.0
 """Time between two warnings that nobody subscribes [s]."""
@@ -285,7 +282,10 @@ class VisitorsNode(BaseNode):
         def take(response: Any) -> None:
             self._is_asking = False
             waits = self._performance.number == number and self._trigger_at < math.inf
-            if waits and self._is_measured(response.scene):
+            scene = response.scene
+            measured = {one.name: one.value for one in scene.values if one.origin == one.MEASURED}
+            here = scene.person, measured
+            if waits and is_measured(self._spec, self._values, self._person, *here):
                 self._trigger_at = time.monotonic()
 
         def give_up(_reason: str) -> None:
@@ -298,17 +298,6 @@ class VisitorsNode(BaseNode):
             on_answer=take,
             on_failure=give_up,
         )
-
-    def _is_measured(self, scene: Any) -> bool:
-        if self._spec.person is not None and scene.person != self._person:
-            return False
-        measured = {one.name: one.value for one in scene.values if one.origin == one.MEASURED}
-        for name in {source.parameter for source in self._spec.sources} & self._values.keys():
-            one = self._spec.space.parameter(name)
-            off = abs(measured.get(name, math.inf) - self._values[name])
-            if off > _NEAR * (one.maximum - one.minimum):
-                return False
-        return True
 
     def _request_urgently(self) -> None:
         """Request the scene by the service, as a trigger cannot carry the urgency."""

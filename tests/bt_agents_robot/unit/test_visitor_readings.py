@@ -18,6 +18,7 @@ from bt_agents_robot.people import (
     PAUSE_S,
     check_visitors,
     field_value,
+    is_measured,
     nested,
     pause_after,
     readings,
@@ -58,6 +59,28 @@ def test_a_word_of_a_table_is_read_where_its_value_is_nearest():
     words = replace(MOOD, table=(("sad", 1.0), ("calm", 3.0), ("happy", 5.0)))
     spec = SceneSpec(space=SPACE, sources=(words,), person=None)
     assert readings(spec, {"mood": 3.8}, person=True) == {words: "calm"}
+
+
+@pytest.mark.parametrize(
+    ("person", "measured", "expected"),
+    [
+        (True, {"age": 3.0, "mood": 4.5}, True),
+        (True, {"age": 3.3, "mood": 4.2}, True),
+        (False, {"age": 3.0, "mood": 4.5}, False),
+        (True, {"age": 3.0}, False),
+        (True, {"age": 3.0, "mood": 2.0}, False),
+    ],
+)
+def test_a_visitor_is_measured_when_the_scene_says_what_was_sent(person, measured, expected):
+    values = {"age": 3.0, "mood": 4.5}
+    assert is_measured(SPEC, values, True, person, measured) is expected
+
+
+def test_a_visitor_is_measured_as_the_words_of_a_table_say():
+    words = replace(MOOD, table=(("sad", 1.0), ("calm", 3.0), ("happy", 5.0)))
+    spec = SceneSpec(space=SPACE, sources=(words,), person=None)
+    assert is_measured(spec, {"mood": 3.8}, True, False, {"mood": 3.0})
+    assert not is_measured(spec, {"mood": 3.8}, True, False, {"mood": 5.0})
 
 
 def test_what_nobody_knows_of_a_visitor_is_not_read():
