@@ -70,7 +70,7 @@ _BUILTINS = yaml.load(
 BUILTINS: Mapping[str, Builtin] = {
     name: _builtin(name, entry) for name, entry in _BUILTINS["nodes"].items()
 }
-"""Nodes that every BehaviorTree.CPP 4 program knows, by id."""
+"""Nodes of BehaviorTree.CPP 4, and the control nodes of Nav2, by id."""
 
 CONDITIONS: Mapping[str, tuple[str, str]] = {
     name: (entry.get("ours", ""), entry.get("note", ""))

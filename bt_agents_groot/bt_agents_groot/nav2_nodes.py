@@ -20,6 +20,8 @@ from bt_agents_language.nodes.node_type import FOREVER
 _RATE = "RateController"
 _POSITIVE = re.compile(r"(?=.*[1-9])[0-9]{1,9}(\.[0-9]{1,9})?")
 _USUAL_HZ = "10.0"
+_NO_LIMIT = 10**9
+"""More recoveries than any run has."""
 
 
 def _recovery_node(tree: TreeImport, element: Element) -> YamlNode:
@@ -52,6 +54,8 @@ def _retries(tree: TreeImport, element: Element) -> tuple[str, Data]:
         name = tree.names.rename(entry)
         tree.names.read([name], FieldType.INTEGER)
         return name, Raw(f"${{{name} + 1}}")
+    if int(text) < 0:
+        return str(_NO_LIMIT), Raw(FOREVER)
     return text, int(text) + 1
 
 

@@ -271,6 +271,12 @@ def test_a_recovery_runs_after_each_failure_but_the_last_and_ends_the_tries_when
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
+def test_recoveries_without_end_are_tries_without_end():
+    made = imported(f"<RecoveryNode number_of_retries='-1'>{F}{S}</RecoveryNode>")
+    assert document(made)["tree"]["sequence"][1]["retry"] == "forever"
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
 def test_a_round_robin_goes_on_with_the_next_child_each_time():
     made = imported(f"<RoundRobin>{S}{F}</RoundRobin>")
     assert document(made)["tree"] == {
