@@ -324,12 +324,13 @@ class Supervisor:
         events, self._events = self._events, []
         now = self._clock()
         pause_s = now - self._last_poll
+        grace_s = REDISCOVERY_S if pause_s > _LONG_PAUSE_S else 0.0
         self._last_poll = now
         for one in self._components.values():
             if pause_s > _STALL_S and one.last_heartbeat is not None:
                 # This process was suspended, and has handled no heartbeat meanwhile. After a long
                 # pause it hears the next one only once it has found the others again.
-                one.last_heartbeat = now + REDISCOVERY_S * (pause_s > _LONG_PAUSE_S)
+                one.last_heartbeat = now + grace_s
             one.log.rotate()
             events += self._poll_one(one)
         return events
