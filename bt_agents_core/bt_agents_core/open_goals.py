@@ -8,13 +8,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.text import printable_line
 
 MOST_OPEN_GOALS = 100
 """Open goals of one host that are named to others; of more, the latest ones."""
-
-LONGEST_NAME = 180
-"""Longest name of an action, a host or a topic [characters]."""
 
 TAKEOVER_S = 3.0
 """Time for the goals of a host that is gone to end after they were cancelled [s]."""

@@ -15,7 +15,7 @@ from rclpy.task import Future
 from std_msgs.msg import Empty, String
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.open_goals import LONGEST_NAME
+from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.run_key import RunKey
 from bt_agents_core.text import printable
 from bt_agents_interfaces.action import Ask as AskAction

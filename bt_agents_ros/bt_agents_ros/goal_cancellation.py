@@ -18,7 +18,8 @@ from action_msgs.srv import CancelGoal
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.open_goals import LONGEST_NAME, MOST_OPEN_GOALS, OpenGoal
+from bt_agents_core.open_goals import MOST_OPEN_GOALS, OpenGoal
+from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_interfaces.msg import OpenGoals
 from bt_agents_ros import qos
 from bt_agents_ros.timers import steady_timer

@@ -8,7 +8,8 @@ import time
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.open_goals import LONGEST_NAME, OpenGoal
+from bt_agents_core.open_goals import OpenGoal
+from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_interfaces.msg import OpenGoals
 from bt_agents_ros import qos
 from bt_agents_ros.goal_cancellation import GoalCanceller, open_goals_from_msg

@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.open_goals import LONGEST_NAME, OpenGoal, name_goals
+from bt_agents_core.open_goals import OpenGoal, name_goals
+from bt_agents_core.ros_names import LONGEST_NAME
 
 ID = bytes(range(16))
 
