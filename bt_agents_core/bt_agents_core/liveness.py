@@ -6,6 +6,13 @@ from __future__ import annotations
 STALL_S = 0.5
 """A process in which nobody had a turn for longer than this has stalled [s]."""
 
+LONGEST_PAUSE_S = 10.0
+"""Longest pause of a process after which it goes on rather than starts again [s].
+
+Fast DDS drops a peer after 20 s of silence. Of two processes that were both paused, often only one
+drops the other; they find each other again, but the one no longer hears what the other announces.
+"""
+
 SLOW_NETWORK = "slow_network"
 """ROS parameter of market, hosts and robot: how much longer than by cable they wait."""
 

@@ -13,6 +13,9 @@ from bt_agents_ros.signals import end_silently
 SUPERVISED = "BT_AGENTS_SUPERVISED"
 """Environment variable with the pid of the parent with which a node's process ends."""
 
+RESTARTED = "BT_AGENTS_RESTARTED"
+"""Environment variable that is set when the parent starts a process again that has ended."""
+
 READY = "BT_AGENTS_READY"
 """Environment variable with the file descriptor on which a node's process reports its start."""
 

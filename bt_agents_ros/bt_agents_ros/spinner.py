@@ -20,8 +20,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from bt_agents_core.errors import NodeMustEnd
+from bt_agents_core.liveness import LONGEST_PAUSE_S
 from bt_agents_ros.local_bus import LocalBus
-from bt_agents_ros.node_main import READY, SUPERVISED
+from bt_agents_ros.node_main import READY, RESTARTED, SUPERVISED
 from bt_agents_ros.parameters import report_unknown
 from bt_agents_ros.signals import Interrupt, Interrupted
 from bt_agents_ros.workarounds.cached_executor import CachedExecutor
@@ -163,8 +164,17 @@ def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
         report_ready()
         try:
             with interrupt.waking(spinner.executor.wake):
+                restarted = RESTARTED in os.environ
+                looked_at = time.monotonic()
                 while not interrupt and rclpy.ok():
                     spinner.spin_once(_CHECK_S)
+                    pause_s = time.monotonic() - looked_at
+                    looked_at += pause_s
+                    if restarted and pause_s > LONGEST_PAUSE_S:
+                        raise NodeMustEnd(
+                            f"this process was paused for {pause_s:.0f} s, and others may have "
+                            "dropped it, so it starts again"
+                        )
         except NodeMustEnd as reason:
             print(f"error: {reason}", file=sys.stderr)
             code = 1

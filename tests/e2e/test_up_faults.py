@@ -14,6 +14,7 @@ from contextlib import suppress
 
 import pytest
 
+from bt_agents_core.liveness import LONGEST_PAUSE_S
 from programs import HANG_S, ROOT, Program, children, node_of, nodes
 
 pytestmark = pytest.mark.e2e
@@ -98,6 +99,23 @@ def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
     up.until("attentive_guide starts")
     assert up.stop()[0] == 0, up.output
     assert "Traceback" not in up.output
+
+
+def test_after_a_long_pause_the_next_scene_runs(start: Start, ask: Ask) -> None:
+    up = up_with_a_run(start, ask)
+    paused = [up.process.pid, *children(up.process.pid)]
+    try:
+        for pid in paused:
+            os.kill(pid, signal.SIGSTOP)
+        time.sleep(LONGEST_PAUSE_S + 2.0)
+    finally:
+        for pid in paused:
+            os.kill(pid, signal.SIGCONT)
+    until_all(up, *(f"{name} is back" for name in ("marketplace", "agents", "robot", "feedback")))
+    assert "attentive_guide" in ask(*MRS_SMITH)
+    until_all(up, "attentive_guide starts", "says: Hello")
+    assert "hangs" not in up.output
+    cancel_the_run(up, ask)
 
 
 def test_a_terminal_that_is_not_read_holds_up_neither_the_supervision_nor_the_end(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -55,8 +54,10 @@ def wait_until_ready(
     Raises:
         BtAgentsError: It is not ready in time.
     """
-    end = time.monotonic() + _START_LIMIT_S
-    while not (interrupt or ready()) and time.monotonic() < end:
+    # Looks are counted, so that a pause of the machine takes no time from the start.
+    for _ in range(round(_START_LIMIT_S / POLL_S)):
+        if interrupt or ready():
+            break
         print_supervised(console, supervisor)
         observer.spin_until(lambda: bool(interrupt) or ready(), POLL_S)
     if not interrupt and not ready():

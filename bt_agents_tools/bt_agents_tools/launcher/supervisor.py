@@ -16,9 +16,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.liveness import LONGEST_PAUSE_S
+from bt_agents_core.text import quote
 from bt_agents_ros.fastdds_profile import PROFILE
 from bt_agents_ros.log_files import NO_LOG_FILE
-from bt_agents_ros.node_main import READY, SUPERVISED
+from bt_agents_ros.node_main import READY, RESTARTED, SUPERVISED
 from bt_agents_ros.signals import block_sigint
 from bt_agents_tools.launcher.fork_server import ForkedProcess, ForkServer
 from bt_agents_tools.launcher.log_files import LogFile, make_log_folder
@@ -42,16 +44,9 @@ SILENCE_S = 10.0
 """Time without a heartbeat after which a component that had one counts as hung [s]."""
 
 _NAMESPACE = re.compile(r"/?([A-Za-z]\w*/)*([A-Za-z]\w*)?", re.ASCII)
-
-REDISCOVERY_S = 40.0
-"""Time after a long pause for participants to find each other again [s].
-
-Who was away for longer than their DDS lease of 20 s was dropped by the others, and is found at
-one of the next announcements.
-"""
+_LONGEST_NAMESPACE = 100
 
 _STALL_S = 1.0
-_LONG_PAUSE_S = 10.0
 _POLL_S = 0.01
 _FAILURE_LINES = 15
 _RESTART_LINES = 3
@@ -126,10 +121,10 @@ def set_discovery(environment: MutableMapping[str, str]) -> None:
             f"ROS_DOMAIN_ID is '{domain}', expected a number from 0 to {LAST_DOMAIN}"
         )
     namespace = environment.get("ROS_NAMESPACE", "")
-    if not _NAMESPACE.fullmatch(namespace):
+    if len(namespace) > _LONGEST_NAMESPACE or not _NAMESPACE.fullmatch(namespace):
         raise BtAgentsError(
-            f"ROS_NAMESPACE is '{namespace}', expected words of letters, digits and '_' with '/' "
-            "between, as in /robot1"
+            f"ROS_NAMESPACE is {quote(namespace)}, expected words of letters, digits and '_' with "
+            f"'/' between, as in /robot1, of {_LONGEST_NAMESPACE} characters at most"
         )
     reach = environment.get(DISCOVERY_RANGE, RANGES[0])
     if reach == "OFF":
@@ -324,13 +319,12 @@ class Supervisor:
         events, self._events = self._events, []
         now = self._clock()
         pause_s = now - self._last_poll
-        grace_s = REDISCOVERY_S if pause_s > _LONG_PAUSE_S else 0.0
         self._last_poll = now
         for one in self._components.values():
             if pause_s > _STALL_S and one.last_heartbeat is not None:
-                # This process was suspended, and has handled no heartbeat meanwhile. After a long
-                # pause it hears the next one only once it has found the others again.
-                one.last_heartbeat = now + grace_s
+                # This process was paused, and has handled no heartbeat meanwhile. After a long
+                # pause it may never again hear from a process that is healthy.
+                one.last_heartbeat = now if pause_s <= LONGEST_PAUSE_S else None
             one.log.rotate()
             events += self._poll_one(one)
         return events
@@ -420,6 +414,7 @@ def spawn(
         **component.environment,
         SUPERVISED: str(os.getpid()),
         READY: str(write_end),
+        **({RESTARTED: "yes"} if component.restarts else {}),
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
     }
