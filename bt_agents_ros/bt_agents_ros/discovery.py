@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Discovery: whether publishers and subscriptions of two nodes are matched in both directions."""
+"""Discovery: types of names on the graph, and whether two nodes are matched both ways."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
+from bt_agents_core.field_types import BindingKind
 from bt_agents_ros.workarounds.sender_identity import PREFIX
 
 
@@ -34,3 +36,18 @@ def is_matched(
 def participants(endpoints: list[Any]) -> frozenset[str]:
     """Return the participants of endpoints that the graph shows, as callbacks are told them."""
     return frozenset(bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints)
+
+
+def types_on_graph(node: Node, kind: BindingKind, name: str) -> frozenset[str]:
+    """Return the types with which an action or a service is served, or a topic published."""
+    if kind is BindingKind.SERVICE:
+        name = node.resolve_service_name(name)
+        others = node.get_node_names_and_namespaces()
+        served = (dict(node.get_service_names_and_types_by_node(*other)) for other in others)
+        return frozenset(one for services in served for one in services.get(name, ()))
+    if kind is BindingKind.ACTION:
+        # rclpy does not remap actions.
+        name = expand_topic_name(name, node.get_name(), node.get_namespace())
+        name += "/_action/feedback"
+    published = node.get_publishers_info_by_topic(name)
+    return frozenset(one.topic_type.removesuffix("_FeedbackMessage") for one in published)

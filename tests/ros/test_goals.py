@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 import rclpy
+from rclpy.action import ActionServer
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, ByteMultiArray, String
 from std_srvs.srv import SetBool
 
@@ -554,6 +556,67 @@ def test_a_latched_topic_is_heard_from_publishers_that_keep_no_message(
     message = inbox.take()
     assert message is not None
     assert (message["data"], inbox.take()) == (True, None)
+
+
+@pytest.fixture
+def stranger() -> Iterator[Any]:
+    """Node with a participant of its own; one participant has one type under each name."""
+    context = rclpy.Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("stranger", context=context)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+def test_a_topic_of_another_type_is_a_problem(ros: Any, host: Host, stranger: Any) -> None:
+    publisher = stranger.create_publisher(String, "door", qos.EVENTS)
+    problems = host.environment.graph_problems
+    host.environment.watch("door", "std_msgs/msg/Bool").close()
+
+    def looked(said: bool) -> bool:
+        host.environment.look_again()
+        return bool(problems.messages) is said
+
+    ros.until(lambda: looked(True))
+    said = "door is published as std_msgs/msg/String, expected std_msgs/msg/Bool"
+    assert problems.messages == {"door": said}
+    stranger.destroy_publisher(publisher)
+    ros.until(lambda: looked(False))
+
+
+def test_a_kept_message_without_publisher_is_a_problem(ros: Any, host: Host) -> None:
+    publisher = ros.node.create_publisher(Bool, "door", qos.FACTS)
+    publisher.publish(Bool(data=True))
+    host.environment.watch("door", "std_msgs/msg/Bool", latched=True).close()
+    ros.until(lambda: host.environment._latched["door", "std_msgs/msg/Bool"].keeps_message)
+    problems = host.environment.graph_problems
+    host.environment.look_again()
+    assert problems.messages == {}
+    ros.node.destroy_publisher(publisher)
+
+    def is_said() -> bool:
+        host.environment.look_again()
+        return bool(problems.messages)
+
+    ros.until(is_said)
+    said = "the last message of door counts, though nothing publishes it any more"
+    assert problems.messages == {"door": said}
+    host.environment.retain([])
+    assert problems.messages == {}
+
+
+def test_a_server_of_another_type_is_named(ros: Any, host: Host, stranger: Any) -> None:
+    server = ActionServer(stranger, Ask, "say", lambda _goal: Ask.Result())
+    ros.until(lambda: len(host.servers()) == 1)
+    run = host.send(timeouts=Timeouts(server_s=0.3))
+    ros.until(lambda: run.state.ended)
+    assert run.state is GoalState.UNREACHABLE
+    assert run.message == (
+        "its server is not there (looked for 0.3 s); the graph shows say as "
+        "bt_agents_interfaces/action/Ask, expected bt_agents_interfaces/action/Say"
+    )
+    server.destroy()
 
 
 def test_of_a_burst_the_newest_messages_stay(ros: Any, host: Host) -> None:

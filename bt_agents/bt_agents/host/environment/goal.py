@@ -104,6 +104,7 @@ class GoalTrack:
         last_heartbeat: Returns the time of the server's last heartbeat [s], minus infinity for
             none so far; None where it has no heartbeat.
         on_end: Called with state and message when it has ended for its leaf.
+        obstacle: Returns what the graph shows instead of its server; empty for nothing.
     """
 
     def __init__(
@@ -112,6 +113,7 @@ class GoalTrack:
         steady: Clock,
         last_heartbeat: Callable[[], float] | None = None,
         on_end: Callable[[GoalState, str], None] = lambda _state, _message: None,
+        obstacle: Callable[[], str] = lambda: "",
     ) -> None:
         self.state = GoalState.PENDING
         self.message = ""
@@ -123,6 +125,7 @@ class GoalTrack:
         self._steady = steady
         self._last_heartbeat = last_heartbeat
         self._on_end = on_end
+        self._obstacle = obstacle
         self._made_at = steady()
         self._waits_since: float | None = None
         self._sent_at: float | None = None
@@ -253,7 +256,8 @@ class GoalTrack:
         now, timeouts = self._steady(), self._timeouts
         if self._sent_at is None:
             if now >= self._made_at + timeouts.server_s:
-                self.ended(GoalState.UNREACHABLE, server_missing(timeouts.server_s))
+                reasons = (server_missing(timeouts.server_s), self._obstacle())
+                self.ended(GoalState.UNREACHABLE, "; ".join(filter(None, reasons)))
         elif self._accepted_at is None:
             if now >= self._sent_at + timeouts.accept_s:
                 self._give_up(GoalState.UNREACHABLE, no_acceptance(timeouts.accept_s))

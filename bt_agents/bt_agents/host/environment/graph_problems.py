@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+from bt_agents_core.text import join_first
 
 MOST_PROBLEMS = 200
 
@@ -36,12 +38,12 @@ class GraphProblems:
         """
         if len(servers) < 2:
             self._since.pop(action, None)
-            return self._set(action, "")
+            return self.report(action, "")
         since = self._since.setdefault(action, self._clock())
         names = sorted({*servers})
         if len(names) < 2 and self._clock() < since + FORGOTTEN_S:
-            return self._set(action, "")
-        return self._set(
+            return self.report(action, "")
+        return self.report(
             action,
             f"{len(servers)} servers offer the action {action}, of {', '.join(names)}: each may "
             "act; stop all but one",
@@ -52,7 +54,8 @@ class GraphProblems:
         """The actions that have had several servers at the last look."""
         return tuple(self._since)
 
-    def _set(self, name: str, message: str) -> str:
+    def report(self, name: str, message: str) -> str:
+        """Take what is wrong with an action or a topic, empty for nothing; return it."""
         others = {one: said for one, said in self.messages.items() if one != name}
         if message and len(others) < MOST_PROBLEMS:
             others[name] = message
@@ -60,3 +63,19 @@ class GraphProblems:
             self.messages = others
             self.on_change()
         return message
+
+
+def topic_problem(topic: str, expected: str, published: Collection[str], *, kept: bool) -> str:
+    """Return why a leaf hears nothing new on a topic; empty for no known reason.
+
+    Args:
+        topic: Its name.
+        expected: Type that the leaf waits for.
+        published: Types with which the graph shows its publishers.
+        kept: Whether an earlier message counts.
+    """
+    if published and expected not in published:
+        return f"{topic} is published as {join_first(sorted(published))}, expected {expected}"
+    if kept and not published:
+        return f"the last message of {topic} counts, though nothing publishes it any more"
+    return ""

@@ -25,7 +25,7 @@ from bt_agents.host.environment.goal import (
     RosRequest,
     Servers,
 )
-from bt_agents.host.environment.graph_problems import GraphProblems
+from bt_agents.host.environment.graph_problems import GraphProblems, topic_problem
 from bt_agents.host.environment.open_goal_list import OpenGoalList
 from bt_agents.host.environment.plugin_node import PluginGoal, RosPluginNode
 from bt_agents.host.environment.silent_servers import SilentServers
@@ -36,12 +36,13 @@ from bt_agents_core.local_time import LocalTime, local_time
 from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.run_key import RunKey
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import join_first
 from bt_agents_interfaces.msg import RunKey as RunKeyMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import Binding, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
-from bt_agents_ros.discovery import participants
+from bt_agents_ros.discovery import participants, types_on_graph
 from bt_agents_ros.goal_cancellation import GoalCanceller
 from bt_agents_ros.types import fill, load_type
 
@@ -163,6 +164,7 @@ class RosEnvironment:
         self._clients: dict[tuple[BindingKind, str, str], Any] = {}
         self._publishers: dict[tuple[str, str], Any] = {}
         self._latched: dict[tuple[str, str], LatchedTopic] = {}
+        self._watched: set[tuple[str, str]] = set()
         self._feedback: FeedbackRequests | None = None
 
     def local_time(self) -> LocalTime:
@@ -214,6 +216,9 @@ class RosEnvironment:
             self._node.destroy_publisher(self._publishers.pop(name))
         for name in self._latched.keys() - latched:
             self._latched.pop(name).close()
+        for topic, type_name in self._watched - latched:
+            self._watched.remove((topic, type_name))
+            self.graph_problems.report(topic, "")
         self._heartbeats.retain(heartbeats)
 
     def send(self, goal: SkillGoal) -> GoalRun:
@@ -233,7 +238,9 @@ class RosEnvironment:
             self._heartbeats.subscribe(goal.heartbeat) if goal.heartbeat is not None else None
         )
         on_end = partial(self.silent_servers.ended, goal.name)
-        track = GoalTrack(goal, time.monotonic, last_heartbeat, on_end)
+        track = GoalTrack(
+            goal, time.monotonic, last_heartbeat, on_end, partial(self._other_type, goal)
+        )
         reschedule = self._deadlines.reschedule
         run: RosGoalRun | RosRequest
         if is_action:
@@ -266,8 +273,13 @@ class RosEnvironment:
             Refused: ``UNKNOWN_TYPE``.
         """
         if latched:
-            return self._latched_topic(topic, type_name).open()
-        return open_inbox(self._node, topic, load_type(type_name, BindingKind.TOPIC), self._wake)
+            inbox = self._latched_topic(topic, type_name).open()
+        else:
+            kind = load_type(type_name, BindingKind.TOPIC)
+            inbox = open_inbox(self._node, topic, kind, self._wake)
+        self._watched.add((topic, type_name))
+        self._look_at_topic(topic, type_name)
+        return inbox
 
     def open_plugin_node(self, path: str) -> RosPluginNode:
         """Return the host's node for the plug-in at a path."""
@@ -332,11 +344,27 @@ class RosEnvironment:
             self._heartbeats.subscribe(binding.heartbeat)
 
     def look_again(self) -> None:
-        """Look at the graph again: at its problems, and at publishers of latched topics."""
+        """Look at the graph again: at its problems, and at publishers of topics."""
         for latched in self._latched.values():
             latched.look()
+        for topic, type_name in self._watched:
+            self._look_at_topic(topic, type_name)
         for action in self.graph_problems.watched:
             self._look(action)
+
+    def _look_at_topic(self, topic: str, type_name: str) -> None:
+        latched = self._latched.get((topic, type_name))
+        kept = latched is not None and latched.keeps_message
+        published = types_on_graph(self._node, BindingKind.TOPIC, topic)
+        problem = topic_problem(topic, type_name, published, kept=kept)
+        self.graph_problems.report(topic, problem)
+
+    def _other_type(self, goal: SkillGoal) -> str:
+        """Return with which type the graph shows the server of a goal; empty for the same."""
+        shown = types_on_graph(self._node, goal.kind, goal.name)
+        if not shown or goal.type in shown:
+            return ""
+        return f"the graph shows {goal.name} as {join_first(sorted(shown))}, expected {goal.type}"
 
     def _look(self, action: str) -> Servers:
         """Return who serves an action; several servers are a problem."""

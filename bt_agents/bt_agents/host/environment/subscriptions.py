@@ -82,6 +82,11 @@ class LatchedTopic:
         self._subscription = node.create_subscription(kind, topic, self._receive, qos.FACTS)
         self._second: Any = None
 
+    @property
+    def keeps_message(self) -> bool:
+        """True when a message has come, which counts for every leaf that waits later."""
+        return self._last is not None
+
     def open(self) -> TopicInbox:
         """Return an inbox that begins with the last message, if there was one."""
         self.look()
