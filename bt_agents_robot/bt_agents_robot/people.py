@@ -28,28 +28,31 @@ def check_visitors(spec: SceneSpec, script: Script) -> None:
     """Check that the visitors of a script can come through the sensors of a scene.
 
     Raises:
-        Refused: ``PERSONS_TOLD_APART``, or ``NAMED_VISITOR`` for one who would stay unknown.
+        Refused: ``NAMED_VISITOR`` for one who would stay unknown.
     """
-    if spec.persons is not None:
-        raise Refused(
-            "PERSONS_TOLD_APART",
-            f"{spec.persons.tracked.position}: visitors come one at a time and without ids; "
-            "expected a scene.yaml without 'persons'",
-        )
+    if spec.names_persons:
+        return
     named = next((visit for visit in script.visits if visit.name), None)
     if named is not None:
         raise Refused(
             "NAMED_VISITOR",
             f"the visitor '{named.label}' has the name '{named.name}', which no sensor tells: "
-            "scene.yaml has no 'persons'; remove 'name', or have the scene layer play the script "
-            "itself (its parameter script)",
+            "scene.yaml has no 'known' under 'persons'; remove 'name', or have the scene layer "
+            "play the script itself (its parameter script)",
         )
 
 
 def readings(
-    spec: SceneSpec, values: Mapping[str, float], person: bool
+    spec: SceneSpec, values: Mapping[str, float], person: bool, name: str = ""
 ) -> dict[SourceSpec, float | str]:
-    """Return the reading of each source at these values; NaN where it reads nothing."""
+    """Return the reading of each source at these values; NaN where it reads nothing.
+
+    Args:
+        spec: The scene.
+        values: What is true of the visitor, by scene parameter.
+        person: Whether the visitor is a person.
+        name: Who it is; empty for somebody who is not known by name.
+    """
     found = {
         source: _reading(source, values[source.parameter])
         if source.parameter in values
@@ -58,7 +61,26 @@ def readings(
     }
     if spec.person is not None:
         found[spec.person] = inverted(spec.person.points, float(person))
+    if spec.persons is not None:
+        if spec.persons.known is not None:
+            found[spec.persons.known] = _reading(spec.persons.known, float(bool(name)))
+        if spec.persons.addressee.source is not None:
+            found[spec.persons.addressee.source] = _reading(spec.persons.addressee.source, 1.0)
+        for part in spec.persons.parts:
+            found[part] = part_id(part)
     return found
+
+
+def sample_reading(spec: SceneSpec, source: SourceSpec) -> float | str:
+    """Return a reading that a source may have."""
+    if spec.persons is not None and source in spec.persons.parts:
+        return part_id(source)
+    return source.table[0][0] if source.table else 0.0
+
+
+def part_id(part: SourceSpec) -> str:
+    """Return the id of a part of the visitor, of whom there is one at a time."""
+    return f"{part.parameter}1"
 
 
 def _reading(source: SourceSpec, value: float) -> float | str:
@@ -83,7 +105,8 @@ def is_measured(
         person_measured: What the scene layer says about that.
         measured: What it measures, by scene parameter.
     """
-    if spec.person is not None and person_measured != person:
+    tells_persons = spec.person is not None or spec.persons is not None
+    if tells_persons and person_measured != person:
         return False
     for source in spec.sources:
         if source.parameter not in values:
@@ -143,8 +166,8 @@ def nested(fields: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 def pause_after(spec: SceneSpec, seen: Iterable[str], coming: Visit | None, pace: float) -> float:
     """Return the pause before the next visitor [s].
 
-    Readings of the last visitor must be stale before somebody comes of whom less is known;
-    staleness is in real time, whatever the pace.
+    Readings of the last visitor must be stale before somebody comes of whom less is known, and a
+    tracked one must be lost; both take real time, whatever the pace.
     """
     known = coming.values if coming is not None else {}
     lingering = set(seen) - set(known)
@@ -153,4 +176,6 @@ def pause_after(spec: SceneSpec, seen: Iterable[str], coming: Visit | None, pace
         for source in spec.sources
         if source.parameter in lingering and math.isfinite(source.stale_after_s)
     ]
+    if spec.persons is not None:
+        stale.append(spec.persons.tracked.lost_after_s + _MARGIN_S)
     return max([PAUSE_S / pace, *stale])

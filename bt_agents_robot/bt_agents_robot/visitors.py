@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,13 @@ from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import Analyze
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
-from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
+from bt_agents_language.model.scene_specs import (
+    PERSON,
+    SceneSpec,
+    SourceSpec,
+    TrackedSpec,
+    path_of,
+)
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.button_presses import ButtonPresses
 from bt_agents_robot.people import (
@@ -31,8 +38,10 @@ from bt_agents_robot.people import (
     is_measured,
     is_read,
     nested,
+    part_id,
     pause_after,
     readings,
+    sample_reading,
 )
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
@@ -61,18 +70,32 @@ _TICK_S = 0.02
 class _Sensor:
     """One sensor topic, with all sources that read it."""
 
-    def __init__(self, node: Node, topic: str, sources: list[SourceSpec]) -> None:
+    def __init__(
+        self, node: Node, scene: SceneSpec, topic: str, kind: str, sources: Sequence[SourceSpec]
+    ) -> None:
         self.sources = sources
-        self._type = load_type(sources[0].type, BindingKind.TOPIC)
+        self._scene = scene
+        self._type = load_type(kind, BindingKind.TOPIC)
         self._examples = {source: self._example(source) for source in sources}
         # Reliable, so that both kinds of subscription match.
-        self.publisher: Publisher = node.create_publisher(self._type, topic, qos.EVENTS)
+        profile = qos.FACT if any(source.latched for source in sources) else qos.EVENTS
+        self.publisher: Publisher = node.create_publisher(self._type, topic, profile)
 
     def publish(self, values: dict[SourceSpec, float | str]) -> None:
         """Publish one message with the readings of all sources, unless there are none."""
-        if not self.has_reading(values):
-            return
+        if self.has_reading(values):
+            self._send(nested(self._fields(values).items()))
+
+    def has_reading(self, values: dict[SourceSpec, float | str]) -> bool:
+        return any(is_read(values[source]) for source in self.sources)
+
+    def _send(self, plain: Mapping[str, Any]) -> None:
         message = self._type()
+        fill(message, plain)
+        self.publisher.publish(message)
+
+    def _fields(self, values: dict[SourceSpec, float | str]) -> dict[str, Any]:
+        """Return the readings by the paths of their fields."""
         fields: dict[str, Any] = {}
         for source in self.sources:
             reading = values[source]
@@ -80,19 +103,14 @@ class _Sensor:
             sure = path_of(source.confidence) if source.confidence is not None else None
             if sure is not None:
                 fields[sure] = max(fields.get(sure, 0.0), float(is_read(reading)))
-        fill(message, nested(fields.items()))
-        self.publisher.publish(message)
-
-    def has_reading(self, values: dict[SourceSpec, float | str]) -> bool:
-        return any(is_read(values[source]) for source in self.sources)
+        return fields
 
     def _example(self, source: SourceSpec) -> Any:
         try:
-            if source.path is None or source.per_person:
-                raise TypeError("expected a field of a topic that is the same for everybody")
-            example = read_field(self._type(), source.path)
-            written = field_value(example, source.table[0][0] if source.table else 0.0)
-            fill(self._type(), nested([(source.path, written)]))
+            if source.path is None:
+                raise TypeError("expected a field")
+            example = self._read_default(source.path)
+            field_value(example, sample_reading(self._scene, source))
         except (Refused, TypeError) as error:
             raise Refused(
                 "UNKNOWN_FIELD",
@@ -100,6 +118,47 @@ class _Sensor:
                 f"{error}",
             ) from None
         return example
+
+    def _read_default(self, path: str) -> Any:
+        return read_field(self._type(), path)
+
+
+class _Tracker(_Sensor):
+    """The topic that says who is tracked, with all sources that read its items."""
+
+    def __init__(
+        self, node: Node, scene: SceneSpec, spec: TrackedSpec, sources: Sequence[SourceSpec]
+    ) -> None:
+        self._spec = spec
+        super().__init__(node, scene, spec.topic, spec.type, sources)
+        self.numbers_persons = isinstance(self._read_default(spec.id), int)
+
+    def publish_person(self, person: str, values: dict[SourceSpec, float | str]) -> None:
+        """Publish the list with one person; an empty id stands for nobody."""
+        if not person:
+            self._send(nested([(self._spec.field, [])]))
+            return
+        item: Any = int(person) if self.numbers_persons else person
+        if self._spec.id:
+            item = nested({**self._fields(values), self._spec.id: item}.items())
+        self._send(nested([(self._spec.field, [item])]))
+
+    def _read_default(self, path: str) -> Any:
+        """Return a field of an item as a new message has it; an empty path is the item itself."""
+        message = self._type()
+        items = f"{self._spec.field}.0"
+        if path:
+            fill(message, nested([(self._spec.field, [{}])]))
+            return read_field(message, f"{items}.{path}")
+        for item in ("", 0):
+            with suppress(Refused):
+                fill(message, nested([(self._spec.field, [item])]))
+                return item
+        raise Refused(
+            "UNKNOWN_FIELD",
+            f"{self._spec.position}: visitors cannot write '{self._spec.field}' of "
+            f"{self._spec.type}, expected a list of texts or numbers",
+        )
 
 
 class VisitorsNode(BaseNode):
@@ -135,6 +194,7 @@ class VisitorsNode(BaseNode):
         )
         self._values: dict[str, float] = {}
         self._person = False
+        self._name = self._id = ""
         self._seen: set[str] = set()
         self._trigger_at = math.inf
         self._next_at = 0.0
@@ -152,10 +212,23 @@ class VisitorsNode(BaseNode):
 
     def _publish_and_subscribe(self) -> None:
         person = (self._spec.person,) if self._spec.person else ()
-        topics: dict[str, list[SourceSpec]] = {}
-        for source in (*self._spec.sources, *person):
-            topics.setdefault(source.topic, []).append(source)
-        self._sensors = [_Sensor(self, topic, sources) for topic, sources in topics.items()]
+        persons = self._spec.persons
+        sources = (*self._spec.sources, *person, *(persons.sources if persons else ()))
+        self._sensors = self._make_sensors(
+            {one: one.topic for one in sources if not one.per_person}
+        )
+        self._personal: list[_Sensor] = []
+        self._personal_sources = [one for one in sources if one.placeholders]
+        self._tracker: _Tracker | None = None
+        if persons is not None:
+            items = [one for one in sources if one.of_item]
+            self._tracker = _Tracker(self, self._spec, persons.tracked, items)
+            if self._tracker.numbers_persons and any(one.name for one in self._script.visits):
+                raise Refused(
+                    "NAMED_VISITOR",
+                    f"{persons.tracked.position}: persons have numbers there, expected texts, as "
+                    "a visitor of the script has a name",
+                )
         buttons = {topic for visit in self._script.visits for topic in visit.buttons}
         self._buttons = {t: self.create_publisher(Bool, t, qos.EVENTS) for t in sorted(buttons)}
         self._trigger = self.create_publisher(Empty, "scene_layer/trigger", qos.EVENTS)
@@ -169,6 +242,14 @@ class VisitorsNode(BaseNode):
         self.create_subscription(Run, "bt_agents/runs", self._on_run, qos.EVENTS)
         self.create_subscription(String, "robot/questions", self._on_question, qos.EVENTS)
         self.create_subscription(String, "robot/transcript", self._on_act, qos.EVENTS)
+
+    def _make_sensors(self, topics: Mapping[SourceSpec, str]) -> list[_Sensor]:
+        sources: dict[str, list[SourceSpec]] = {}
+        for source, topic in topics.items():
+            sources.setdefault(topic, []).append(source)
+        return [
+            _Sensor(self, self._spec, topic, each[0].type, each) for topic, each in sources.items()
+        ]
 
     # Subscriptions
 
@@ -209,9 +290,14 @@ class VisitorsNode(BaseNode):
     # Visits
 
     def _sense(self) -> None:
-        values = readings(self._spec, self._values, self._person)
-        for sensor in self._sensors:
+        values = self._readings()
+        if self._tracker is not None:
+            self._tracker.publish_person(self._id if self._person else "", values)
+        for sensor in (*self._sensors, *(self._personal if self._person else ())):
             sensor.publish(values)
+
+    def _readings(self) -> dict[SourceSpec, float | str]:
+        return readings(self._spec, self._values, self._person, self._name)
 
     def _tick(self) -> None:
         now = time.monotonic()
@@ -237,17 +323,39 @@ class VisitorsNode(BaseNode):
         self._label = visit.label
         self._current.publish(String(data=visit.label))
         self._values, self._person = dict(visit.values), visit.person
+        self._meet(visit.name)
         self._seen = set(visit.values)
         self._awaiting_scene = False
         self._trigger_at = math.inf
         self._warn_at = now + WARNING_PERIOD_S
         self._sensing_pending = True
 
+    def _meet(self, name: str) -> None:
+        """Give a visitor an id that is tracked, and the topics that are about that person."""
+        if self._tracker is None:
+            return
+        number = self._performance.number
+        unnamed = str(number) if self._tracker.numbers_persons else f"visitor{number}"
+        self._name, self._id = name, name or unnamed
+        parts = self._spec.persons.parts if self._spec.persons else ()
+        ids = {PERSON: self._id, **{part.parameter: part_id(part) for part in parts}}
+        topics = {one: one.topic_of(ids) for one in self._personal_sources}
+        self._personal = self._make_sensors({one: topic for one, topic in topics.items() if topic})
+
+    def _part(self) -> None:
+        """Take away what is about the last visitor."""
+        for sensor in self._personal:
+            self.destroy_publisher(sensor.publisher)
+        self._personal = []
+        self._name = self._id = ""
+
     def _trigger_when_sensed(self, now: float) -> None:
         """Request the scene once every sensor in use has a subscriber and was measured."""
         if self._sensing_pending:
-            values = readings(self._spec, self._values, self._person)
-            used = [one.publisher for one in self._sensors if one.has_reading(values)]
+            values = self._readings()
+            sensors = (*self._sensors, *(self._personal if self._person else ()))
+            used = [one.publisher for one in sensors if one.has_reading(values)]
+            used += [self._tracker.publisher] if self._tracker is not None else []
             in_use = (self._trigger, *used)
             silent = [one.topic_name for one in in_use if one.get_subscription_count() == 0]
             if silent and now >= self._warn_at:
@@ -352,6 +460,7 @@ class VisitorsNode(BaseNode):
             )
         self._sensing_pending = self._awaiting_scene = False
         self._trigger_at = math.inf
+        self._part()
         self._current.publish(String(data=""))
         self._sense()
 

@@ -15,12 +15,13 @@ from active_nodes import active_scene_layer
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_interfaces.msg import Expression, MarketStatus, Run, Scene, SceneValue
+from bt_agents_interfaces.msg import Expression, Faces, MarketStatus, Run, Scene, SceneValue
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.model.scene_specs import PersonsSpec, SceneSpec, SourceSpec, TrackedSpec
+from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.visitors import VisitorsNode
 from bt_agents_ros import qos
+from file_texts import read_scene_text
 
 pytestmark = pytest.mark.ros
 
@@ -63,7 +64,7 @@ def measured(scene: Scene) -> dict[str, float]:
 class Street:
     """Visitors, a scene layer, and a market in the test's hands."""
 
-    def __init__(self, ros, *visits: Visit, pace: float = 20.0) -> None:
+    def __init__(self, ros, *visits: Visit, pace: float = 20.0, spec: SceneSpec = SPEC) -> None:
         self.ros = ros
         self.scenes = ros.collect(Scene, "bt_agents/scene", qos.EVENTS)
         self.live = ros.collect(Scene, "bt_agents/scene/live", qos.SENSOR)
@@ -74,10 +75,10 @@ class Street:
         self.runs = ros.node.create_publisher(Run, "bt_agents/runs", qos.HISTORY)
         self.questions = ros.node.create_publisher(String, "robot/questions", qos.EVENTS)
         self.acts = ros.node.create_publisher(String, "robot/transcript", qos.EVENTS)
-        self.layer = ros.add(active_scene_layer(SPEC))
+        self.layer = ros.add(active_scene_layer(spec))
         self.node = ros.add(
             VisitorsNode(
-                SPEC,
+                spec,
                 Script(title="", visits=visits),
                 parameter_overrides=[Parameter("pace", value=pace)],
             )
@@ -274,17 +275,79 @@ def test_a_reading_that_is_computed_cannot_be_played(ros):
         VisitorsNode(spec, Script(title="", visits=()))
 
 
-def test_persons_who_are_told_apart_cannot_be_played(ros):
-    tracked = TrackedSpec(
-        topic="ids",
-        type="bt_agents_interfaces/msg/PersonIds",
-        field="ids",
-        stale_after_s=1.0,
-        position=SPEC.sources[0].position,
+TRACKED = """
+format: 1
+parameters:
+  age: {min: 1, max: 5, default: 3}
+  mood: {min: 1, max: 5, default: 3}
+mood: mood
+persons:
+"""
+FACES = f"""{TRACKED}
+  tracked:
+    {{topic: faces, type: bt_agents_interfaces/msg/Faces, field: faces, id: face_id,
+      stale_after: 1 s, lost_after: 0.2 s}}
+  known: {{from: tracked, field: known}}
+  addressee: {{rule: nearest, source: {{from: tracked, field: distance_m}}, for: 0.1 s}}
+sources:
+  age: {{from: tracked, field: age, map: {{5: 1, 85: 5}}}}
+  mood:
+    {{from: tracked, field: emotion, table: {{happy: 5, sad: 1}}, confidence: emotion_confidence}}
+"""
+IDS = f"""{TRACKED}
+  tracked:
+    {{topic: tracked, type: bt_agents_interfaces/msg/PersonIds, field: ids, stale_after: 1 s,
+      lost_after: 0.2 s}}
+  parts:
+    face: {{topic: persons/<person>/face, type: std_msgs/msg/String, field: data, latched: true}}
+  addressee: first
+sources:
+  age: {{topic: persons/<person>/age, type: std_msgs/msg/Float64, field: data, stale_after: 1 s}}
+  mood: {{topic: faces/<face>/mood, type: std_msgs/msg/Float64, field: data, stale_after: 1 s}}
+"""
+
+
+@pytest.mark.parametrize("text", [FACES, IDS], ids=["items", "topics"])
+def test_visitors_are_tracked(ros, text):
+    leaves = SceneChange(after_s=0.0, values={}, person=False)
+    lady = Visit(label="lady", person=True, values={"age": 4.0, "mood": 5.0}, changes=(leaves,))
+    street = Street(
+        ros, lady, visit("child", age=1.0, mood=1.0), spec=read_scene_text(text, "scene.yaml")
     )
-    spec = replace(SPEC, person=None, persons=PersonsSpec(tracked=tracked))
-    with pytest.raises(Refused, match=r"expected a scene\.yaml without 'persons'"):
-        VisitorsNode(spec, Script(title="", visits=()))
+    street.idle()
+    ros.until(lambda: len(street.scenes) == 1)
+    assert measured(street.scenes[0]) == pytest.approx({"age": 4.0, "mood": 5.0})
+    assert (street.scenes[0].person, street.scenes[0].person_id) == (True, "visitor1")
+    street.start(1)
+    ros.until(lambda: street.live and not street.live[-1].person)
+    street.finish(1)
+    ros.until(lambda: len(street.scenes) == 2)
+    assert measured(street.scenes[1]) == pytest.approx({"age": 1.0, "mood": 1.0})
+    assert street.scenes[1].person_id == "visitor2"
+
+
+def test_a_visitor_may_be_known_by_name(ros):
+    anna = Visit(label="anna comes", person=True, values={"mood": 5.0}, name="anna")
+    faces = ros.collect(Faces, "faces", qos.SENSOR)
+    street = Street(ros, anna, spec=read_scene_text(FACES, "scene.yaml"))
+    street.idle()
+    ros.until(lambda: len(street.scenes) == 1)
+    assert street.scenes[0].person_id == "anna"
+    [seen] = faces[-1].faces
+    assert (seen.face_id, seen.known, seen.emotion) == ("anna", True, "happy")
+
+
+def test_a_name_where_persons_have_numbers_is_refused(ros):
+    reading = "field: data, stale_after: 1 s"
+    text = f"""{TRACKED}
+  tracked: {{topic: t, type: std_msgs/msg/Int32MultiArray, {reading}}}
+  known: {{topic: persons/<person>/known, type: std_msgs/msg/Bool, {reading}}}
+"""
+    spec = read_scene_text(text, "scene.yaml")
+    anna = Visit(label="anna comes", person=True, values={}, name="anna")
+    with pytest.raises(Refused, match="persons have numbers there") as found:
+        VisitorsNode(spec, Script(title="", visits=(anna,)))
+    assert found.value.code == "NAMED_VISITOR"
 
 
 def test_a_source_that_carries_text_ends_the_start_with_words(ros):
