@@ -7,9 +7,18 @@ import time
 
 import pytest
 
-from bt_agents_interfaces.msg import MarketStatus, Scene, SceneValue, Tree, TreeNode, Trees
+from bt_agents_interfaces.msg import (
+    AgentCard,
+    HostCard,
+    MarketStatus,
+    Scene,
+    SceneValue,
+    Tree,
+    TreeNode,
+    Trees,
+)
 from bt_agents_ros.messages import header_at, to_time
-from bt_agents_tools.cli.commands.status import market_text
+from bt_agents_tools.cli.commands.status import market_text, shown_agents
 from bt_agents_tools.cli.formatting import SceneLabels, node_names, since_text
 
 SINCE_S = time.mktime((2026, 5, 4, 10, 11, 12, 0, 0, -1))
@@ -105,3 +114,9 @@ def test_nodes_have_the_names_of_the_latest_trees_of_their_agent():
 
     assert node_names([[trees("old"), trees("new")], []], "a") == {"tree": "new"}
     assert node_names([], "a") == {}
+
+
+@pytest.mark.parametrize(("most", "shown"), [(5, [3, 2, 0]), (3, [3, 0, 0]), (100, [3, 3, 3])])
+def test_only_the_first_agents_are_shown(most, shown):
+    cards = [HostCard(agents=[AgentCard()] * 3)] * 3
+    assert [len(agents) for agents in shown_agents(cards, most)] == shown

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _ENDS_SHOWN = 3
+_AGENTS_SHOWN = 50
 _DIFFERS = (
     "its host bids with another profile than that of the ledger, and has not taken that one so "
     "far; the log of the feedback node says why"
@@ -48,7 +50,8 @@ _DIFFERS = (
 
 @click.command()
 @table_options
-def status(form: TableForm) -> None:
+@click.option("--all", "shows_all", is_flag=True, help="Show every agent, not only the first 50.")
+def status(form: TableForm, shows_all: bool) -> None:
     """Show what runs, all agents, and every problem."""
     with connect() as observer:
         scenes, ends = (
@@ -101,9 +104,10 @@ def status(form: TableForm) -> None:
             _print("          ", line)
         for problem in rule_problems(market, observer.profiles):
             _print("  problem: ", problem_text(problem))
-        for host, card in sorted(observer.cards.items()):
-            _print("host      ", host_text(host, card))
-            for agent in card.agents:
+        most = sys.maxsize if shows_all else _AGENTS_SHOWN
+        for card, shown in zip(cards, shown_agents(cards, most), strict=True):
+            _print("host      ", host_text(card.host, card))
+            for agent in shown:
                 values = zip(card.parameters, agent.current, strict=True)
                 profile = ", ".join(f"{name} {format_known(value)}" for name, value in values)
                 _print(
@@ -113,6 +117,9 @@ def status(form: TableForm) -> None:
                 )
                 if agent.name in differing_agents(observer.profiles):
                     _print("  problem: ", f"{agent.name}: {_DIFFERS}")
+            if len(shown) < len(card.agents):
+                more = counted(len(card.agents) - len(shown), "more agent")
+                _print("  ", f"{more}: bt-agents status --all")
             for problem in card.problems:
                 _print("  problem: ", problem_text(problem))
         for end in ends[-_ENDS_SHOWN:]:
@@ -135,6 +142,15 @@ def rule_problems(market: Any, profiles: Any) -> Sequence[Any]:
 def differing_agents(profiles: Any) -> Sequence[str]:
     """Return the agents whose host bids with another profile than that of the ledger."""
     return profiles.differing if profiles is not None else ()
+
+
+def shown_agents(cards: Sequence[Any], most: int) -> list[Sequence[Any]]:
+    """Return the first agents of all hosts, by host."""
+    shown = []
+    for card in cards:
+        shown.append(card.agents[:most])
+        most -= len(shown[-1])
+    return shown
 
 
 def host_text(name: str, card: Any) -> str:
