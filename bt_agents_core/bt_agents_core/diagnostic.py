@@ -38,6 +38,7 @@ class Diagnostic:
         hint: How to mend it; may be empty.
         severity: A file with a warning can be used, one with an error cannot.
         excerpt: The line of ``position``; empty when it is not known.
+        inserted: Places that insert the text that is wrong; empty for what no other file inserts.
     """
 
     code: str
@@ -47,3 +48,4 @@ class Diagnostic:
     end: Position | None = None
     severity: Severity = Severity.ERROR
     excerpt: str = field(default="", compare=False, repr=False)
+    inserted: tuple[str, ...] = ()

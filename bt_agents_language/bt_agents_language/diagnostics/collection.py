@@ -61,6 +61,7 @@ class Diagnostics:
         hint: str = "",
         end: Position | None = None,
         severity: Severity = Severity.ERROR,
+        inserted: tuple[str, ...] = (),
     ) -> None:
         """Add a problem; as :meth:`append`."""
         self.append(
@@ -71,6 +72,7 @@ class Diagnostics:
                 hint=hint,
                 end=end,
                 severity=severity,
+                inserted=inserted,
             )
         )
 
@@ -85,6 +87,8 @@ class Diagnostics:
         if diagnostic.code == NO_TEXTS:
             position = position._replace(line=0, column=0)
         key = (position, diagnostic.code, diagnostic.message)
+        if key in found:
+            found[key] = _joined(found[key], diagnostic)
         if key in found or len(found) >= MAX_COLLECTED:
             return
         found[key] = replace(diagnostic, excerpt=self._line(diagnostic.position.line))
@@ -124,6 +128,21 @@ def _in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(diagnostics, key=lambda one: (one.position.line, one.position.column))
 
 
+def merged(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Return problems in their order, each once, with all places that insert its text."""
+    found: dict[Diagnostic, Diagnostic] = {}
+    for one in diagnostics:
+        key = replace(one, inserted=())
+        found[key] = _joined(found[key], one) if key in found else one
+    return list(found.values())
+
+
+def _joined(first: Diagnostic, other: Diagnostic) -> Diagnostic:
+    """Return a problem with the places of the same one, no more than one can read."""
+    places = dict.fromkeys((*first.inserted, *other.inserted))
+    return replace(first, inserted=tuple(places)[:MAX_COLLECTED])
+
+
 def as_error(diagnostics: Iterable[Diagnostic]) -> ReadError:
     """Return errors as one exception."""
     listed = tuple(diagnostics)
@@ -132,7 +151,7 @@ def as_error(diagnostics: Iterable[Diagnostic]) -> ReadError:
 
 def joined(errors: Iterable[ReadError]) -> ReadError:
     """Return the errors of several files as one exception."""
-    return as_error(diagnostic for error in errors for diagnostic in error.diagnostics)
+    return as_error(merged(one for error in errors for one in error.diagnostics))
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

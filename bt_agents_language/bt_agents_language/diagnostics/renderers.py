@@ -42,7 +42,17 @@ def as_line(diagnostic: Diagnostic, colour: bool = False) -> str:
     severity = diagnostic.severity
     place = _styled(visible(str(diagnostic.position)) + ":", _BOLD, colour)
     label = _styled(f"{severity.value}[{diagnostic.code}]:", _SEVERITY_COLOURS[severity], colour)
-    return f"{place} {label} {visible(diagnostic.message)}"
+    return f"{place} {label} {visible(_message(diagnostic))}"
+
+
+def _message(diagnostic: Diagnostic) -> str:
+    """Return what is wrong, with a place that inserts it and the number of others."""
+    if not diagnostic.inserted:
+        return diagnostic.message
+    first, *others = diagnostic.inserted
+    places = "1 other place" if len(others) == 1 else f"{len(others)} other places"
+    more = f" and {places}" if others else ""
+    return f"{diagnostic.message} (inserted in {first}{more})"
 
 
 def as_block(diagnostic: Diagnostic, colour: bool = False) -> str:
@@ -120,7 +130,7 @@ def as_annotation(diagnostic: Diagnostic) -> str:
     }
     listed = ",".join(f"{key}={_escaped_property(text)}" for key, text in properties.items())
     hint = f"\nhint: {diagnostic.hint}" if diagnostic.hint else ""
-    message = _escaped_data(diagnostic.message + hint)
+    message = _escaped_data(_message(diagnostic) + hint)
     return f"::{diagnostic.severity.value} {listed}::{message}"
 
 
@@ -220,7 +230,7 @@ def _as_object(diagnostic: Diagnostic) -> dict[str, object]:
         "column": start.column,
         "end_line": end.line if end is not None else start.line,
         "end_column": end.column if end is not None else start.column + 1,
-        "message": diagnostic.message,
+        "message": _message(diagnostic),
         "hint": diagnostic.hint,
     }
 

@@ -120,7 +120,7 @@ def _read_text(
         _report_name(reading, node, name, offset, problem_here)
         return None
     place = f"{node.position.file}:{node.position.line}"
-    other = reading.beside(written.source, f" (inserted in {place})")
+    other = reading.beside(written.source, place)
     inner = names.without_texts()
     read = [read_parts(other, scalar, inner) for scalar in written.scalars]
     found = [one for one in read if one is not None]

@@ -11,7 +11,7 @@ from pathlib import Path
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.text import join_words, quote
-from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean
+from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean, joined
 from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.files.agent_file import AgentFile, read_agent_file
 from bt_agents_language.files.libraries import FolderLibraries
@@ -70,6 +70,11 @@ class Trees:
     texts: Mapping[Path, str | None] = field(default_factory=dict)
     language: str = ""
     inserted: frozenset[str] = frozenset()
+
+    @property
+    def report(self) -> str:
+        """Everything that is wrong in the broken files, as text; each problem once."""
+        return joined(one.error for one in self.broken).report
 
     def tagged(self, tags: str) -> Trees:
         """Return the folder with those agents only that have one of some tags ``a, b``, if any.

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
+from bt_agents_language.diagnostics.collection import merged
 from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents_language.files.market_reader import MARKET_FILE, read_market, unknown_agents
@@ -107,7 +108,7 @@ class _FolderCheck:
                 self._add(cut_texts(source))
         self._add(_bad_plugin(folder, words) for words in plugin_problems)
         return Checked(
-            problems=tuple(_with_excerpts(_by_file(self._found))),
+            problems=tuple(_with_excerpts(_by_file(merged(self._found)))),
             agents=tuple(agent.name for agent in agents),
             files=len(wanted) - len(unchecked),
             unchecked=tuple(map(str, unchecked)),

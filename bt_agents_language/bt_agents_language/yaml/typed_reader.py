@@ -90,18 +90,20 @@ class TypedReader:
         self._spoilt = {d.position for d in self.problems.sorted() if d.code in spoiling}
         self._aligned_span = (-1, -1)
         self._aligned: list[int] = []
-        self._note = ""
+        self._inserted: tuple[str, ...] = ()
 
-    def beside(self, source: Source, note: str) -> TypedReader:
+    def beside(self, source: Source, inserted: str) -> TypedReader:
         """Return the reader of values of another file, whose problems are among those of this.
 
-        Each of them ends with a note, which says what the value has to do with this file.
+        Args:
+            source: The other file.
+            inserted: Place in this file that inserts the values.
         """
         other = copy(self)
         other.source = source
         other.problems = self.problems.beside(source)
         other._aligned_span = (-1, -1)
-        other._note = note
+        other._inserted = (inserted,)
         return other
 
     @classmethod
@@ -138,13 +140,12 @@ class TypedReader:
 
     def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
         """Add a problem about a whole node, or at one position."""
-        message += self._note
         if isinstance(where, Position):
-            self.problems.add(code, where, message, hint)
+            self.problems.add(code, where, message, hint, inserted=self._inserted)
         elif where.position not in self._spoilt:
             # What a spoilt value would be without that, nobody knows.
             end = self.source.position(where.span[1])
-            self.problems.add(code, where.position, message, hint, end)
+            self.problems.add(code, where.position, message, hint, end, inserted=self._inserted)
 
     def error_in(
         self,
@@ -157,11 +158,11 @@ class TypedReader:
         severity: Severity = Severity.ERROR,
     ) -> None:
         """Add a problem about ``width`` characters from ``offset`` on in the text of a scalar."""
-        message += self._note
         start = self._index(scalar, offset)
         last = self._index(scalar, offset + width - 1) if width > 1 else start
         end = self.source.position(last + 1)
-        self.problems.add(code, self.source.position(start), message, hint, end, severity)
+        position = self.source.position(start)
+        self.problems.add(code, position, message, hint, end, severity, self._inserted)
 
     def warning(self, code: str, node: Node, message: str, hint: str) -> None:
         """Add a warning about a whole node, which does not make the file unreadable."""

@@ -158,9 +158,9 @@ def run_system(
 
         console = Console()
         folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
-        for broken in folder.broken:
+        if folder.broken:
             console.print("[yellow]left out, the other agents run:[/]")
-            console.print(broken.error.report, markup=False, highlight=False, soft_wrap=True)
+            console.print(folder.report, markup=False, highlight=False, soft_wrap=True)
         if not folder.agents:
             raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
         supervisor = Supervisor(logs or new_log_folder(), fork_server=fork_server)

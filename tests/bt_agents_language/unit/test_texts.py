@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.diagnostics.renderers import as_line
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.files.texts_reader import FolderTexts, read_texts
@@ -132,12 +133,26 @@ def test_a_condition_compares_with_a_text_without_names(folder):
 def test_what_is_wrong_in_a_text_is_told_where_it_stands_and_in_every_language(folder):
     folder.write("texts/en.yaml", EN.replace("${guest}", "${gest}"))
     assert [one.partition(": ")[2] for one in folder.problems()] == [
-        "unknown-name: there is no name 'gest' here (inserted in "
-        f"{folder.path}/agents/guide.yaml:8) | did you mean 'guest'?"
+        "unknown-name: there is no name 'gest' here | did you mean 'guest'?"
     ]
+    assert check_folder(folder.path).problems[0].inserted == (
+        f"{folder.path}/agents/guide.yaml:8",
+    )
     assert folder.problems()[0].startswith("texts/en.yaml:4:17: ")
     assert not folder.read().broken
     assert folder.read("en").broken
+
+
+def test_a_wrong_text_is_one_problem(folder):
+    folder.write("texts/de.yaml", DE.replace("${guest}", "${gest}"))
+    tree = "tree: {sequence: [{set: {guest: Ann}}, {say: '${t.ask}'}, {show: '${t.ask}'}]}\n"
+    for name in ("ann", "bob"):
+        folder.write(f"agents/{name}.yaml", HEAD.replace("guide", name) + tree)
+    [problem] = check_folder(folder.path).problems
+    assert as_line(problem).endswith(
+        f"'gest' here (inserted in {folder.path}/agents/ann.yaml:4 and 2 other places)"
+    )
+    assert folder.read().report.count("there is no name 'gest' here") == 1
 
 
 def test_an_unknown_text_is_told_with_the_one_that_is_meant(folder):

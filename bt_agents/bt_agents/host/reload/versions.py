@@ -17,7 +17,9 @@ from bt_agents.host.reload.version_history import (
     file_problems,
     new_history,
 )
+from bt_agents_core.diagnostic import Diagnostic
 from bt_agents_core.errors import Refused
+from bt_agents_language.diagnostics.collection import merged
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.specs import AgentSpec
@@ -152,11 +154,13 @@ class AgentVersions:
     def folder_problems(self) -> list[FileProblem]:
         """Return what somebody has to fix in the folder."""
         agents = {file: name for name, file in self.trees.holders.items()}
-        problems = [
-            problem
-            for broken in self.trees.broken
-            for problem in file_problems(broken.error.diagnostics, agents.get(broken.file, ""))
-        ]
+        problems: list[FileProblem] = []
+        of_texts: list[Diagnostic] = []
+        for broken in self.trees.broken:
+            own = [one for one in broken.error.diagnostics if not one.inserted]
+            problems += file_problems(own, agents.get(broken.file, ""))
+            of_texts += [one for one in broken.error.diagnostics if one.inserted]
+        problems += file_problems(merged(of_texts))
         return [*problems, *(FileProblem(message=text) for text in self.trees.problems)]
 
     def history(self, name: str) -> VersionHistory:

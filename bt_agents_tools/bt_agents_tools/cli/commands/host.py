@@ -51,8 +51,8 @@ def host(
         from bt_agents_ros.installed import InstalledInterfaces
 
     folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
-    for broken in folder.broken:
-        click.echo(f"left out, the other agents run:\n{broken.error.report}", err=True)
+    if folder.broken:
+        click.echo(f"left out, the other agents run:\n{folder.report}", err=True)
     if not folder.agents:
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
     kept = claim_state(trees, state)
