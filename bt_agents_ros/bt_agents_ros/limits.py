@@ -60,6 +60,9 @@ FOREIGN_ENTRIES = 5_000
 MOST_PARAMETERS = 1_000
 """Parameters, or levels of loggers, in one request; for more of them there are several."""
 
+MOST_UNREPORTED = 10
+"""Ended runs that a host keeps for the next market, and hands over when it registers."""
+
 CHARACTERS_OF: Mapping[str, int] = {
     "AgentFiles.texts": MIB,
     "Analyze_Request.label": 1_000,
@@ -75,6 +78,7 @@ CHARACTERS_OF: Mapping[str, int] = {
     "RegisterHost_Request.earlier_instance": 200,
     "RegisterHost_Request.host_instance": 200,
     "RunRecord.record": 200_000,
+    "SceneValue.source": 1_000,
 }
 """Characters of a text in a field, instead of :data:`TEXT_CHARACTERS`."""
 
@@ -93,8 +97,10 @@ ENTRIES_OF: Mapping[str, int] = {
     "Profiles.layers": 200_000,
     "Profiles.revisions": 200_000,
     "Profiles.vectors": 2_000_000,
-    "RegisterHost_Request.unreported": 1_000,
+    "RegisterHost_Request.unreported": MOST_UNREPORTED,
     "Remember_Request.facts": 100,
+    "Scene.remembered": 1_000,
+    "Scene.values": 1_000,
     "SelectAgent_Request.vectors": 1_000_000,
     "SetLoggerLevels_Request.levels": MOST_PARAMETERS,
     "SetParametersAtomically_Request.parameters": MOST_PARAMETERS,

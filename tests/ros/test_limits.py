@@ -214,6 +214,14 @@ def test_what_a_host_says_of_the_shipped_agents_is_far_from_every_limit(
 
 def test_a_host_may_bring_as_many_agents_as_the_market_takes_and_ten_runs() -> None:
     check_content(RegisterHost.Request(agents=NAMES, unreported=[Run()] * 10))
+    with pytest.raises(Refused, match=r"RegisterHost_Request\.unreported has 11 entries"):
+        check_content(RegisterHost.Request(unreported=[Run()] * 11))
+
+
+def test_a_request_can_have_some_thousand_values_of_scenes_only() -> None:
+    long = Scene(values=[SceneValue()] * 1_001)
+    with pytest.raises(Refused, match=r"Scene\.values has 1001 entries, expected at most 1000"):
+        check_content(RegisterHost.Request(unreported=[Run(scene=long)]))
 
 
 def test_each_row_of_the_table_names_a_type_and_a_field_and_says_another_limit() -> None:
@@ -252,10 +260,10 @@ def test_each_text_and_list_of_each_type_has_a_limit(kind: Any) -> None:
 
 
 def test_what_is_nested_is_checked_as_well() -> None:
-    text = "x" * (limits.TEXT_CHARACTERS + 1)
+    text = "x" * 1_001
     persons = Persons(scenes=[Scene(), Scene(values=[SceneValue(source=text)])])
 
-    with pytest.raises(Refused, match=r"TOO_LARGE: SceneValue\.source has 20001 characters"):
+    with pytest.raises(Refused, match=r"TOO_LARGE: SceneValue\.source has 1001 characters"):
         check_fields(persons, limits.MESSAGE_BYTES)
 
 

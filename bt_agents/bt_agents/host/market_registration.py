@@ -23,6 +23,7 @@ from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
+from bt_agents_ros.limits import MOST_UNREPORTED
 from bt_agents_ros.messages import header_at
 from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
@@ -30,9 +31,6 @@ from bt_agents_ros.workarounds.sender_identity import SenderRates, create_identi
 
 MARKET_LEASE = "market_lease"
 """Parameter of hosts: how long a run goes on without a sign of life of its market."""
-
-MOST_UNREPORTED = 10
-"""Most unreported runs; more push the oldest ones out."""
 
 _REMEMBERED = 50
 _LIMIT_S = 1.0
@@ -48,6 +46,7 @@ class UnreportedRuns:
     """Ended runs of a host that their market has not closed yet.
 
     A market has closed a run when it has announced itself that it ended, was lost or was refused.
+    More than :data:`MOST_UNREPORTED` push the oldest ones out.
     """
 
     def __init__(self) -> None:

@@ -14,9 +14,6 @@ from marketplace_node.interaction.stored_scenes import StoredRun, StoredScene
 from marketplace_node.market_state import MarketState
 from marketplace_node.outcomes import RunOutcome
 
-MAX_RUNS = 10
-"""As many runs a host may hand over at once."""
-
 ASK_AGAIN_S = 10.0
 """A person waits about this long for a robot that has broken off in the middle [s]."""
 

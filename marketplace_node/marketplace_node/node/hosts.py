@@ -28,7 +28,6 @@ from bt_agents_ros.workarounds.sender_identity import (
 )
 from marketplace_node.effects import Execute, RunGoal, SendGoal
 from marketplace_node.interaction.award import RunEnd
-from marketplace_node.interaction.market_failover import MAX_RUNS
 from marketplace_node.market import Market
 from marketplace_node.node.messages import (
     earlier_run_from_msg,
@@ -236,7 +235,7 @@ class HostConnections:
         """Take the runs of an earlier market as far as they are in order."""
         now_s = seconds(self._node.get_clock().now().to_msg())
         runs = []
-        for message in request.unreported[:MAX_RUNS]:
+        for message in request.unreported:
             try:
                 runs.append(earlier_run_from_msg(message, self._space, now_s))
             except Refused as refused:
@@ -244,11 +243,6 @@ class HostConnections:
                     f"a run that {request.host} had not reported is left out: "
                     f"{str(refused)[:_SHOWN]}"
                 )
-        if len(request.unreported) > MAX_RUNS:
-            self._node.get_logger().warning(
-                f"{request.host} hands over {len(request.unreported)} unreported runs, "
-                f"the first {MAX_RUNS} are taken"
-            )
         self._execute(self._market.unreported(request.host, runs, time.monotonic()))
 
     def _take_heartbeat(self, message: Heartbeat, participant: str) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.host.market_registration import MOST_UNREPORTED, UnreportedRuns
+from bt_agents.host.market_registration import UnreportedRuns
 from bt_agents_interfaces.msg import Run
+from bt_agents_ros.limits import MOST_UNREPORTED
 
 
 def ended(number: int, epoch: str = "e1", event: int = Run.ENDED, agent: str = "guide") -> Run:
