@@ -16,6 +16,8 @@ from bt_agents_core.text import join_first
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
     Alarm,
+    AnnounceEarlierRun,
+    AnnounceRun,
     Connect,
     EarlierRun,
     Effect,
@@ -46,7 +48,7 @@ from marketplace_node.interaction.stored_scenes import (
 from marketplace_node.market_state import PREVIEWS, MarketState
 from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators import OperatorCommands, Previews
-from marketplace_node.outcomes import RunOutcome
+from marketplace_node.outcomes import RunEventKind, RunOutcome
 from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.auction import check_round
 from marketplace_node.round.decision import Bids, External
@@ -313,6 +315,7 @@ class Market:
         self._market_state.takeover.restore(stored.open_goals, now + GATHER_S)
         self._market_state.earlier_hosts = frozenset(stored.hosts)
         self._admission.remember(end.scene_id for end in stored.ends)
+        self._inherited.announce(stored.run_ends)
         self._market_state.effects += stored.ends
         for one in stored.scenes:
             self._restore(one, away_s, now)
@@ -475,7 +478,8 @@ class Market:
                 for effect in effects
                 if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE"
             )
-            self._has_stored_ends = bool(ends)
+            run_ends = tuple(run for effect in effects if (run := self._run_end(effect)))
+            self._has_stored_ends = bool(ends or run_ends)
             # First, so that whoever hears of an end does not hear of it from the next start, too.
             scenes, _, open_goals, hosts = stored
             store = StoreScenes(
@@ -484,6 +488,7 @@ class Market:
                 open_goals=open_goals,
                 hosts=hosts,
                 ends=ends,
+                run_ends=run_ends,
                 at_once=changed,
             )
             effects.insert(0, store)
@@ -495,6 +500,16 @@ class Market:
             effects.append(status)
         self._market_state.effects = []
         return effects
+
+    def _run_end(self, effect: Effect) -> EarlierRun | None:
+        """Return the end of a run that an effect announces, as a later market would."""
+        match effect:
+            case AnnounceEarlierRun():
+                return effect.run
+            case AnnounceRun(event=RunEventKind.ENDED):
+                return EarlierRun(**vars(effect), epoch=self.epoch)
+            case _:
+                return None
 
     def _stored_scenes(self) -> tuple[tuple[StoredScene, ...], int]:
         """Return the scenes without an end, next first, and how many were taken so far."""

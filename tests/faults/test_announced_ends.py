@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.scene import AGAIN
+from bt_agents_interfaces.msg import Run
 from bt_agents_tools.launcher.supervisor import Component
 from dying_market import DIES_WHILE
 from processes import NodeProcess, System, write_trees
@@ -51,16 +52,23 @@ def start(system: System, tmp_path: Path) -> NodeProcess:
     return market
 
 
+def die_at_the_end(
+    system: System, market: NodeProcess, fatal: Path, end: Callable[[], None], what: str = "scene"
+) -> str:
+    """Let the market die when a scene or a run ends; return its epoch."""
+    market.expect_end()
+    fatal.write_text(what)
+    end()
+    system.until(lambda: market.ended, "the market dies")
+    assert not fatal.exists()
+    return system.kill_market(market)
+
+
 def kill_at_the_end(
     system: System, market: NodeProcess, fatal: Path, end: Callable[[], None]
 ) -> str:
     """Kill the market when a scene ends, and start it again; return its epoch."""
-    market.expect_end()
-    fatal.touch()
-    end()
-    system.until(lambda: market.ended, "the market dies")
-    assert not fatal.exists()
-    epoch = system.kill_market(market)
+    epoch = die_at_the_end(system, market, fatal, end)
     market.start()
     system.until_ready(hosts=1, agents=1, after=epoch)
     return epoch
@@ -110,6 +118,43 @@ def test_the_refusal_of_a_scene_is_announced_once_when_the_market_dies_right_bef
     check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
 
 
+@pytest.mark.parametrize("moment", ["while it runs", "right before its end is announced"])
+def test_a_run_ends_once_when_market_and_host_die_together(
+    system: System, tmp_path: Path, fatal: Path, moment: str
+) -> None:
+    market = start(system, tmp_path)
+    host = system.processes[-1]
+    for number in range(TIMES):
+        name = f"s{number}"
+        system.scene(name, age=5, familiarity=3, mood=3)
+        system.until_speaking("leo speaks")
+        system.until(lambda count=number + 1: len(system.started()) == count, "leo starts")
+
+        if moment == "while it runs":
+            epoch = system.kill_market(market)
+        else:
+            epoch = die_at_the_end(system, market, fatal, system.mouth.finish, "run")
+        host.kill()
+        market.start()
+        host.start()
+        system.until_ready(hosts=1, agents=1, after=epoch)
+
+        code = "LOST" if moment == "while it runs" else "SUCCEEDED"
+        assert system.until_end_of(name).code == code
+        system.until(lambda count=number + 1: len(system.ended()) >= count, "the run has an end")
+        assert (system.ended()[-1].epoch, system.ended()[-1].outcome) == (
+            epoch,
+            getattr(Run, code),
+        )
+        system.mouth.finish()
+    check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
+    assert _runs(system.ended()) == _runs(system.started())
+
+
+def _runs(events: list[Run]) -> list[tuple[str, int]]:
+    return [(event.epoch, event.round) for event in events]
+
+
 def check_that_no_end_comes_again(system: System, market: NodeProcess, names: list[str]) -> None:
     """Start the market once more, which has heard that all ends were announced."""
     system.until(lambda: not fresh_ends(system), "the last end is confirmed")
@@ -123,4 +168,5 @@ def check_that_no_end_comes_again(system: System, market: NodeProcess, names: li
 
 def fresh_ends(system: System) -> bool:
     """Return whether ends are stored of which no market has stored that they were announced."""
-    return '"ends": []' not in (system.folder / "scenes.json").read_text(encoding="utf-8")
+    text = (system.folder / "scenes.json").read_text(encoding="utf-8")
+    return '"ends": []' not in text or '"run_ends": []' not in text

@@ -9,22 +9,35 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from marketplace_node import node
-from marketplace_node.effects import Effect, SceneEnded
+from marketplace_node.effects import AnnounceRun, Effect, SceneEnded
+from marketplace_node.outcomes import RunEventKind
 
 DIES_WHILE = "DIES_WHILE"
-"""Environment variable with the file, which the market removes when it dies."""
+"""Environment variable with the file, which the market removes when it dies.
+
+The file says what ends, ``run`` or ``scene``.
+"""
 
 
 class DyingMarket(node.MarketplaceNode):
     """Marketplace that kills itself in place of its next announcement of an end."""
 
     def _execute_one(self, effect: Effect) -> None:
-        if isinstance(effect, SceneEnded):
-            file = Path(os.environ[DIES_WHILE])
-            if file.exists():
-                file.unlink()
-                os.kill(os.getpid(), signal.SIGKILL)
+        file = Path(os.environ[DIES_WHILE])
+        if (what := _ending(effect)) and file.exists() and file.read_text() == what:
+            file.unlink()
+            os.kill(os.getpid(), signal.SIGKILL)
         super()._execute_one(effect)
+
+
+def _ending(effect: Effect) -> str:
+    match effect:
+        case SceneEnded():
+            return "scene"
+        case AnnounceRun(event=RunEventKind.ENDED):
+            return "run"
+        case _:
+            return ""
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -127,6 +127,7 @@ class Interaction:
             epoch=self._market_state.epoch,
             round=goal.round,
             agent=goal.agent,
+            agent_id=goal.agent_id,
             host=goal.host,
             instance=goal.instance,
             code=code,

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.scene import AGAIN, Scene, origin_id
-from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, SceneEnded
+from marketplace_node.effects import AnnounceEarlierRun, EarlierRun, Note, RunGoal, SceneEnded
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.interaction.stored_scenes import StoredRun, StoredScene
 from marketplace_node.market_state import MarketState
@@ -76,10 +76,17 @@ class InheritedRuns:
             latest=now + max(settings.host_wait_s, settings.cancel_deadline_s),
         )
 
+    def announce(self, runs: Iterable[EarlierRun]) -> None:
+        """Announce ends of runs that an earlier market had stored, perhaps without announcing."""
+        for run in runs:
+            self._runs.append((run.epoch, run.goal.round, run.goal.agent))
+            self._market_state.effects.append(AnnounceEarlierRun(run=run))
+
     def on_register(self, host: str, instance: str) -> None:
-        """End the scenes whose runs an earlier start of a host had."""
+        """End the runs that an earlier start of a host had, and their scenes."""
         for one in list(self._unreported.values()):
             if one.run.host == host and one.run.instance != instance:
+                self._market_state.lose_goals(_goal_of(one.run))
                 self._give_up(one, f"{host} was started again, too")
 
     def on_heartbeat(self, host: str, epoch: str, round_number: int, now: float) -> None:
@@ -89,26 +96,29 @@ class InheritedRuns:
                 one.due = min(max(one.due, now + GATHER_S), one.latest)
 
     def tick(self, now: float) -> None:
-        """End the scenes of runs that nobody has reported in time."""
+        """End the runs that nobody has reported in time, and their scenes."""
         for one in list(self._unreported.values()):
             if now >= one.due:
                 self._give_up(one, f"{one.run.host} has not said how its run ended")
 
     def close(self, reason: str) -> None:
-        """End the scenes of all runs that are not reported yet."""
+        """End all runs that are not reported yet, and their scenes."""
         for one in list(self._unreported.values()):
             self._give_up(one, reason)
 
     def _give_up(self, one: _UnreportedRun, reason: str) -> None:
         del self._unreported[one.scene.scene_id]
-        self._market_state.effects.append(
-            SceneEnded(
-                scene_id=one.scene.scene_id,
-                code=RunOutcome.LOST.name,
-                message=f"the marketplace was restarted, and {reason}",
-                agent=one.run.agent,
-            )
+        run = EarlierRun(
+            epoch=one.run.epoch,
+            goal=_goal_of(one.run),
+            scene=one.scene,
+            outcome=RunOutcome.LOST,
+            message=f"the marketplace was restarted, and {reason}",
+            orphans=self._market_state.takeover.orphans(one.run.host, one.run.instance),
         )
+        # A host that reports it after all is told that it has its end.
+        self.announce([run])
+        self._end(one.scene.scene_id, run, run.outcome, run.message)
 
     def due(self, now: float) -> list[Scene]:
         """Return the scenes to ask for again now, each once."""
@@ -182,3 +192,13 @@ class InheritedRuns:
         self._market_state.effects.append(
             SceneEnded(scene_id=scene_id, code=outcome.name, message=message, agent=run.goal.agent)
         )
+
+
+def _goal_of(run: StoredRun) -> RunGoal:
+    return RunGoal(
+        round=run.round,
+        agent=run.agent,
+        agent_id=run.agent_id,
+        host=run.host,
+        instance=run.instance,
+    )

@@ -15,8 +15,10 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.open_goals import OpenGoal
 from bt_agents_core.person_facts import facts
 from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, finite_or_none
-from marketplace_node.effects import Effect, SceneEnded
+from bt_agents_core.stop_cause import StoppedBy
+from marketplace_node.effects import EarlierRun, Effect, RunGoal, SceneEnded
 from marketplace_node.goal_takeover import StoredGoals
+from marketplace_node.outcomes import RunOutcome
 
 _PLAIN: Mapping[str, type] = {
     "scene_id": str,
@@ -34,6 +36,8 @@ _PLAIN: Mapping[str, type] = {
 _NUMBERS = ("value", "age_s", "std", "confidence")
 """Fields of a value that are numbers; null stands for NaN."""
 
+_INTEGERS = ("round", "agent_id")
+
 
 @dataclass(frozen=True, kw_only=True)
 class StoredRun:
@@ -48,6 +52,7 @@ class StoredRun:
     epoch: str
     round: int
     agent: str
+    agent_id: int = 0
     host: str
     instance: str
     code: str = ""
@@ -62,7 +67,7 @@ class StoredAward:
     text: str
 
 
-_Stored = TypeVar("_Stored", StoredAward, StoredRun, SceneEnded)
+_Stored = TypeVar("_Stored", StoredAward, StoredRun, SceneEnded, RunGoal)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +87,7 @@ class StoreScenes(Effect):
         open_goals: What the hosts have open that are registered, and what is being cancelled.
         hosts: The hosts that are alive.
         ends: Ends of scenes that are announced next.
+        run_ends: Ends of runs that are announced next.
         at_once: Whether it is stored before the next effect; not where it only says that ends
             were announced.
     """
@@ -91,6 +97,7 @@ class StoreScenes(Effect):
     open_goals: tuple[StoredGoals, ...] = ()
     hosts: tuple[str, ...] = ()
     ends: tuple[SceneEnded, ...] = ()
+    run_ends: tuple[EarlierRun, ...] = ()
     at_once: bool = True
 
 
@@ -116,6 +123,10 @@ def format_scenes(effect: StoreScenes) -> str:
         ],
         "hosts": effect.hosts,
         "ends": [vars(one) for one in effect.ends],
+        "run_ends": [
+            {**vars(one), "scene": _scene_to_dict(one.scene), "goal": vars(one.goal)}
+            for one in effect.run_ends
+        ],
     }
     return json.dumps(stored, ensure_ascii=False)
 
@@ -140,7 +151,8 @@ def read_scenes(text: str, space: SceneSpace) -> StoreScenes:
             taken=tuple(_typed(one, str) for one in stored["taken"]),
             open_goals=tuple(_goals_from_dict(one) for one in stored.get("open_goals", ())),
             hosts=tuple(_typed(one, str) for one in stored.get("hosts", ())),
-            ends=tuple(_end_from_dict(one) for one in stored.get("ends", ())),
+            ends=tuple(_required(SceneEnded, one) for one in stored.get("ends", ())),
+            run_ends=tuple(_run_end_from_dict(one, space) for one in stored.get("run_ends", ())),
         )
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, Refused) as error:
         raise Refused(
@@ -197,19 +209,32 @@ def _goals_from_dict(stored: Mapping[str, Any]) -> StoredGoals:
     )
 
 
-def _end_from_dict(stored: Mapping[str, Any]) -> SceneEnded:
-    end = _checked(SceneEnded, stored)
-    if end is None:
-        raise TypeError("an end is null")
-    return end
+def _run_end_from_dict(stored: Mapping[str, Any], space: SceneSpace) -> EarlierRun:
+    return EarlierRun(
+        epoch=_typed(stored["epoch"], str),
+        goal=_required(RunGoal, stored["goal"]),
+        scene=_scene_from_dict(stored["scene"], space),
+        outcome=RunOutcome(stored["outcome"]),
+        message=_typed(stored["message"], str),
+        stop_cause=_typed(stored["stop_cause"], int),
+        stopped_by=StoppedBy(stored["stopped_by"]),
+        stop_reason=_typed(stored["stop_reason"], str),
+        orphans=tuple(_typed(one, str) for one in stored["orphans"]),
+        ticks=_typed(stored["ticks"], int),
+        overruns=_typed(stored["overruns"], int),
+        duration_s=_typed(stored["duration_s"], float),
+    )
 
 
 def _checked(kind: type[_Stored], stored: Any) -> _Stored | None:
-    if stored is None:
-        return None
+    return None if stored is None else _required(kind, stored)
+
+
+def _required(kind: type[_Stored], stored: Any) -> _Stored:
     fields = {
-        name: _typed(stored[name], int if name == "round" else str)
+        name: _typed(stored[name], int if name in _INTEGERS else str)
         for name in kind.__dataclass_fields__
+        if name in stored
     }
     return kind(**fields)
 

@@ -211,6 +211,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
                 closing.callback(file.close)
         self._ticked = time.monotonic()
         self._deadline = OneShot(self, self._tick)
+        self._confirmation = OneShot(self, self._tick)
         self._poll = steady_timer(self, _POLL_S, self._tick, running=False)
         steady_timer(self, HEARTBEAT_S, self._publish_heartbeat)
         self._other_market = OtherMarket(self._market.epoch)
@@ -428,6 +429,9 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
             case StoreScenes():
                 if self._scenes_file is not None:
                     self._scenes_file.store(format_scenes(effect), at_once=effect.at_once)
+                if effect.ends or effect.run_ends:
+                    # A tick stores that they were announced: before it, a kill repeats them.
+                    self._confirmation.set(time.monotonic())
             case Note():
                 log.warning(effect.message, throttle_duration_sec=_NOTES_S)
             case Alarm():

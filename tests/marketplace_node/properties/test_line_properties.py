@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever dies and comes back in time, each scene ends once, and none for want of a host."""
+"""Whatever dies and comes back, each scene and run ends once, and none for want of a host."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from bt_agents_core.stop_cause import StopCause
 from market_harness import EXPRESS, GUIDE, SPACE, Driver, scene
 from marketplace_node.effects import (
+    AnnounceEarlierRun,
     AnnounceRun,
     EarlierRun,
     PublishAuction,
@@ -46,6 +47,8 @@ class AnyLine(RuleBasedStateMachine):
         self.ends: Counter[str] = Counter()
         self.codes: dict[str, str] = {}
         self.rounds: Counter[str] = Counter()
+        self.started: set[tuple[str, int]] = set()
+        self.ended: dict[tuple[str, int], RunOutcome] = {}
         self.seen = 0
         self.running: tuple[str, RunGoal, str] | None = None
         self.unreported: list[EarlierRun] = []
@@ -163,8 +166,12 @@ class AnyLine(RuleBasedStateMachine):
                 self.stored = format_scenes(effect)
             elif isinstance(effect, PublishAuction):
                 self.rounds[effect.decision.terms.scene.scene_id] += 1
-            elif isinstance(effect, AnnounceRun) and self.is_end_of_run(effect):
-                self.running = None
+            elif isinstance(effect, AnnounceRun):
+                self.take_run(effect)
+            elif isinstance(effect, AnnounceEarlierRun):
+                # One that the market before had stored may be announced by both.
+                run, key = effect.run, (effect.run.epoch, effect.run.goal.round)
+                assert self.ended.setdefault(key, run.outcome) is run.outcome, run
         for effect in news:
             scene_id = getattr(effect, "code", None) and effect.scene_id
             if not scene_id or (effect.epoch and scene_id in self.ends):
@@ -175,6 +182,16 @@ class AnyLine(RuleBasedStateMachine):
             assert self.ends[scene_id] == 1, f"{scene_id} has a second end: {effect}"
             if effect.code in ("NO_BIDS", "NOT_TAKEN"):
                 assert self.rounds[scene_id] >= ROUNDS_IN_VAIN, effect
+
+    def take_run(self, effect: AnnounceRun) -> None:
+        key = (self.epoch, effect.goal.round)
+        if effect.event is RunEventKind.STARTED:
+            self.started.add(key)
+        elif effect.event is RunEventKind.ENDED:
+            assert key not in self.ended, f"{key} has a second end: {effect}"
+            self.ended[key] = effect.outcome
+        if self.is_end_of_run(effect):
+            self.running = None
 
     def is_end_of_run(self, effect: AnnounceRun) -> bool:
         is_its = self.running is not None and self.running[1] == effect.goal
@@ -194,6 +211,7 @@ class AnyLine(RuleBasedStateMachine):
                 self.driver.wait(1.0)
         missing = {f"s{number}" for number in range(1, self.scenes + 1)} - set(self.ends)
         assert not missing, f"without an end: {missing}, {self.driver.status}"
+        assert self.started <= self.ended.keys(), "runs without an end"
 
 
 AnyLine.TestCase.settings = settings(max_examples=60, stateful_step_count=25, deadline=None)

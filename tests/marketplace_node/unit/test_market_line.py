@@ -9,7 +9,14 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
-from marketplace_node.effects import EarlierRun, RunGoal, SceneEnded, State
+from marketplace_node.effects import (
+    AnnounceEarlierRun,
+    AnnounceRun,
+    EarlierRun,
+    RunGoal,
+    SceneEnded,
+    State,
+)
 from marketplace_node.interaction.market_failover import GATHER_S, KEPT_S
 from marketplace_node.interaction.scene_admission import ROUNDS_IN_VAIN
 from marketplace_node.interaction.stored_scenes import StoreScenes, format_scenes, read_scenes
@@ -578,6 +585,45 @@ def test_an_end_is_announced_again_however_long_there_was_no_market(market: Driv
 
     assert after.ends == [("s1", "SUCCEEDED")]
     assert after.all(StoreScenes)[-1].ends == ()
+
+
+def test_a_run_whose_market_and_host_died_is_lost_once(market: Driver) -> None:
+    goal = market.run()
+    after = restarted(market, host=False)
+    after.register(instance="second")
+    report(after, goal, RunOutcome.SUCCEEDED)
+
+    assert [(run.epoch, run.goal, run.outcome) for run in earlier_runs(after)] == [
+        ("epoch", goal, RunOutcome.LOST)
+    ]
+    assert after.ends == [("s1", "LOST")]
+
+
+def test_a_run_that_nobody_reports_is_lost_once(market: Driver) -> None:
+    market.run()
+    after = restarted(market)
+    after.wait(60.0)
+
+    assert [run.outcome for run in earlier_runs(after)] == [RunOutcome.LOST]
+    assert after.ends == [("s1", "LOST")]
+
+
+def test_an_end_of_a_run_that_may_be_unannounced_is_announced_next(market: Driver) -> None:
+    goal = market.run()
+    market.end()
+    once = restarted(market, host=False, at_once=True)
+    later = restarted(once)
+    report(once, goal, RunOutcome.SUCCEEDED)
+
+    (run,) = earlier_runs(once)
+    (end,) = (run for run in market.all(AnnounceRun) if run.event is RunEventKind.ENDED)
+    assert {**vars(run), "epoch": ""} == {**vars(end), "epoch": "", "age_s": 0.0}
+    assert run.epoch == "epoch"
+    assert earlier_runs(later) == []
+
+
+def earlier_runs(market: Driver) -> list[EarlierRun]:
+    return [effect.run for effect in market.all(AnnounceEarlierRun)]
 
 
 def test_without_a_change_nothing_is_stored(market: Driver) -> None:
