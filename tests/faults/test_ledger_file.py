@@ -27,8 +27,15 @@ pytestmark = pytest.mark.e2e
 
 KILLS = 120
 FLIPS = 500
-PARTS = ("", "-wal", "-shm")
-NAMED = {"LEDGER_CORRUPT", "LEDGER_FOREIGN", "LEDGER_NEWER", "LEDGER_OLD", "LEDGER_UNREADABLE"}
+PARTS = ("", "-wal", "-shm", ".lock")
+NAMED = {
+    "LEDGER_CORRUPT",
+    "LEDGER_CUT_OFF",
+    "LEDGER_FOREIGN",
+    "LEDGER_NEWER",
+    "LEDGER_OLD",
+    "LEDGER_UNREADABLE",
+}
 
 # Forks a writer for each line that it reads, so that none of them has to start Python.
 WRITER = """
@@ -303,7 +310,7 @@ class Files:
     def lay(self, **changed: bytes) -> None:
         """Put the files back as they were, but for some of them."""
         for part in PARTS:
-            content = changed.get(part.replace("-", "_"), self.parts[part])
+            content = changed.get(part.strip("-."), self.parts[part])
             file = self._part(part)
             if content or part == "":
                 file.write_bytes(content)
@@ -329,19 +336,22 @@ class Files:
         return code
 
 
-def test_a_log_that_is_cut_off_anywhere_leaves_every_commit_before_the_cut(tmp_path):
+def test_a_log_that_is_cut_off_anywhere_is_named(tmp_path):
     files = Files(tmp_path, in_log=True)
     log = files.parts["-wal"]
     page = 4096
     frames = [32 + number * (24 + page) for number in range((len(log) - 32) // (24 + page) + 1)]
     assert len(frames) > 30
     assert frames[-1] == len(log)
-    found = []
-    for cut in [0, 16, *(one for frame in frames for one in (frame, frame + 24 + page // 2))]:
-        files.lay(_wal=log[:cut])
-        found.append(files.judge())
-    assert found == sorted(found)
-    assert set(found) == set(range(len(files.states)))
+    states = []
+    for cut in [0, 16, *(one for frame in frames[:-1] for one in (frame, frame + 24 + page // 2))]:
+        files.lay(wal=log[:cut])
+        assert files.judge() == "LEDGER_CUT_OFF"
+        # Who goes on with what is there has every commit before the cut.
+        files._part(".lock").unlink()
+        states.append(files.judge())
+    assert states == sorted(states)
+    assert set(states) == set(range(len(files.states) - 1))
 
 
 @pytest.mark.parametrize("in_log", [True, False], ids=["with_a_log", "without"])
@@ -350,6 +360,7 @@ def test_250_flipped_bits_each_are_harmless_or_named(tmp_path, in_log):
     last = len(files.states) - 1
     chance = random.Random(5)
     sizes = {part: len(content) for part, content in files.parts.items() if content}
+    del sizes[".lock"]
     found: dict[str, list[str | int]] = {part: [] for part in sizes}
     for _ in range(FLIPS // 2):
         part = chance.choices(list(sizes), list(sizes.values()))[0]
@@ -359,19 +370,51 @@ def test_250_flipped_bits_each_are_harmless_or_named(tmp_path, in_log):
             len(content) if chance.random() < 0.66 else min(600, len(content))
         )
         content[where] ^= 1 << chance.randrange(8)
-        files.lay(**{part.replace("-", "_"): bytes(content)})
+        files.lay(**{part.strip("-."): bytes(content)})
         found[part].append(files.judge())
-    assert set(found[""]) > {last}
-    # Nothing that is in the file itself is lost without a word.
-    assert {one for one in found[""] if isinstance(one, int)} == {last}
+    # Nothing is lost without a word.
+    assert {one for part in found for one in found[part] if isinstance(one, int)} == {last}
+    assert "LEDGER_CORRUPT" in found[""]
     if in_log:
-        # SQLite drops the end of a log from its first damaged frame on, and keeps what is before.
-        assert {0, last - 1} < set(found["-wal"])
+        # SQLite drops the end of a log from its first damaged frame on.
+        assert "LEDGER_CUT_OFF" in found["-wal"]
         assert set(found["-shm"]) == {last}
 
 
-@pytest.mark.parametrize(("lost", "found"), [("", "LEDGER_CORRUPT"), ("-wal", 0), ("-shm", -1)])
-def test_of_a_file_that_is_lost_nothing_is_missing_but_what_was_in_it(tmp_path, lost, found):
+def test_an_older_copy_in_the_place_of_a_ledger_is_named(tmp_path):
+    files = Files(tmp_path, in_log=False)
+    with Ledger(files.path) as ledger:
+        Files.teach(ledger, 60, 61)
+    files.path.write_bytes(files.parts[""])
+    assert files.judge() == "LEDGER_CUT_OFF"
+    files._part(".lock").unlink()
+    assert files.judge() == 0
+
+
+def test_a_ledger_of_a_version_without_the_number_opens(tmp_path):
+    files = Files(tmp_path, in_log=True)
+    files.lay()
+    files._part(".lock").write_bytes(b"")
+    assert files.judge() == len(files.states) - 1
+    files.path.write_bytes(files.parts[""])
+    assert files.judge() == "LEDGER_CUT_OFF"
+
+
+def test_a_damaged_number_of_the_last_row_is_harmless(tmp_path):
+    files = Files(tmp_path, in_log=False)
+    chance = random.Random(5)
+    for where in range(len(files.parts[".lock"])):
+        content = bytearray(files.parts[".lock"])
+        content[where] ^= 1 << chance.randrange(8)
+        files.lay(lock=bytes(content))
+        assert files.judge() == len(files.states) - 1
+
+
+@pytest.mark.parametrize(
+    ("lost", "found"),
+    [("", "LEDGER_CORRUPT"), ("-wal", "LEDGER_CUT_OFF"), ("-shm", -1), (".lock", -1)],
+)
+def test_of_a_file_that_is_lost_nothing_is_missing_without_a_word(tmp_path, lost, found):
     files = Files(tmp_path, in_log=True)
     files.lay()
     files._part(lost).unlink()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.state_folder import StateFolder
-from feedback_node.ledger.file import connect, inspect, lock_file
+from feedback_node.ledger.file import LedgerLock, connect, inspect
 from feedback_node.ledger.reading import LedgerReader
 
 _LEDGER = "ledger.sqlite"
@@ -60,7 +60,7 @@ def _agents_in(ledger: Path) -> set[str]:
 
 
 def _move(home: Path, place: Path) -> None:
-    with closing(lock_file(home / _LEDGER)):
+    with closing(LedgerLock(home / _LEDGER)):
         found = [home / name for name in _DATABASES if (home / name).is_file()]
         for file in found:
             _fold_log(file)

@@ -14,7 +14,14 @@ from pathlib import Path
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from feedback_node.ledger.erasure import FileErasure, erase_layer
-from feedback_node.ledger.file import MEMORY, failed, lock_file, open_database, unread
+from feedback_node.ledger.file import (
+    MEMORY,
+    LedgerLock,
+    failed,
+    has_content,
+    open_database,
+    unread,
+)
 from feedback_node.ledger.reading import LedgerReader
 from feedback_node.ledger.rows import (
     AUTHORED,
@@ -45,7 +52,8 @@ class LedgerEntry:
 class Ledger(LedgerReader):
     """The only writer of one SQLite file; a change is on the disk when its method returns.
 
-    A lock file beside the database keeps a second writer out; readers are welcome at any time.
+    A lock file beside the database keeps a second writer out, and tells when the end of the
+    database is lost; readers are welcome at any time.
     Changes raise :class:`LedgerError` as :func:`failed` says, or with ``LEDGER_CORRUPT``; whatever
     is raised, nothing of them is recorded.
 
@@ -62,11 +70,14 @@ class Ledger(LedgerReader):
         self.failure = ""
         self._wall = wall
         self._revisions: dict[tuple[str, str], int] = {}
+        self._lock: LedgerLock | None = None
         with ExitStack() as opened:
             if str(path) != MEMORY:
                 # What belongs to a ledger lies beside the file itself, whichever link leads to it.
                 path = Path(path).resolve()
-                opened.enter_context(lock_file(path))
+                self._lock = opened.enter_context(closing(LedgerLock(path)))
+                if not has_content(str(path)):
+                    self._lock.record(0)
             database = opened.enter_context(closing(open_database(str(path))))
             super().__init__(database, str(path))
             try:
@@ -322,6 +333,7 @@ class Ledger(LedgerReader):
             self._database.execute("BEGIN IMMEDIATE")
             try:
                 yield
+                last = self._next_number() - 1
                 self._database.execute("COMMIT")
             except BaseException:
                 self._authored.clear()
@@ -329,6 +341,8 @@ class Ledger(LedgerReader):
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
                 raise
+            if self._lock is not None:
+                self._lock.record(last)
             self.failure = ""
         except (sqlite3.Error, ValueError) as error:
             failure = failed(self.path, error)

@@ -20,14 +20,23 @@ class LedgerCheck:
         good: How many rows are what was written, with all revisions of their profile before them.
         forgotten: How many of them have lost their content on purpose.
         problems: Each with the rows or the pages concerned; empty when nothing is wrong.
+        last: The number of the last row.
+        recorded: That of the last row that was recorded, as far as it is known; 0 if not.
     """
 
     def __init__(self, database: sqlite3.Connection) -> None:
         self._database = database
         self._next: dict[tuple[str, str], int] = {}
         self._broken: set[tuple[str, str]] = set()
-        self.good = self.forgotten = 0
+        self.good = self.forgotten = self.last = self.recorded = 0
         self.problems: list[str] = []
+
+    @property
+    def lost(self) -> str:
+        """Which rows are missing at the end, in words; empty for none."""
+        if self.last >= self.recorded:
+            return ""
+        return f"rows {self.last + 1} to {self.recorded}, the last ones, are missing"
 
     def good_rows(self) -> Iterator[Row]:
         """Yield the good rows in the order of their entry.
@@ -36,6 +45,7 @@ class LedgerCheck:
             sqlite3.OperationalError: The file is out of reach.
         """
         for row in self._rows():
+            self.last = row.number
             profile = (row.agent, row.layer)
             if problem := self._problem(row):
                 self.problems.append(problem)

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from contextlib import closing, suppress
 from operator import methodcaller
 from pathlib import Path
-from typing import TextIO
 from urllib.parse import quote
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
@@ -22,13 +21,17 @@ from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 MEMORY = ":memory:"
 """Path of a ledger that is forgotten when it is closed."""
 
+CUT_OFF = "LEDGER_CUT_OFF"
+"""Code of a ledger that has lost its end."""
+
 _LOCK_WAIT_S = 0.5
 _MOST_PROBLEMS = 3
 _REPAIR = (
     "Nothing was changed. 'bt-agents profile recover' copies the good revisions into a new file; "
-    "or put a copy back; or move the file away, with its -wal and -shm, to start with the "
+    "or put a copy back; or move the file away, with its -wal, -shm and .lock, to start with the "
     "profiles of the agents' files"
 )
+_MARK_BYTES = 40
 _FULL = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE, sqlite3.SQLITE_IOERR_SHMSIZE}
 _WRITTEN_TWICE = {sqlite3.SQLITE_CONSTRAINT_UNIQUE, sqlite3.SQLITE_CONSTRAINT_PRIMARYKEY}
 _FULL_ERRNO = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -38,29 +41,66 @@ class LedgerError(Refused):
     """The ledger cannot be read or written; its code says why."""
 
 
-def lock_file(path: Path) -> TextIO:
-    """Keep other writers out until the returned file is closed; create the folder.
+class LedgerLock:
+    """Lock file of a ledger, which keeps other writers out and has the number of the last row.
 
-    Raises:
-        LedgerError: ``LEDGER_UNREADABLE`` or ``LEDGER_IN_USE``.
+    SQLite drops the end of a log that is damaged without a word; by the number it is noticed.
     """
+
+    def __init__(self, path: Path) -> None:
+        """Lock a ledger; its folder is created.
+
+        Raises:
+            LedgerError: ``LEDGER_UNREADABLE`` or ``LEDGER_IN_USE``.
+        """
+        self._recorded = -1
+        try:
+            make_private_folder(path.parent)
+            self._file = open_private(_lock_of(path), os.O_WRONLY)
+        except OSError as error:
+            raise LedgerError(
+                "LEDGER_UNREADABLE",
+                f"{path}: {error.strerror}; give the parameter 'ledger' a path that can be "
+                "written",
+            ) from error
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._file)
+            raise LedgerError(
+                "LEDGER_IN_USE",
+                f"{path}: another feedback node writes it; end that one or give this one another "
+                "path",
+            ) from None
+
+    def record(self, number: int) -> None:
+        """Record the number of the last row, which is on the disk."""
+        if number == self._recorded:
+            return
+        # A row counts without it, too; only its loss would not be noticed.
+        with suppress(OSError):
+            # Twice, so that a number that is damaged itself is noticed.
+            os.pwrite(self._file, f"{number:019d}\n".encode() * 2, 0)
+            os.fdatasync(self._file)
+            self._recorded = number
+
+    def close(self) -> None:
+        """Let another writer in."""
+        os.close(self._file)
+
+
+def _recorded_in(lock: Path) -> int:
+    """Return the number of the last row of a ledger; 0 when its lock file does not say it."""
     try:
-        make_private_folder(path.parent)
-        lock = os.fdopen(open_private(path.with_name(path.name + ".lock"), os.O_WRONLY), "w")
-    except OSError as error:
-        raise LedgerError(
-            "LEDGER_UNREADABLE",
-            f"{path}: {error.strerror}; give the parameter 'ledger' a path that can be written",
-        ) from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        lock.close()
-        raise LedgerError(
-            "LEDGER_IN_USE",
-            f"{path}: another feedback node writes it; end that one or give this one another path",
-        ) from None
-    return lock
+        with lock.open("rb") as opened:
+            one, other = opened.read(_MARK_BYTES).split()
+        return int(one) if one == other else 0
+    except (OSError, ValueError):
+        return 0
+
+
+def _lock_of(path: Path) -> Path:
+    return path.with_name(path.name + ".lock")
 
 
 def connect(path: str, mode: str) -> sqlite3.Connection:
@@ -76,11 +116,17 @@ def open_database(path: str) -> sqlite3.Connection:
     """Open a ledger to write, checked before anything is changed; create a new one.
 
     Raises:
-        LedgerError: As in :func:`inspect`, or ``LEDGER_CORRUPT``, and the file is left as it was
-            found; or as in :func:`failed` when a new one cannot be written.
+        LedgerError: As in :func:`inspect`, ``LEDGER_CORRUPT`` or ``LEDGER_CUT_OFF``, and the file
+            is left as it was found; or as in :func:`failed` when a new one cannot be written.
     """
-    if path != MEMORY and _has_content(path) and (problems := inspect(path).problems):
-        raise damaged(path, problems)
+    if path != MEMORY and has_content(path):
+        found = inspect(path)
+        if found.problems:
+            raise damaged(path, found.problems)
+        if found.lost:
+            raise LedgerError(
+                CUT_OFF, f"{path}: {found.lost}. Nothing was changed. {repair_of_cut_off(path)}"
+            )
     try:
         if path != MEMORY:
             make_private_database(Path(path))
@@ -102,9 +148,13 @@ def inspect(path: str) -> LedgerCheck:
         LedgerError: It is no ledger of this format: ``LEDGER_UNREADABLE``, ``LEDGER_FOREIGN``,
             ``LEDGER_NEWER``, ``LEDGER_OLD``, or ``LEDGER_CORRUPT`` when it is no database at all.
     """
+    # First, as a writer may go on meanwhile. It lies beside the file itself.
+    recorded = _recorded_in(_lock_of(Path(path).resolve()))
     try:
         with closing(connect(path, "ro")) as database:
-            return check(database) if _is_ledger(database, path) else LedgerCheck(database)
+            found = check(database) if _is_ledger(database, path) else LedgerCheck(database)
+            found.recorded = recorded
+            return found
     except (sqlite3.Error, UnicodeDecodeError) as error:
         # The message of an error may quote text that is damaged.
         raise unread(path, error) from error
@@ -132,7 +182,12 @@ def recover(path: str, new: str) -> int:
     return rows.good
 
 
-def _has_content(path: str) -> bool:
+def has_content(path: str) -> bool:
+    """Return whether a ledger has been created.
+
+    Raises:
+        LedgerError: ``LEDGER_CORRUPT`` when only its log is there, or ``LEDGER_UNREADABLE``.
+    """
     file, log, journal = Path(path), Path(path + "-wal"), Path(path + "-journal")
     try:
         if journal.exists():
@@ -162,7 +217,7 @@ def _is_ledger(database: sqlite3.Connection, path: str) -> bool:
         raise LedgerError(
             "LEDGER_NEWER" if found > FORMAT else "LEDGER_OLD",
             f"{path}: format {found}, this program knows {FORMAT} only; use the version that has "
-            "written it, or move the file away, with its -wal and -shm, to start with the "
+            "written it, or move the file away, with its -wal, -shm and .lock, to start with the "
             "profiles of the agents' files",
         )
     return True
@@ -199,6 +254,14 @@ def unreadable(path: str, error: Exception) -> LedgerError:
     return LedgerError(
         "LEDGER_UNREADABLE",
         f"{path}: {error}; expected an SQLite file of this program that can be read and written",
+    )
+
+
+def repair_of_cut_off(path: str) -> str:
+    """Return in words what to do about a ledger that has lost its end."""
+    return (
+        "The end of its log (-wal) is damaged or gone, or an older copy is in its place: put the "
+        f"newer files back, if there are any; to go on with what is there, remove {path}.lock"
     )
 
 

@@ -260,7 +260,7 @@ def check(file: Path | None, state: str) -> None:
 
     A feedback node may have it open. The exit code is 1 when something is wrong.
     """
-    from feedback_node.ledger.file import inspect
+    from feedback_node.ledger.file import CUT_OFF, inspect, repair_of_cut_off
 
     file = file or _with_ledger(state).ledger
     report = inspect(str(file))
@@ -275,6 +275,9 @@ def check(file: Path | None, state: str) -> None:
             click.echo(f"and {counted(more, 'problem')} more", err=True)
         advice = f"'bt-agents profile recover {file} NEW' copies the good ones into a new file"
         click.echo(advice, err=True)
+    elif report.lost:
+        click.echo(f"{CUT_OFF}: {report.lost}\n{repair_of_cut_off(str(file))}", err=True)
+    if report.problems or report.lost:
         sys.exit(1)
 
 
@@ -285,8 +288,8 @@ def recover(file: Path, new: Path) -> None:
     """Copy the good revisions of a damaged ledger FILE into a NEW one.
 
     Of each profile those are the first ones, up to the one before the first that is damaged or
-    missing. FILE is not changed. Move it away, with its -wal and -shm, and put NEW in its place;
-    or give the feedback node NEW as its parameter 'ledger'.
+    missing. FILE is not changed. Move it away, with its -wal, -shm and .lock, and put NEW in its
+    place; or give the feedback node NEW as its parameter 'ledger'.
     """
     from feedback_node.ledger import file as ledger_file
 
