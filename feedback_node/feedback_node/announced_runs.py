@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from bt_agents_core.scene import Origin, Scene
 
 _REMEMBERED_ENDS = 256
-_REMEMBERED_AGENTS = 10_000
+_REMEMBERED_AGENTS = 1_000
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,6 +28,7 @@ from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, S
 from bt_agents_language.model.experiment import PreparedFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
+from feedback_node.learning.profiles import MOST_HOSTS
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import RevisionCause
@@ -540,6 +541,25 @@ def test_a_hostile_card_is_refused_and_the_node_lives(scenario, fields):
     assert room.node._profiles.table() == ()
     room.introduce()
     assert set(room.table()) == {"guide", "express"}
+
+
+def test_forged_hosts_fill_no_place_of_a_real_one(scenario):
+    room = scenario()
+    forger = room.ros.node.create_publisher(HostCard, "bt_agents/cards", qos.FACTS)
+
+    def forge(first: int) -> None:
+        last = first + MOST_HOSTS + 20
+        for number in range(first, last):
+            agent = AgentCard(name=f"a{number}", profile=[3.0, 3.0, 3.0])
+            forger.publish(room.host.card(host=f"/h{number}", agents=[agent]))
+        room.ros.until(lambda: f"/h{last - 1}" in room.node._profiles.hosts)
+
+    forge(0)
+    room.introduce()
+    assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
+    forge(1_000)
+    assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
+    assert len(room.node._profiles.hosts) == MOST_HOSTS
 
 
 def test_a_rule_that_cannot_be_read_leaves_the_agent_and_its_other_rules_working(scenario):

@@ -58,12 +58,17 @@ class AgentEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class LearningCard:
-    """Card of a host, unchecked; see ``HostCard.msg``."""
+    """Card of a host, unchecked; see ``HostCard.msg``.
+
+    Attributes:
+        sender: The process it is from, as the middleware says; empty where it does not.
+    """
 
     host: str
     instance: str
     parameters: tuple[str, ...]
     agents: tuple[AgentEntry, ...]
+    sender: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
@@ -22,21 +23,41 @@ from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause, check_texts
 
 MOST_HOSTS = 100
-"""Hosts whose agents are known at once."""
+"""Hosts whose agents are known at once; see :meth:`Profiles.register_card`."""
 
 _REMEMBERED = 1000
 """Layers of which it is remembered what they were taught."""
 
 
-class Profiles:
-    """Agents of all cards, with their profiles in the ledger, whose errors come through."""
+@dataclass(frozen=True, kw_only=True)
+class _Start:
+    """Start of a host, and the process that its last card is from, as far as it is known."""
 
-    def __init__(self, space: SceneSpace, ledger: Ledger) -> None:
+    instance: str
+    sender: str
+
+
+class Profiles:
+    """Agents of all cards, with their profiles in the ledger, whose errors come through.
+
+    Args:
+        space: The scene parameters.
+        ledger: Where the profiles are recorded.
+        is_there: Returns whether a host takes profiles.
+    """
+
+    def __init__(
+        self,
+        space: SceneSpace,
+        ledger: Ledger,
+        is_there: Callable[[str], bool] = lambda _host: True,
+    ) -> None:
         self.scenes = space
         self.space = space.profiles
         self._ledger = ledger
         self._agents: dict[str, Agent] = {}
-        self._starts: dict[str, str] = {}
+        self._is_there = is_there
+        self._starts: dict[str, _Start] = {}
         self._current: dict[tuple[str, str], ProfileRevision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
         self._differing: set[str] = set()
@@ -48,6 +69,10 @@ class Profiles:
         One without agents is of a start that the market does not have: it takes nothing away from
         another start of the same name.
 
+        When :data:`MOST_HOSTS` are known, a new one takes the place of one that is not there: of
+        the process with the most hosts, and of these the one known for longest. So one process
+        that makes up hosts takes places from itself only.
+
         Returns:
             What the host has yet to learn, and the problems of its agents in words.
 
@@ -56,26 +81,16 @@ class Profiles:
                 :func:`read_card` and :class:`Ledger`.
         """
         agents, problems = read_card(card, self.space, self._agents)
-        hosts = self.hosts
-        if not card.agents and self._starts.get(card.host, card.instance) != card.instance:
+        start = self._starts.get(card.host)
+        fresh = start is None or start.instance != card.instance
+        if not card.agents and start is not None and fresh:
             return (), ()
-        if card.host not in hosts and len(hosts) >= MOST_HOSTS:
-            raise Refused(
-                "TOO_MANY_HOSTS",
-                f"card of {card.host}: agents of {len(hosts)} hosts are known, expected "
-                f"{MOST_HOSTS} at most; restart the feedback node when most of them are gone",
-            )
+        self._make_room_for(card.host)
         entered = self._enter(agents)
-        listed = {agent.name for agent in agents}
-        for name, known in list(self._agents.items()):
-            if known.host == card.host and name not in listed:
-                del self._agents[name]
-                self._differing.discard(name)
-                for key in [key for key in self._current if key[0] == name]:
-                    del self._current[key]
-        fresh = self._starts.get(card.host) != card.instance
-        self._starts = {host: start for host, start in self._starts.items() if host in hosts}
-        self._starts[card.host] = card.instance
+        self._drop(card.host, keep={agent.name for agent in agents})
+        hosts = self.hosts
+        self._starts = {host: known for host, known in self._starts.items() if host in hosts}
+        self._starts[card.host] = _Start(instance=card.instance, sender=card.sender)
         deliveries, more = [], []
         if fresh and agents and self._ledger.has_layers():
             # Its answer is followed by the layers; it may hold some that are forgotten by now.
@@ -112,6 +127,36 @@ class Profiles:
         if not fresh:
             deliveries += [d for d in self.layers_at(card.host) if d.agent in entered]
         return tuple(deliveries), (*problems, *more)
+
+    def _make_room_for(self, host: str) -> None:
+        """Drop a host that is not there, when there is no place for another one.
+
+        Raises:
+            Refused: ``TOO_MANY_HOSTS``.
+        """
+        hosts = self.hosts
+        if host in hosts or len(hosts) < MOST_HOSTS:
+            return
+        senders = {known: start.sender for known, start in self._starts.items() if known in hosts}
+        hosts_of = Counter(senders.values())
+        for known in sorted(senders, key=lambda one: -hosts_of[senders[one]]):
+            if not self._is_there(known):
+                self._drop(known)
+                return
+        raise Refused(
+            "TOO_MANY_HOSTS",
+            f"card of {host}: {len(hosts)} hosts are there, expected {MOST_HOSTS} at most; let "
+            "one host have more agents",
+        )
+
+    def _drop(self, host: str, keep: Collection[str] = ()) -> None:
+        """Forget the agents of a host that are not among those to keep."""
+        for name, known in list(self._agents.items()):
+            if known.host == host and name not in keep:
+                del self._agents[name]
+                self._differing.discard(name)
+                for key in [key for key in self._current if key[0] == name]:
+                    del self._current[key]
 
     @property
     def differing(self) -> tuple[str, ...]:

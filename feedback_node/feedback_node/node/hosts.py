@@ -44,6 +44,10 @@ class HostProfiles:
         self._unanswered: dict[tuple[str, str, str], Delivery] = {}
         self._reported: set[str] = set()
 
+    def is_there(self, host: str) -> bool:
+        """Return whether a host takes profiles."""
+        return bool(self._client(host).service_is_ready())
+
     def deliver(self, delivery: Delivery, answer: Future | None = None) -> None:
         """Send a profile to its host; ``answer`` gets "" or the problem."""
         if answer is None and self._under_way[delivery.host] >= _MOST_UNDER_WAY:

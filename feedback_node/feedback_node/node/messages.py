@@ -9,6 +9,7 @@ from rclpy.exceptions import NameValidationException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import (
     AgentCard,
@@ -39,8 +40,8 @@ def set_profile_name(host: str) -> str:
     return f"{host}/set_profile"
 
 
-def card_from_msg(message: HostCard, space: SceneSpace) -> LearningCard:
-    """Return the card of a host.
+def card_from_msg(message: HostCard, space: SceneSpace, sender: str = "") -> LearningCard:
+    """Return the card of a host, which ``sender`` has published.
 
     Raises:
         Refused: ``BAD_NAME`` when the host's name is none.
@@ -56,6 +57,7 @@ def card_from_msg(message: HostCard, space: SceneSpace) -> LearningCard:
         instance=message.host_instance,
         parameters=tuple(message.parameters),
         agents=tuple(_agent_from_msg(agent, space) for agent in message.agents),
+        sender=sender,
     )
 
 
@@ -115,7 +117,17 @@ def rule_from_msg(message: MoodRuleMsg, space: SceneSpace) -> MoodRule:
 
 
 def run_from_msg(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -> AnnouncedRun:
-    """Return the run of an event."""
+    """Return the run of an event.
+
+    Raises:
+        Refused: ``TOO_LONG``, or as in :func:`scene_from_msg`.
+    """
+    for field in ("epoch", "agent"):
+        if len(text := getattr(message, field)) > LONGEST_NAME:
+            raise Refused(
+                "TOO_LONG",
+                f"run: {field} has {len(text)} characters, expected {LONGEST_NAME} at most",
+            )
     return AnnouncedRun(
         epoch=message.epoch,
         round=message.round,

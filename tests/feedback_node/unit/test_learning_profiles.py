@@ -30,8 +30,12 @@ GUIDE = AgentEntry(name="guide", profile=(4.0, 3.0), revision=0, learning_rate=0
 EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.2)
 
 
-def card(*agents: AgentEntry, host: str = "/agents", instance: str = "i1") -> LearningCard:
-    return LearningCard(host=host, instance=instance, parameters=SPACE.names, agents=agents)
+def card(
+    *agents: AgentEntry, host: str = "/agents", instance: str = "i1", sender: str = ""
+) -> LearningCard:
+    return LearningCard(
+        host=host, instance=instance, parameters=SPACE.names, agents=agents, sender=sender
+    )
 
 
 def profiles(*agents: AgentEntry) -> Profiles:
@@ -162,11 +166,33 @@ def test_the_hosts_are_bounded_and_one_that_lost_its_agents_makes_room():
     known = Profiles(SPACE, Ledger(":memory:"))
     for number in range(MOST_HOSTS):
         known.register_card(card(replace(GUIDE, name=f"a{number}"), host=f"/h{number}"))
-    with pytest.raises(Refused, match="TOO_MANY_HOSTS: card of /more: agents of 100 hosts"):
+    with pytest.raises(Refused, match="TOO_MANY_HOSTS: card of /more: 100 hosts are there"):
         known.register_card(card(GUIDE, host="/more"))
     known.register_card(card(host="/h7"))
     known.register_card(card(GUIDE, host="/more"))
     assert len(known.hosts) == MOST_HOSTS
+
+
+def test_forged_hosts_take_places_from_each_other_only():
+    known = Profiles(SPACE, Ledger(":memory:"), is_there=lambda host: host == "/slow")
+    # One that is there, one that is not there yet, and one that is gone.
+    for name in ("slow", "new", "gone"):
+        known.register_card(card(replace(GUIDE, name=name), host=f"/{name}", sender=name))
+    for number in range(2 * MOST_HOSTS):
+        forged = replace(GUIDE, name=f"a{number}")
+        known.register_card(card(forged, host=f"/h{number}", sender="forger"))
+    last = {f"/h{number}" for number in range(MOST_HOSTS + 3, 2 * MOST_HOSTS)}
+    assert known.hosts == {"/slow", "/new", "/gone", *last}
+    known.register_card(card(GUIDE, host="/more", sender="more"))
+    assert known.hosts == {"/slow", "/new", "/gone", "/more", *last} - {f"/h{MOST_HOSTS + 3}"}
+
+
+def test_the_host_that_is_gone_for_longest_makes_room():
+    known = Profiles(SPACE, Ledger(":memory:"), is_there=lambda host: host == "/h0")
+    for number in range(MOST_HOSTS + 1):
+        name = f"h{number}"
+        known.register_card(card(replace(GUIDE, name=name), host=f"/{name}", sender=name))
+    assert known.hosts == {f"/h{number}" for number in range(MOST_HOSTS + 1) if number != 1}
 
 
 def test_an_agent_at_a_second_host_is_reported_and_learns_there():
