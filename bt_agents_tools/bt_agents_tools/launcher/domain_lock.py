@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Locks on ROS domains of this machine, held by files for the life of a process.
 
-The files lie in the runtime folder of the user, where nobody else can hold them. Of other users
+The files lie in a folder of the user, where nobody else can hold them. Of other users
 a domain shows itself by the ports that are bound, and by its marketplace.
 """
 
@@ -14,11 +14,13 @@ import stat
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from urllib.parse import quote
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.private_files import make_private_folder, open_private
+from bt_agents_core.state_folder import state_home
 
 FIRST, LAST = 40, 100
 """Domains for private use on every platform, with ports below the ephemeral ones of Linux."""
@@ -41,8 +43,9 @@ _FIRST_PORT, _PORTS_OF_A_DOMAIN = 7410, 250
 def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """Return the folder of this user for what lasts as long as a session, made when missing.
 
-    That is ``XDG_RUNTIME_DIR``, else the one that the login of the user would set, else one in
-    the folder for temporary files.
+    That is ``XDG_RUNTIME_DIR``, else the one that the login of the user would set, else one for
+    this machine beside the state folders of the user. Only where that cannot be written it is one
+    in the folder for temporary files, where another user may have taken its name.
 
     Raises:
         BtAgentsError: There is none that this user owns and nobody else can write.
@@ -52,20 +55,20 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     for folder in (Path(named), LOGINS / str(user)):
         if folder.is_absolute() and _is_private(folder):
             return folder
-    folder = Path(tempfile.gettempdir()) / f"bt-agents-{user}"
-    try:
-        make_private_folder(folder)
-    except OSError as error:
-        raise BtAgentsError(
-            f"no place for the locks of ROS domains: {folder} ({error.strerror}); set "
-            "XDG_RUNTIME_DIR to a folder of yours"
-        ) from None
-    if not _is_private(folder):
-        raise BtAgentsError(
-            f"no place for the locks of ROS domains: {folder} is not a folder that only you can "
-            "write; set XDG_RUNTIME_DIR to a folder of yours"
-        )
-    return folder
+    made = [Path(tempfile.gettempdir()) / f"bt-agents-{user}"]
+    with suppress(BtAgentsError):
+        machine = quote(socket.gethostname(), safe="")
+        made.insert(0, state_home(environment) / f"locks-{machine}")
+    for folder in made:
+        with suppress(OSError):
+            make_private_folder(folder)
+        if _is_private(folder):
+            return folder
+    raise BtAgentsError(
+        "no place for the locks of ROS domains: "
+        f"{' and '.join(map(str, made))} cannot be made, or others can write there; set "
+        "XDG_RUNTIME_DIR to a folder of yours"
+    )
 
 
 def reserve_domain() -> int:

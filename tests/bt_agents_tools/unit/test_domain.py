@@ -90,32 +90,48 @@ def test_the_lock_lies_in_the_runtime_folder_of_the_user(private_folder: Path) -
     assert lock.stat().st_mode & 0o777 == 0o600
 
 
-def test_without_a_runtime_folder_there_is_one_for_temporary_files_that_is_private(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder for temporary files, where nobody has logged in."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setattr(domain_lock, "LOGINS", tmp_path / "logins")
-    for environment in ({}, {"XDG_RUNTIME_DIR": ""}, {"XDG_RUNTIME_DIR": "relative"}):
-        found = runtime_folder(environment)
-        assert found == tmp_path / f"bt-agents-{os.getuid()}"
+    return tmp_path
+
+
+@pytest.mark.parametrize("named", [{}, {"XDG_RUNTIME_DIR": ""}, {"XDG_RUNTIME_DIR": "relative"}])
+def test_without_a_runtime_folder_the_user_has_one_for_each_machine(
+    temporary: Path, named: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # What another user has made there keeps nobody out.
+    (temporary / f"bt-agents-{os.getuid()}").write_text("")
+    state = temporary / "state"
+    for machine in ("robot", "a/../b"):
+        monkeypatch.setattr("socket.gethostname", lambda name=machine: name)
+        found = runtime_folder({**named, "XDG_STATE_HOME": str(state)})
+        assert found == state / "bt-agents" / f"locks-{machine.replace('/', '%2F')}"
         assert found.stat().st_mode & 0o777 == 0o700
 
 
-def test_a_folder_that_others_can_write_or_that_is_a_link_holds_no_lock(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(domain_lock, "LOGINS", tmp_path / "logins")
-    fallback = tmp_path / f"bt-agents-{os.getuid()}"
+def test_without_a_home_a_private_temporary_folder_holds_locks(temporary: Path) -> None:
+    (temporary / "file").write_text("")
+    found = runtime_folder({"XDG_STATE_HOME": str(temporary / "file")})
+    assert found == temporary / f"bt-agents-{os.getuid()}"
+    assert found.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_that_others_can_write_or_that_is_a_link_holds_no_lock(temporary: Path) -> None:
+    (temporary / "file").write_text("")
+    homeless = {"XDG_STATE_HOME": str(temporary / "file")}
+    fallback = temporary / f"bt-agents-{os.getuid()}"
     fallback.mkdir()
     fallback.chmod(0o777)
-    with pytest.raises(BtAgentsError, match="is not a folder that only you can write"):
-        runtime_folder({"XDG_RUNTIME_DIR": str(fallback)})
+    with pytest.raises(BtAgentsError, match="others can write there; set XDG_RUNTIME_DIR"):
+        runtime_folder({**homeless, "XDG_RUNTIME_DIR": str(fallback)})
     fallback.rmdir()
-    (tmp_path / "elsewhere").mkdir()
-    fallback.symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(BtAgentsError, match="is not a folder that only you can write"):
-        runtime_folder({})
+    (temporary / "elsewhere").mkdir()
+    fallback.symlink_to(temporary / "elsewhere")
+    with pytest.raises(BtAgentsError, match="others can write there; set XDG_RUNTIME_DIR"):
+        runtime_folder(homeless)
 
 
 def test_a_domain_that_somebody_uses_without_a_lock_is_not_reserved() -> None:
