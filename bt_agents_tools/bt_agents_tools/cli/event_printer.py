@@ -4,17 +4,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
+from bt_agents_core.log_budget import LogBudget
 from bt_agents_core.node_name import filled_name
+from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
-from bt_agents_core.text import format_known, join_first
+from bt_agents_core.text import ellipsize, format_known, join_first
 from bt_agents_tools.cli.formatting import (
     KINDS,
     OUTCOMES,
@@ -25,6 +29,20 @@ from bt_agents_tools.cli.formatting import (
     print_line,
 )
 
+LONGEST_TEXT = 400
+"""Characters of an event that are shown: others may send any number."""
+
+MOST_LINES = 2_000
+"""Lines in :data:`LINES_S`; others are left out."""
+
+LINES_S = 5.0
+
+MOST_COUNTED = 10_000
+"""Runs and feedbacks for the summary, the last ones."""
+
+_REMEMBERED = 1_000
+"""Agents, hosts and nodes that something is remembered of."""
+
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
 _STATUSES = ("RUNNING", "SUCCESS", "FAILURE")
 _MOOD_STEP = 0.25
@@ -32,11 +50,17 @@ _SHOWN_BY_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 
 class EventPrinter:
-    """Listener of an observer that prints events and counts them for the summary."""
+    """Listener of an observer that prints events and counts them for the summary.
 
-    def __init__(self, console: Console, space: SceneSpace) -> None:
+    However long the messages are, and however many come, it prints and remembers only so much.
+    """
+
+    def __init__(
+        self, console: Console, space: SceneSpace, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._console = console
         self._space = space
+        self._budget = LogBudget(MOST_LINES, LINES_S, clock)
         self._mood: float | None = None
         self._start: dict[str, Sequence[float]] = {}
         self._now: dict[str, Sequence[float]] = {}
@@ -49,10 +73,10 @@ class EventPrinter:
         self._started = ("", 0)
         self._filled_names: dict[str, str] = {}
         self._tuned: dict[str, int] = {}
-        self.runs: list[tuple[str, str]] = []
+        self.runs: deque[tuple[str, str]] = deque(maxlen=MOST_COUNTED)
         self.rounds = 0
         self.unanswered = 0
-        self.feedbacks: list[tuple[str, str]] = []
+        self.feedbacks: deque[tuple[str, str]] = deque(maxlen=MOST_COUNTED)
         self.takeovers = 0
         self.preemptions = 0
 
@@ -63,9 +87,9 @@ class EventPrinter:
             self._now.setdefault(agent, profile)
 
     def visitor(self, label: str) -> None:
-        if label:
+        if label and (allowed := self._budget.line(ellipsize(label, LONGEST_TEXT))):
             self._console.print()
-            self._console.rule(f"[bold]{escape(label)}", align="left", style="cyan")
+            self._console.rule(f"[bold]{escape(allowed)}", align="left", style="cyan")
 
     def scene(self, message: Any) -> None:
         self._scene_id = message.scene_id
@@ -139,7 +163,7 @@ class EventPrinter:
             self._mood = None
             self._under_way = ""
             outcome = constant_text(message, message.outcome, OUTCOMES)
-            self.runs.append((message.agent, outcome))
+            self.runs.append((ellipsize(message.agent, LONGEST_NAME), outcome))
             style = {"succeeded": "green", "cancelled": "yellow"}.get(outcome, "red")
             # Of a host that is gone nobody knows the last count.
             ticks = f", {message.ticks} ticks" if message.ticks else ""
@@ -199,7 +223,7 @@ class EventPrinter:
         filled = filled_name(change.name, change.message)
         if filled == change.name:
             return change.name, change.message
-        self._filled_names[change.path] = filled
+        _remember(self._filled_names, change.path, filled)
         return filled, ""
 
     def act(self, text: str) -> None:
@@ -207,13 +231,14 @@ class EventPrinter:
 
     def feedback(self, message: Any) -> None:
         kind = constant_text(message, message.kind, KINDS)
-        self.feedbacks.append((message.agent, kind))
+        agent = ellipsize(message.agent, LONGEST_NAME)
+        self.feedbacks.append((agent, kind))
         who = escape(message.agent)
         if message.layer:
             who += f" for {escape(message.layer)}"
-        else:
-            self._start.setdefault(message.agent, list(message.before))
-            self._now[message.agent] = list(message.after)
+        elif agent in self._start or len(self._start) < _REMEMBERED:
+            self._start.setdefault(agent, list(message.before))
+            self._now[agent] = list(message.after)
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
         self._line(
             "feedback",
@@ -229,7 +254,7 @@ class EventPrinter:
     def tunings(self, message: Any) -> None:
         # The first message of a host has only changes from before.
         last = self._tuned.get(message.host, message.revision)
-        self._tuned[message.host] = message.revision
+        _remember(self._tuned, message.host, message.revision)
         for one in message.tunings:
             if one.revision > last:
                 reason = f": {one.reason}" if one.reason else ""
@@ -290,7 +315,20 @@ class EventPrinter:
         self._console.print(row, markup=False, highlight=False, soft_wrap=True)
 
     def _line(self, what: str, text: str) -> None:
-        print_line(self._console, f"[cyan]{what:>9}[/]  ", Text.from_markup(text))
+        if not (allowed := self._budget.line(what)):
+            return
+        body = Text.from_markup(text)
+        body.truncate(LONGEST_TEXT, overflow="ellipsis")
+        body.append(allowed.removeprefix(what))
+        print_line(self._console, f"[cyan]{what:>9}[/]  ", body)
+
+
+def _remember(store: dict[str, Any], key: str, value: Any) -> None:
+    """Store a value under a key; the oldest makes room."""
+    store.pop(key, None)
+    store[key] = value
+    if len(store) > _REMEMBERED:
+        del store[next(iter(store))]
 
 
 def _tree_order(path: str) -> list[int]:

@@ -13,12 +13,15 @@ from rich.progress import Progress
 from rich.text import Text
 
 from bt_agents_core.scene import first_id, scene_name, unawarded_id
+from bt_agents_core.text import ellipsize
 from bt_agents_tools.cli.table import TableForm
 
 STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
 OUTCOMES = ("SUCCEEDED", "FAILED", "CANCELLED", "LOST")
 KINDS = ("DIRECT", "POSITIVE", "NEGATIVE", "SET")
 
+_LONGEST_LABEL = 200
+_MOST_LABELS = 1_000
 _NARROWEST = 20
 _WIDEST = 10_000
 
@@ -40,16 +43,20 @@ def counted(number: int, what: str) -> str:
 
 
 class SceneLabels:
-    """Names of scenes for people: the label, else the values, instead of the id."""
+    """Names of the last scenes for people: the label, else the values, instead of the id."""
 
     def __init__(self) -> None:
         self._names: dict[str, str] = {}
 
     def add(self, scene: Any) -> None:
         """Store the name of a scene, as ``Scene.msg`` has it."""
-        name = scene_name(scene)
+        if len(scene.scene_id) > _LONGEST_LABEL:
+            return  # the market takes none with such an id
+        name = ellipsize(scene_name(scene), _LONGEST_LABEL)
         self._names[scene.scene_id] = name
         self._names.setdefault(first_id(scene.scene_id), name)
+        while len(self._names) > _MOST_LABELS:
+            del self._names[next(iter(self._names))]
 
     def name_of(self, scene_id: str) -> str:
         """Return the name of a scene; else of the one as announced; its id when none is known.

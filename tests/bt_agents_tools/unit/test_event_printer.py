@@ -14,7 +14,13 @@ from rich.console import Console
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_interfaces.msg import MarketStatus
-from bt_agents_tools.cli.event_printer import EventPrinter
+from bt_agents_tools.cli.event_printer import (
+    LINES_S,
+    LONGEST_TEXT,
+    MOST_COUNTED,
+    MOST_LINES,
+    EventPrinter,
+)
 from tree_harness import SPACE
 
 KINDS = {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3}
@@ -312,6 +318,36 @@ def test_a_long_line_is_wrapped_at_words_behind_its_column_on_a_terminal() -> No
         "      run  a succeeded after 1.5 s, 30",
         "           ticks: all is said",
     ]
+
+
+def test_of_a_long_text_of_others_the_start_is_shown() -> None:
+    (line,) = told(("act", "x" * 20_000))
+    assert line == f"    robot  {'x' * (LONGEST_TEXT - 1)}…"
+
+
+def test_a_flood_of_events_prints_so_many_lines() -> None:
+    output, now_s = io.StringIO(), 0.0
+    printer = EventPrinter(Console(file=output, width=500), SPACE, lambda: now_s)
+    for _ in range(3 * MOST_LINES):
+        printer.act("hello")
+        printer.visitor("Anna")
+    lines = [line for line in output.getvalue().splitlines() if line]
+    assert len(lines) == MOST_LINES
+    assert lines[0] == "    robot  hello"
+    assert "Anna (others are left out for 5.0 s)" in lines[-1]
+    now_s += LINES_S
+    printer.act("again")
+    assert output.getvalue().endswith("    robot  again\n")
+
+
+def test_a_flood_of_runs_is_counted_up_to_a_bound() -> None:
+    printer = EventPrinter(Console(file=io.StringIO()), SPACE)
+    for number in range(MOST_COUNTED + 1):
+        agent = f"{number}" + "a" * 20_000
+        known = {"outcome": 1, "duration_s": 1.5, "ticks": 3, "message": "", "orphans": []}
+        printer.run(run_event(3, agent=agent, **known))
+    assert len(printer.runs) == MOST_COUNTED
+    assert max(len(agent) for agent, _ in printer.runs) == 180
 
 
 def test_what_a_person_wrote_is_never_taken_for_markup() -> None:

@@ -64,6 +64,16 @@ def test_what_an_operator_awards_has_the_name_of_its_scene():
     assert names.name_of("scene-8+award2") == "scene-8+award2"
 
 
+def test_a_flood_of_scenes_leaves_the_names_of_the_last_ones():
+    names = SceneLabels()
+    for number in range(1_001):
+        names.add(Scene(scene_id=f"scene-{number}", label=f"{number}" + "a" * 1_000))
+    assert names.name_of("scene-0") == "scene-0"
+    assert names.name_of("scene-1000") == "1000" + "a" * 195 + "…"
+    names.add(Scene(scene_id="s" * 20_000, label="a child"))
+    assert names.name_of("s" * 20_000) == "s" * 20_000
+
+
 def test_a_market_whose_scenes_wait_says_for_whom_whatever_is_shown_below():
     waits = MarketStatus(
         header=header_at(to_time(SINCE_S)), queued=2, message="waiting for /agents"
