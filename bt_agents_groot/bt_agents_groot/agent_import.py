@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.controls import CONTROLS
 from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
@@ -177,7 +178,8 @@ class _Import:
 
     def _tree(self, tree_id: str, names: TreeNames) -> YamlNode:
         element = self._document.trees[tree_id]
-        tree = TreeImport(names, self._remarks, self._node).node(element.children[0])
+        reading = TreeImport(names, self._remarks, self._node, self._custom.skill)
+        tree = reading.node(element.children[0])
         for entry in sorted(names.shared):
             remark = self._remarks.lost(
                 element.position,
@@ -197,15 +199,16 @@ class _Import:
     def _initial_value(self, names: TreeNames, name: str) -> Data:
         model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))
         declared = model.ports.get(port(names.original(name)))
-        if declared is None or not declared.default:
+        if declared is None or not declared.value:
             return names.default(name)
-        return from_port(declared.default, field_type_of(declared.type), names.rename)
+        return from_port(declared.value, field_type_of(declared.type), names.rename)
 
     def _subtree(self, tree_id: str) -> Data:
         callers = self._callers(tree_id)
         mentions = self._mentions(tree_id)
         shared = any(map(remaps_all, callers))
-        passed = [ports_of_call(call) for call in callers]
+        model = self._document.subtree_models.get(tree_id, Model(kind="SubTree"))
+        passed = [ports_of_call(call, model) for call in callers]
         given = set(mentions) if shared else set().union(*passed)
         names = TreeNames(mentions, given)
         tree = self._tree(tree_id, names)
@@ -221,17 +224,17 @@ class _Import:
             if name in used or (shared and not names.original(name).startswith("_"))
         )
         inputs = {f"{name}_in" if name in names.written else name: name for name in names.needed}
-        ports = self._document.subtree_models.get(tree_id, Model(kind="SubTree")).ports
         declared = {
-            name: ports.get(port(names.original(name)), ModelPort(direction=""))
+            name: model.ports.get(port(names.original(name)), ModelPort(direction=""))
             for name in (*names.needed, *outputs)
         }
-        optional = frozenset(name for name in inputs if declared[inputs[name]].default)
+        optional = frozenset(name for name in inputs if declared[inputs[name]].value)
         copied_inputs: dict[str, Data] = {
             inside: Raw(f"${{{outer}}}") for outer, inside in inputs.items() if outer != inside
         }
         self._callees[tree_id] = Callee(
             name=self._subtree_name(tree_id),
+            model=model,
             names=names,
             inputs=inputs,
             optional=optional,
@@ -249,9 +252,15 @@ class _Import:
 
 def _declaration(declared: ModelPort, names: TreeNames) -> Data:
     field_type = field_type_of(declared.type)
-    if not declared.default:
+    if not declared.value:
+        return _input(field_type)
+    return _input(field_type, from_port(declared.value, field_type, names.rename))
+
+
+def _input(field_type: FieldType, default: Data | None = None) -> Data:
+    """Return the declaration of an input."""
+    if default is None:
         return Raw(field_type.value)
-    default = from_port(declared.default, field_type, names.rename)
     return {"type": Raw(field_type.value), "default": default}
 
 
@@ -290,7 +299,9 @@ def skills_file(missing: tuple[MissingSkill, ...]) -> str:
         if len(skill.inputs) == 1:
             entries["main"] = Raw(next(iter(skill.inputs)))
         if skill.inputs:
-            entries["inputs"] = {name: Raw(one.value) for name, one in skill.inputs.items()}
+            entries["inputs"] = {
+                name: _input(one, skill.default(name)) for name, one in skill.inputs.items()
+            }
         if skill.outputs:
             entries["outputs"] = {
                 name: {"type": Raw(one.value)} for name, one in skill.outputs.items()

@@ -18,7 +18,7 @@ class PortKind(Enum):
 
     TEXT = "a text"
     SCRIPT = "a script"
-    COUNT = "a whole number above 0, or -1 for without end"
+    COUNT = "a whole number, or -1 for without end"
     THRESHOLD = "a whole number; below 0 it counts from the number of children"
     MILLISECONDS = "a whole number of milliseconds"
     BOOLEAN = "true or false"
@@ -77,6 +77,11 @@ CONDITIONS: Mapping[str, tuple[str, str]] = {
     for name, entry in _BUILTINS["attributes"].items()
 }
 """Attribute of any node → equivalent in our language (may be empty), and the difference."""
+
+WRITTEN_PORTS: Mapping[str, tuple[str, ...]] = {
+    name: tuple(ports) for name, ports in _BUILTINS["writes"].items()
+}
+"""Leaf of Nav2 → ports that it writes; it reads the others."""
 
 EXPLICIT = ("Action", "Condition", "Control", "Decorator")
 """Elements of the explicit form, with the name of the node in ``ID``."""

@@ -36,23 +36,29 @@ def export() -> None:
 @import_.command("groot")
 @click.argument("files", nargs=-1, required=True)
 @_OUT
-@click.option("--agent", default="", help="Name of the agent; without it, that of the first file.")
-@click.option("--tree", default="", help="ID of the tree that starts, where no file says it.")
+@click.option(
+    "--agent", default="", help="Name of the agent; without it, that of --tree or the first file."
+)
+@click.option(
+    "--tree",
+    default="",
+    help="ID of the tree that starts; of the others only what it calls is taken.",
+)
 @_TREES
 def import_groot(files: tuple[str, ...], out: str, agent: str, tree: str, directory: str) -> None:
     """Make an agent from FILES of BehaviorTree.CPP 4 or Groot2, or from a project (.btproj).
 
-    What a file includes is read, too. Without -o the agent is printed. What could not be
-    translated is listed, and stands in the file as comments. The skills of the trees folder are
-    used where their names fit.
+    A folder stands for its XML files. What a file includes is read, too. Without -o the agent is
+    printed. What could not be translated is listed, and stands in the file as comments. The skills
+    of the trees folder are used where their names fit.
     """
     _refuse_existing(out)
     folder = _take(directory)
     symbols = read_symbols(folder)
-    first, *others = (Path(file) for file in files)
+    first, *others = _xml_files(files)
     imported = import_agent(
         read_source(first),
-        snake(agent or first.stem),
+        snake(agent or tree or first.stem),
         symbols,
         [read_source(other) for other in others],
         read_source,
@@ -86,6 +92,17 @@ def export_groot(agent: str, out: str, directory: str) -> None:
     exported = export_agent(read_source(path), symbols)
     _write(out, exported.text)
     _print_remarks(exported.remarks)
+
+
+def _xml_files(named: tuple[str, ...]) -> list[Path]:
+    """Return the files that are named, and those of the folders that are named."""
+    found: list[Path] = []
+    for path in map(Path, named):
+        inside = sorted(path.glob("*.xml")) if path.is_dir() else [path]
+        if not inside:
+            raise BtAgentsError(f"there is no XML file in the folder '{path}'")
+        found += [one for one in inside if one not in found]
+    return found
 
 
 def _find(agent: str, directory: str) -> tuple[Path, SymbolTable]:

@@ -8,9 +8,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents_groot.catalogue import BUILTINS
-from bt_agents_groot.document import node_id
+from bt_agents_groot.document import has_skill, node_id
 from bt_agents_groot.formulas import Binary, Constant, Formula, Name, Untranslatable, negated
 from bt_agents_groot.ports import names_of_expression, pointed_at
+from bt_agents_groot.reactive_nodes import (
+    asked,
+    asks_again,
+    reactive_fallback,
+    reactive_sequence,
+    while_repeated,
+)
 from bt_agents_groot.tree_import import Translate, TreeImport
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, can_be_skipped, decorated, sequence
@@ -25,9 +32,10 @@ _NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
 def _composite(key: str, *, memory: bool = True) -> Translate:
     def translate(tree: TreeImport, element: Element) -> YamlNode:
         fallback = key == SELECTOR.key
+        if not memory and asks_again(element):
+            tree.note(element, BUILTINS[node_id(element)].note)
+            return (reactive_fallback if fallback else reactive_sequence)(tree, element)
         children = tuple(tree.node(c, below_fallback=fallback) for c in element.children)
-        if not memory:
-            _remark_slow(tree, element.children[:-1])
         if all(map(can_be_skipped, children)):
             tree.note(
                 element,
@@ -37,17 +45,6 @@ def _composite(key: str, *, memory: bool = True) -> Translate:
         return YamlNode(key=key, value={} if memory else {"memory": False}, children=children)
 
     return translate
-
-
-def _remark_slow(tree: TreeImport, children: tuple[Element, ...]) -> None:
-    """Remark on children that are evaluated at every tick, but take time in our language."""
-    for child in children:
-        if node_id(child) not in BUILTINS and child.tag != "SubTree" and not child.children:
-            tree.note(
-                child,
-                f"<{node_id(child)}> is asked again and again; while a skill takes time, what "
-                "stands behind it is stopped",
-            )
 
 
 def _fallback(tree: TreeImport, element: Element) -> YamlNode:
@@ -149,7 +146,7 @@ def numbered_case(tree: TreeImport, element: Element, condition: Raw, number: in
 def _condition_text(tree: TreeImport, element: Element) -> Raw | None:
     """Return the condition that an element checks, as text; None when it is more than that."""
     if node_id(element) == CHECK.key and set(element.attributes) <= {"ID", "condition"}:
-        tree.names.read(names_of_expression(element.get("condition")))
+        tree.names.mention(names_of_expression(element.get("condition")))
         return Raw(element.get("condition"))
     condition = _formula(tree, element)
     return None if condition is None else tree.text(condition)
@@ -170,9 +167,16 @@ def _while_do_else(tree: TreeImport, element: Element) -> YamlNode:
     condition = _formula(tree, condition_node)
     if condition is not None:
         return _while(tree, branches, tree.text(condition), tree.text(negated(condition)))
-    _remark_slow(tree, (condition_node,))
     if len(branches) == 1:
+        if has_skill(condition_node):
+            return reactive_sequence(tree, element)
         return _reactive("sequence", tree.node(condition_node), tree.node(branches[0]))
+    if has_skill(condition_node):
+        name = tree.names.fresh("fits")
+        condition_asked = asked(tree.node(condition_node), name)
+        branch = _while(tree, branches, Raw(name), Raw(f"not {name}"))
+        whole = while_repeated(tree, [condition_asked], branch)
+        return sequence(YamlNode(key="set", value={name: False}), *whole.children)
     name, *steps = _result_of(tree, condition_node)
     return _reactive("sequence", *steps, _while(tree, branches, Raw(name), Raw(f"not {name}")))
 

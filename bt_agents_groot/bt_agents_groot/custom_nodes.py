@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from bt_agents_core.field_types import FieldType
+from bt_agents_groot.catalogue import WRITTEN_PORTS
 from bt_agents_groot.document import Document, Model, ModelPort, given_ports, node_id
 from bt_agents_groot.naming import entry_of, field_of, output_of, port, snake
 from bt_agents_groot.ports import (
@@ -17,6 +19,7 @@ from bt_agents_groot.ports import (
     names_of_expression,
     pointed_at,
 )
+from bt_agents_groot.scopes import usual_value
 from bt_agents_groot.simple_nodes import unknown_parent
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Attribute, Element
@@ -27,7 +30,12 @@ from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, WORDS
 from bt_agents_language.nodes.node_type import Children, Content, NodeType
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
+from bt_agents_language.nodes.selector import SELECTOR
+from bt_agents_language.nodes.sequence import SEQUENCE
 from bt_agents_language.nodes.symbols import SymbolTable
+
+_ERRORS = {"error_code_id": FieldType.INTEGER, "error_msg": FieldType.TEXT}
+"""Outputs of Nav2's actions that are 0 and empty without an error."""
 
 
 def _own_leaf(tree: TreeImport, element: Element) -> YamlNode | None:
@@ -60,19 +68,24 @@ def _own_decorator(tree: TreeImport, element: Element) -> YamlNode | None:
 
 
 def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
-    """Return the node for our ``random``, or ``parallel`` with names; None for anything else."""
+    """Return the node for one of our composites; None for anything else."""
     ports = {attribute.name for attribute in given_ports(element)}
-    if node_id(element) == PARALLEL.key and ports == {"succeed_on"}:
+    own_key = node_id(element)
+    if own_key in (SEQUENCE.key, SELECTOR.key) and ports == {"memory"}:
+        children = tuple(map(tree.node, element.children))
+        memory = element.get("memory") != "false"
+        return YamlNode(key=own_key, value={"memory": memory}, children=children)
+    if own_key == PARALLEL.key and ports == {"succeed_on"}:
         wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
         children = tuple(map(tree.node, element.children))
         return YamlNode(key=PARALLEL.key, value={"succeed_on": wanted}, children=children)
     own_ports = [one.name for one in RANDOM.fields]
-    if node_id(element) != RANDOM.key or not ports <= {*own_ports, "weights"}:
+    if own_key != RANDOM.key or not ports <= {*own_ports, "weights"}:
         return None
     weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
     if not isinstance(weights, list) or len(weights) not in (0, len(element.children)):
         return None
-    tree.names.read(names_in(weights), FieldType.NUMBER)
+    tree.names.mention(names_in(weights), FieldType.NUMBER)
     chosen = [tree.node(child) for child in element.children]
     for number, weight in enumerate(weights):
         if weight != 1:
@@ -96,7 +109,7 @@ def _own_fields(tree: TreeImport, element: Element, own: NodeType) -> dict[str, 
     for attribute in given:
         one = by_port[attribute.name]
         if one.content is Content.CONDITION:
-            tree.names.read(names_of_expression(attribute.value))
+            tree.names.mention(names_of_expression(attribute.value))
             fields[one.name] = Raw(attribute.value)
         else:
             fields[one.name] = _port_value(tree, attribute, one.type)
@@ -116,17 +129,30 @@ def _port_value(tree: TreeImport, attribute: Attribute, field_type: FieldType) -
         return attribute.value
     if isinstance(data, str) and "${" in data.replace("$${", ""):
         tree.note(attribute, "the ${…} in it is taken as a name of our language")
-    tree.names.read(names_in(data), field_type)
+    tree.names.mention(names_in(data), field_type)
     return data
 
 
 @dataclass
 class MissingSkill:
-    """Skill that no file declares, as far as its uses show it."""
+    """Skill that no file declares, as far as its uses show it.
+
+    Attributes:
+        defaults: Input that need not be given → its value then.
+    """
 
     name: str
     inputs: dict[str, FieldType] = field(default_factory=dict)
     outputs: dict[str, FieldType] = field(default_factory=dict)
+    defaults: dict[str, Data] = field(default_factory=dict)
+    uses: int = 0
+    given: Counter[str] = field(default_factory=Counter)
+
+    def default(self, name: str) -> Data | None:
+        """Return the value of an input that some use leaves out; None where every use gives it."""
+        if name in self.defaults or self.given[name] == self.uses:
+            return self.defaults.get(name)
+        return usual_value(self.inputs[name])
 
 
 @dataclass(frozen=True)
@@ -155,7 +181,7 @@ class CustomNodes:
 
     def __init__(self, document: Document, symbols: SymbolTable) -> None:
         self.missing: dict[str, MissingSkill] = {}
-        self._models = document.models
+        self._models = {**document.subtree_models, **document.models}
         self._directions: dict[tuple[str, str], str] = {}
         self._signatures: dict[str, _Signature] = {}
         for name, skill in symbols.skills.items():
@@ -169,14 +195,15 @@ class CustomNodes:
     def node(self, tree: TreeImport, element: Element) -> YamlNode:
         """Return the node for a custom element."""
         if not element.children:
-            return _own_leaf(tree, element) or self._skill(tree, element)
+            return _own_leaf(tree, element) or self.skill(tree, element)
         return (
             _own_control(tree, element)
             or _own_decorator(tree, element)
             or unknown_parent(tree, element)
         )
 
-    def _skill(self, tree: TreeImport, element: Element) -> YamlNode:
+    def skill(self, tree: TreeImport, element: Element) -> YamlNode:
+        """Return the node for the skill that is called as an element is."""
         name = snake(node_id(element))
         if name in WORDS:
             tree.note(
@@ -185,9 +212,9 @@ class CustomNodes:
             )
             name = f"{name}_skill"
         use = _Use(name, self._signatures.get(name))
+        model = self._models.get(node_id(element)) or _usual_model(element)
         if use.signature is None:
-            self.missing.setdefault(name, MissingSkill(name))
-        model = self._models.get(node_id(element), Model(kind="Action"))
+            self._missing_skill(name, model).uses += 1
         for attribute in _ports(element, model):
             declared = model.ports.get(attribute.name, ModelPort(direction=""))
             port_key = name, attribute.name
@@ -201,6 +228,16 @@ class CustomNodes:
                 self._output(tree, use, attribute, declared)
         return _skill_node(tree, use)
 
+    def _missing_skill(self, name: str, model: Model) -> MissingSkill:
+        """Return a skill that nobody declares, with the inputs that have a value by default."""
+        if name not in self.missing:
+            skill = self.missing[name] = MissingSkill(name)
+            for port_name, one in model.ports.items():
+                if one.value and one.direction != "out":
+                    declared = field_of(port_name)
+                    skill.inputs[declared], skill.defaults[declared] = _by_default(one)
+        return self.missing[name]
+
     def _input(
         self, tree: TreeImport, use: _Use, attribute: Attribute, declared: ModelPort
     ) -> None:
@@ -213,7 +250,9 @@ class CustomNodes:
         data = use.fields[name] = _port_value(tree, attribute, field_type)
         if use.signature is None:
             apparent = _apparent_type(data) if field_type is FieldType.ANY else field_type
-            _merge_type(self.missing[use.name].inputs, name, apparent)
+            skill = self.missing[use.name]
+            _merge_type(skill.inputs, name, apparent)
+            skill.given[name] += 1
 
     def _output(
         self, tree: TreeImport, use: _Use, attribute: Attribute, declared: ModelPort
@@ -230,7 +269,20 @@ class CustomNodes:
             shown = f"'{attribute.value[:40]}' names no entry"
             tree.note(attribute, f"the output '{attribute.name}' is lost: {shown}")
             return
+        if name in _ERRORS and tree.names.is_new(entry):
+            # Others may read it before the first error.
+            tree.names.read([tree.names.rename(entry)], _ERRORS[name])
         use.outputs[tree.names.rename(entry)] = name
+
+
+def _usual_model(element: Element) -> Model:
+    """Return the model of an element that the file does not declare, as far as Nav2 has it."""
+    written = WRITTEN_PORTS.get(node_id(element))
+    if written is None:
+        return Model(kind="Action")
+    directions = {one.name: "out" if one.name in written else "in" for one in given_ports(element)}
+    ports = {name: ModelPort(direction=direction) for name, direction in directions.items()}
+    return Model(kind="Action", ports=ports)
 
 
 def _note_name(tree: TreeImport, attribute: Attribute) -> None:
@@ -292,6 +344,19 @@ def _skill_node(tree: TreeImport, use: _Use) -> YamlNode:
     if use.outputs and use.outputs != usual:
         siblings["outputs"] = use.outputs
     return YamlNode(key=use.name, value=value, siblings=siblings)
+
+
+def _by_default(declared: ModelPort) -> tuple[FieldType, Data]:
+    """Return the type of a port and its value by default; any type where the two do not fit."""
+    field_type = field_type_of(declared.type)
+    try:
+        value = from_port(declared.value, field_type, str)
+    except PortError:
+        return FieldType.ANY, declared.value
+    numeric = (FieldType.INTEGER, FieldType.NUMBER)
+    fits = {FieldType.NUMBER: numeric}.get(field_type, (field_type,))
+    plain = field_type in (*numeric, FieldType.BOOLEAN)
+    return (FieldType.ANY if plain and _apparent_type(value) not in fits else field_type), value
 
 
 def _merge_type(types: dict[str, FieldType], name: str, apparent: FieldType) -> None:

@@ -11,10 +11,12 @@ from pathlib import Path
 from bt_agents_core.errors import ReadError
 from bt_agents_core.text import join_quoted, quote
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, EXPLICIT, Builtin, Limits, PortKind
+from bt_agents_groot.naming import snake
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scripts import ScriptError, parse_script
-from bt_agents_groot.xml_files import Attribute, Element, XmlReading
+from bt_agents_groot.xml_files import Attribute, Element, Xml, XmlReading
 from bt_agents_language.diagnostics.collection import as_error, did_you_mean
+from bt_agents_language.nodes.catalogue import NODE_TYPES
 from bt_agents_language.yaml.source import Source
 
 _WHOLE = re.compile(r"[-+]?[0-9]{1,9}")
@@ -38,6 +40,11 @@ class ModelPort:
     direction: str
     type: str = ""
     default: str = ""
+
+    @property
+    def value(self) -> str:
+        """Default that is a value; empty where it points at an entry of the tree around it."""
+        return self.default if pointed_at(self.default) is None else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +85,14 @@ def node_id(element: Element) -> str:
     return element.get("ID") if element.tag in _KINDS else element.tag
 
 
+def has_skill(node: Element | Xml) -> bool:
+    """Return whether a node, or one below it, is a skill or a tree."""
+    if node.children:
+        return any(map(has_skill, node.children))
+    name = node_id(node) if isinstance(node, Element) else node.tag
+    return node.tag == "SubTree" or not (name in BUILTINS or name in NODE_TYPES)
+
+
 def given_ports(element: Element) -> list[Attribute]:
     """Return the attributes of an element that are ports."""
     return [
@@ -96,7 +111,8 @@ def read_document(
         source: The file.
         others: More files that are read with it.
         load: Reads what ``<include path="…"/>`` names; None leaves that unread.
-        main: ID of the tree that starts; empty takes the one that the first file names.
+        main: ID of the tree that starts, of which only what it calls is read beside it; empty
+            takes the one that the first file names.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
@@ -127,15 +143,30 @@ class _DocumentReader:
         roots = [one.root for one in self._readings.values()]
         if any(root is None or root.tag != _ROOT for root in roots):
             raise self._problems()
-        for tree_id, tree in self._found.trees.items():
-            calls = self._found.calls[tree_id] = []
-            for child in tree.children:
-                self._node(child, calls)
+        self._read_trees()
         self._order_trees()
         self._found.main = self._main()
         if any(one.problems for one in self._readings.values()):
             raise self._problems()
         return self._found
+
+    def _read_trees(self) -> None:
+        """Read all trees; where one is named that starts, only that and those that it calls.
+
+        What an agent does when it is stopped is called by nobody.
+        """
+        trees = self._found.trees
+        starting = [one for one in trees if one == self._wanted or snake(one) == "on_cancel"]
+        reached = dict.fromkeys(starting if self._wanted in trees else trees)
+        waiting = list(reached)
+        for tree_id in waiting:
+            calls = self._found.calls[tree_id] = []
+            for child in trees[tree_id].children:
+                self._node(child, calls)
+            called = {call.get("ID"): None for call in calls if call.get("ID") in trees}
+            waiting += [one for one in called if one not in reached]
+            reached |= called
+        self._found.trees = {one: tree for one, tree in trees.items() if one in reached}
 
     def _take(self, root: Element) -> None:
         if not self._is_root(root):
@@ -253,7 +284,7 @@ class _DocumentReader:
             self._missing(element, "ID", f'write <{element.tag} ID="…">')
         elif element.tag == "SubTree":
             calls.append(element)
-            self._subtree(element)
+            self._check_count(element, (0, 0))
         elif node_id(element) in BUILTINS:
             self._builtin(element, BUILTINS[node_id(element)])
         else:
@@ -263,11 +294,6 @@ class _DocumentReader:
                 self._script(element.attributes[name])
         for child in element.children:
             self._node(child, calls)
-
-    def _subtree(self, element: Element) -> None:
-        self._check_count(element, (0, 0))
-        if not any(unread.tag == "include" for unread in self._found.unread):
-            self._check_tree(element.attributes["ID"])
 
     def _check_tree(self, named: Attribute) -> None:
         if named.value not in self._found.trees:
@@ -341,7 +367,7 @@ class _DocumentReader:
             return
         number = int(value) if _WHOLE.fullmatch(value) else None
         fits = {
-            PortKind.COUNT: number is not None and (number == -1 or number > 0),
+            PortKind.COUNT: number is not None and number >= -1,
             PortKind.THRESHOLD: number is not None and number != 0,
             PortKind.MILLISECONDS: number is not None and number >= 0,
             PortKind.BOOLEAN: value in _BOOLEANS,
@@ -406,6 +432,6 @@ class _DocumentReader:
                 'write <BehaviorTree ID="…"> around the tree',
             )
         elif len(roots) > 1:
-            hint = f"name the tree that starts: {join_quoted(roots)}"
+            hint = f"name the tree that starts, here or behind --tree: {join_quoted(roots)}"
             self._missing(root, "main_tree_to_execute", hint)
         return roots[0] if roots else ""

@@ -1,23 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of the control nodes and the decorator of Nav2 as nodes of our language."""
+"""Import of the control nodes and decorators of Nav2 as nodes of our language."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_groot.catalogue import BUILTINS
+from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
 from bt_agents_groot.controls import numbered_case
 from bt_agents_groot.document import node_id
 from bt_agents_groot.ports import pointed_at
+from bt_agents_groot.reactive_nodes import Repeated, while_repeated
+from bt_agents_groot.simple_nodes import time_of, unknown_parent
 from bt_agents_groot.tree_import import Translate, TreeImport
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, check, decorated, selector, sequence
 from bt_agents_language.nodes.node_type import FOREVER
+from bt_agents_language.nodes.on_failure import ON_FAILURE
 
-_RATE = "RateController"
 _POSITIVE = re.compile(r"(?=.*[1-9])[0-9]{1,9}(\.[0-9]{1,9})?")
 _USUAL_HZ = "10.0"
 _NO_LIMIT = 10**9
@@ -29,10 +30,13 @@ def _recovery_node(tree: TreeImport, element: Element) -> YamlNode:
 
     A recovery that fails ends the tries: the count of recoveries is then above their limit.
     """
-    done = tree.names.fresh("recoveries")
-    limit, attempts = _retries(tree, element)
     first, second = element.children
     tried = tree.node(first)
+    if element.get("number_of_retries", "1").strip() == "0":
+        tree.note(element, "it is tried once, so that its second child is never done")
+        return tried
+    done = tree.names.fresh("recoveries")
+    limit, attempts = _retries(tree, element)
     recovered = selector(
         tree.node(second), YamlNode(key="set", value={done: Raw(f"${{{limit} + 1}}")})
     )
@@ -62,8 +66,10 @@ def _retries(tree: TreeImport, element: Element) -> tuple[str, Data]:
 def _round_robin(tree: TreeImport, element: Element) -> YamlNode:
     """Return one child after the other until one succeeds, beginning behind the last one done."""
     tree.note(element, BUILTINS[node_id(element)].note)
-    count = len(element.children)
     turn = tree.names.fresh("turn")
+    if not _flag(tree, element, "wrap_around", True):
+        return _single_round(tree, element, turn)
+    count = len(element.children)
     following = Raw(f"${{(({turn} else {count - 1}) + 1) % {count}}}")
     cases = [
         numbered_case(tree, child, Raw(f"{turn} == {number}"), number + 1)
@@ -75,34 +81,86 @@ def _round_robin(tree: TreeImport, element: Element) -> YamlNode:
     return decorated(one, "retry", count)
 
 
+def _single_round(tree: TreeImport, element: Element, turn: str) -> YamlNode:
+    """Return the children that have not had their turn; behind the last one, it has failed."""
+    *others, last = (tree.node(child, below_fallback=True) for child in element.children)
+    tries = [
+        decorated(
+            sequence(YamlNode(key="set", value={turn: number}), child),
+            "when",
+            Raw(f"{turn} else 0 < {number}"),
+        )
+        for number, child in enumerate(others, start=1)
+    ]
+    ended = sequence(YamlNode(key="set", value={turn: 0}), last)
+    return selector(*tries, decorated(ended, "fail", True))
+
+
+def _flag(tree: TreeImport, element: Element, port: str, default: bool) -> bool:
+    text = element.get(port, str(default)).strip()
+    if pointed_at(text) is not None:
+        tree.lost(element, f"'{port}' is {text}; {str(default).lower()} is assumed")
+        return default
+    return text.lower() in ("true", "1")
+
+
 def _pipeline(tree: TreeImport, element: Element) -> YamlNode:
-    return _pipelined(tree, element.children)
+    *before, last = element.children
+    repeated = [_repeated(tree, child) for child in before]
+    return while_repeated(tree, repeated, tree.node(last)) if repeated else tree.node(last)
 
 
-def _pipelined(tree: TreeImport, elements: tuple[Element, ...]) -> YamlNode:
-    """Return children that are begun one after the other, each repeated while the next runs."""
-    first, *rest = elements
-    if not rest:
-        return tree.node(first)
-    is_limited = node_id(first) == _RATE
-    step = first.children[0] if is_limited else first
-    once = tree.node(step)
-    again = tree.node(step)
-    if is_limited:
-        again = sequence(YamlNode(key="wait", value=_period(tree, first)), again)
-    following = _pipelined(tree, tuple(rest))
-    following = replace(following, name=following.name or f"behind_{len(rest)}")
-    together = YamlNode(
-        key="parallel",
-        value={"succeed_on": [following.name]},
-        children=(decorated(again, "repeat", Raw(FOREVER)), following),
-    )
-    return sequence(once, together)
+def _repeated(tree: TreeImport, element: Element) -> Repeated:
+    """Return a child of a pipeline, with what limits how often it is repeated."""
+    if CONDITIONS.keys() & element.attributes.keys():
+        return Repeated(node=tree.node(element))
+    if node_id(element) == "RateController":
+        return Repeated(node=tree.node(element.children[0]), pause=_period(tree, element))
+    if node_id(element) in _CONTROLLERS:
+        due = tree.skill(element)
+        return Repeated(node=tree.node(element.children[0]), due=due)
+    return Repeated(node=tree.node(element))
 
 
-def _rate_controller(tree: TreeImport, element: Element) -> YamlNode:
+def _unlimited(tree: TreeImport, element: Element) -> YamlNode:
     tree.note(element, BUILTINS[node_id(element)].note)
     return tree.node(element.children[0])
+
+
+def _goal_updater(tree: TreeImport, element: Element) -> YamlNode:
+    tree.note(element, BUILTINS[node_id(element)].note)
+    return sequence(tree.skill(element), tree.node(element.children[0]))
+
+
+def _path_longer(tree: TreeImport, element: Element) -> YamlNode:
+    longer = tree.skill(element)
+    return selector(decorated(longer, "invert", True), tree.node(element.children[0]))
+
+
+def _nonblocking(tree: TreeImport, element: Element) -> YamlNode:
+    tree.note(element, BUILTINS[node_id(element)].note)
+    return YamlNode(key="parallel", children=tuple(map(tree.node, element.children)))
+
+
+def _persistent(tree: TreeImport, element: Element) -> YamlNode:
+    """Return children that are done behind the one at which an entry says that it is."""
+    entry = pointed_at(element.get("current_child_idx"))
+    if entry is None:
+        return unknown_parent(tree, element)
+    index = tree.names.rename(entry)
+    tree.names.read([index], FieldType.INTEGER)
+    steps = [
+        decorated(
+            sequence(child, YamlNode(key="set", value={index: number})),
+            "when",
+            Raw(f"{index} < {number}"),
+        )
+        for number, child in enumerate(map(tree.node, element.children), start=1)
+    ]
+    tree.names.write(index)
+    again = YamlNode(key="set", value={index: 0})
+    handler = decorated(again, "fail", True)
+    return decorated(sequence(*steps, again), ON_FAILURE.key, handler)
 
 
 def _period(tree: TreeImport, element: Element) -> Raw:
@@ -115,13 +173,23 @@ def _period(tree: TreeImport, element: Element) -> Raw:
     if not _POSITIVE.fullmatch(text):
         tree.lost(element, f"'hz' is {text[:40]}; {_USUAL_HZ} is assumed")
         text = _USUAL_HZ
-    return Raw(f"{1 / float(text):g} s")
+    return time_of(round(1000 / float(text), 3))
 
+
+_CONTROLLERS = ("DistanceController", "SpeedController", "GoalUpdatedController")
+"""Decorators that say when their child is due again."""
 
 NAV2_NODES: Mapping[str, Translate] = {
     "RecoveryNode": _recovery_node,
     "RoundRobin": _round_robin,
     "PipelineSequence": _pipeline,
-    _RATE: _rate_controller,
+    "NonblockingSequence": _nonblocking,
+    "PersistentSequence": _persistent,
+    "RateController": _unlimited,
+    **dict.fromkeys(_CONTROLLERS, _unlimited),
+    "GoalUpdater": _goal_updater,
+    "PathLongerOnApproach": _path_longer,
+    "SingleTrigger": unknown_parent,
+    "PauseResumeController": unknown_parent,
 }
 """Translator of each node of Nav2."""

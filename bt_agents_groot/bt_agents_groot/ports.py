@@ -134,7 +134,11 @@ def from_port(text: str, field_type: FieldType, rename: Callable[[str], str]) ->
     return Raw(text)
 
 
-def names_in(data: Data) -> Iterator[str]:
+Mention = tuple[str, bool]
+"""Name in an expression, and whether it needs a value there: not before ``else``."""
+
+
+def names_in(data: Data) -> Iterator[Mention]:
     """Yield the names in the ``${…}`` of a value."""
     match data:
         case str() | Raw():
@@ -150,7 +154,7 @@ def names_in(data: Data) -> Iterator[str]:
                 yield from names_in(value)
 
 
-def names_of_expression(text: str) -> Iterator[str]:
+def names_of_expression(text: str) -> Iterator[Mention]:
     """Yield the names in an expression of our language; none when it is no expression."""
     try:
         tokens = tokenize(text)
@@ -158,7 +162,7 @@ def names_of_expression(text: str) -> Iterator[str]:
         return
     for token, following in pairwise(tokens):
         if token.kind is TokenKind.NAME and following.text != "(":
-            yield token.text
+            yield token.text, following.text != "else"
 
 
 def _needs_quotes(text: str) -> bool:

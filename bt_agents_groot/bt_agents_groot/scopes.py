@@ -19,13 +19,21 @@ from bt_agents_groot.formulas import (
     dotted_name,
 )
 from bt_agents_groot.naming import Renaming
+from bt_agents_groot.ports import Mention
 
-_DEFAULTS: Mapping[FieldType, bool | int | float | str] = {
+_USUAL: Mapping[FieldType, bool | int | float | str] = {
     FieldType.BOOLEAN: False,
     FieldType.NUMBER: 0.0,
     FieldType.INTEGER: 0,
     FieldType.DURATION: 0,
+    FieldType.LENGTH: 0,
+    FieldType.ANGLE: 0,
 }
+
+
+def usual_value(field_type: FieldType) -> bool | int | float | str:
+    """Return a value of a type for what nobody gives one."""
+    return _USUAL.get(field_type, "")
 
 
 class TreeNames:
@@ -49,7 +57,11 @@ class TreeNames:
         self._originals: dict[str, str] = {}
         # Name → whether its first mention reads it, in the order of the tree.
         self._first: dict[str, bool] = {}
+        # Names for which an expression has another value where they have none.
+        self._tried: set[str] = set()
         self._types: dict[str, FieldType] = {}
+        # Name → another one whose value it gets.
+        self._same: dict[str, str] = {}
         self._fresh: Counter[str] = Counter()
 
     def rename(self, entry: str) -> str:
@@ -76,7 +88,8 @@ class TreeNames:
 
     def is_new(self, entry: str) -> bool:
         """Return whether this is the first mention of an entry, and others follow."""
-        known = self.rename(entry) in self._first or entry in self._given
+        name = self.rename(entry)
+        known = name in self._first or name in self._tried or entry in self._given
         return not known and self._mentions.get(entry, 0) > 1
 
     def read(self, names: Iterable[str], field_type: FieldType = FieldType.ANY) -> None:
@@ -84,13 +97,34 @@ class TreeNames:
         for name in names:
             if "." not in name:
                 self._first.setdefault(name, True)
-                if self._types.get(name, FieldType.ANY) is FieldType.ANY:
-                    self._types[name] = field_type
+                self._add_type(name, field_type)
+
+    def mention(self, mentions: Iterable[Mention], field_type: FieldType = FieldType.ANY) -> None:
+        """Record that names stand in expressions of our language."""
+        for name, needs_value in mentions:
+            if needs_value:
+                self.read([name], field_type)
+            elif "." not in name:
+                self._tried.add(name)
 
     def write(self, name: str) -> None:
         """Record that a name is written."""
         self._first.setdefault(name, False)
         self.written.add(name)
+
+    def assign(self, name: str, value: Formula) -> None:
+        """Record that a name gets the value of a formula."""
+        self.read_formula(value)
+        self.write(name)
+        match value:
+            case Name(other) if self._alike(name) != self._alike(other):
+                known = self._types.get(self._alike(name), FieldType.ANY)
+                self._same[self._alike(name)] = self._alike(other)
+                self._add_type(other, known)
+            case Constant(constant):
+                self._add_type(name, _type_of(constant))
+            case Binary("..", _, _):
+                self._add_type(name, FieldType.TEXT)
 
     def read_formula(self, formula: Formula, field_type: FieldType = FieldType.ANY) -> None:
         """Record that the names of a formula are read, with the types of its operators."""
@@ -111,11 +145,42 @@ class TreeNames:
     @property
     def needed(self) -> list[str]:
         """Names that are read before the tree writes them."""
-        return [name for name, reads in self._first.items() if reads]
+        needed = [name for name, reads in self._first.items() if reads]
+        return needed + sorted(self._tried - self._first.keys())
 
     def default(self, name: str) -> bool | int | float | str:
         """Return a default value of the type for which a name is used."""
-        return _DEFAULTS.get(self._types.get(name, FieldType.ANY), "")
+        return usual_value(self._types.get(self._alike(name), FieldType.ANY))
+
+    def is_text(self, formula: Formula) -> bool:
+        """Return whether the value of a formula is certainly a text."""
+        match formula:
+            case Name(name):
+                return self._types.get(self._alike(name)) is FieldType.TEXT
+            case Constant(value):
+                return isinstance(value, str)
+            case Binary("+" | "..", left, right):
+                return self.is_text(left) or self.is_text(right)
+        return False
+
+    def _alike(self, name: str) -> str:
+        """Return the one of the names with the same values that stands for all of them."""
+        while name in self._same:
+            following = self._same[name]
+            self._same[name] = self._same.get(following, following)
+            name = following
+        return name
+
+    def _add_type(self, name: str, field_type: FieldType) -> None:
+        one = self._alike(name)
+        if self._types.get(one, FieldType.ANY) is FieldType.ANY:
+            self._types[one] = field_type
+
+
+def _type_of(constant: bool | int | float | str) -> FieldType:
+    if isinstance(constant, bool | str):
+        return FieldType.BOOLEAN if isinstance(constant, bool) else FieldType.TEXT
+    return FieldType.INTEGER if isinstance(constant, int) else FieldType.NUMBER
 
 
 def _operand_type(operator: str, other: Formula) -> FieldType:

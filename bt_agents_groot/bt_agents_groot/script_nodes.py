@@ -85,10 +85,19 @@ def _nodes(statements: list[Statement], names: TreeNames) -> Iterator[YamlNode]:
 def _assigned(statement: Assignment, names: TreeNames) -> Data:
     if "." in statement.name:
         raise Untranslatable(f"'{statement.name}' cannot be given a value")
-    value = _value(statement.value)
-    names.read_formula(statement.value)
-    names.write(statement.name)
+    formula = _with_joins(statement.value, names)
+    value = _value(formula)
+    names.assign(statement.name, formula)
     return value
+
+
+def _with_joins(formula: Formula, names: TreeNames) -> Formula:
+    """Return a formula with the sign that joins texts in place of their ``+``."""
+    match formula:
+        case Binary("+" | ".." as sign, left, right):
+            sign = ".." if names.is_text(formula) else sign
+            return Binary(sign, _with_joins(left, names), _with_joins(right, names))
+    return formula
 
 
 def _chosen(statement: Assignment, names: TreeNames) -> YamlNode:

@@ -29,9 +29,14 @@ def _plain(key: str) -> Translate:
     return lambda tree, element: decorated(tree.node(element.children[0]), key, True)
 
 
-def _loop(key: str, port: str) -> Translate:
+def _loop(key: str, port: str, without: str = "") -> Translate:
+    """Return the translator of a loop, which ends as ``without`` says where it has no times."""
+
     def translate(tree: TreeImport, element: Element) -> YamlNode:
         times = _count(tree, element, port) if port else Raw(FOREVER)
+        if times == 0:
+            tree.note(element, f"'{port}' is 0, so that its child is never done")
+            return check(Raw(without))
         return tree.decorate(element, tree.node(element.children[0]), key, times)
 
     return translate
@@ -105,12 +110,17 @@ def _duration(tree: TreeImport, element: Element, port: str) -> Raw:
         name = tree.names.rename(entry)
         tree.names.read([name], FieldType.NUMBER)
         return Raw(f"${{{name} / 1000}}")
-    amount = int(text)
-    if amount % 60_000 == 0 and amount > 0:
-        return Raw(f"{amount // 60_000} min")
-    if amount % 1000 == 0:
-        return Raw(f"{amount // 1000} s")
-    return Raw(f"{amount / 1000} s" if amount > 1000 else f"{amount} ms")
+    return time_of(int(text))
+
+
+def time_of(milliseconds: float) -> Raw:
+    """Return a time as people write it."""
+    if milliseconds % 60_000 == 0 and milliseconds > 0:
+        return Raw(f"{milliseconds / 60_000:.0f} min")
+    if milliseconds % 1000 == 0:
+        return Raw(f"{milliseconds / 1000:.0f} s")
+    large = milliseconds > 1000
+    return Raw(f"{milliseconds / 1000:.10g} s" if large else f"{milliseconds:.10g} ms")
 
 
 def _sleep(tree: TreeImport, element: Element) -> YamlNode:
@@ -131,7 +141,7 @@ def _constant(result: str) -> Translate:
 def _set_blackboard(tree: TreeImport, element: Element) -> YamlNode:
     key = element.get("output_key")
     value = from_port(element.get("value"), FieldType.ANY, tree.names.rename)
-    tree.names.read(names_in(value))
+    tree.names.mention(names_in(value))
     name = tree.names.rename(pointed_at(key) or key)
     tree.names.write(name)
     return YamlNode(key="set", value={name: value})
@@ -156,8 +166,8 @@ SIMPLE_NODES: Mapping[str, Translate] = {
     "Inverter": _plain("invert"),
     "ForceSuccess": _plain("succeed"),
     "ForceFailure": _plain("fail"),
-    "Repeat": _loop("repeat", "num_cycles"),
-    "RetryUntilSuccessful": _loop("retry", "num_attempts"),
+    "Repeat": _loop("repeat", "num_cycles", "true"),
+    "RetryUntilSuccessful": _loop("retry", "num_attempts", "false"),
     "KeepRunningUntilFailure": _loop("repeat", ""),
     "Timeout": _timeout,
     "Delay": _delay,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_groot.document import given_ports
+from bt_agents_groot.document import Model, given_ports
 from bt_agents_groot.naming import entry_of, snake
 from bt_agents_groot.ports import from_port, names_in, pointed_at
 from bt_agents_groot.scopes import TreeNames
@@ -21,6 +21,7 @@ class Callee:
     """Tree that was imported as a subtree.
 
     Attributes:
+        model: Declared ports, with their defaults.
         inputs: Declared input → its name inside of the tree.
         optional: Inputs that need not be given.
         outputs: Names that the tree writes and that some caller uses.
@@ -28,16 +29,23 @@ class Callee:
 
     name: str
     names: TreeNames
+    model: Model
     inputs: Mapping[str, str]
     optional: frozenset[str]
     outputs: tuple[str, ...]
 
 
-def ports_of_call(element: Element) -> dict[str, str]:
-    """Return the arguments of a ``SubTree`` element: entry → text, with ``{=}`` resolved."""
+def ports_of_call(element: Element, model: Model) -> dict[str, str]:
+    """Return the arguments of a ``SubTree`` element: entry → text, with ``{=}`` resolved.
+
+    Ports that point at an entry by default are among them.
+    """
+    texts = {one.name: one.value for one in given_ports(element)}
+    if not remaps_all(element):
+        usual = {name: one.default for name, one in model.ports.items() if not one.value}
+        texts = {name: text for name, text in usual.items() if text} | texts
     return {
-        entry_of(one.name): f"{{{one.name}}}" if one.value == "{=}" else one.value
-        for one in given_ports(element)
+        entry_of(name): f"{{{name}}}" if text == "{=}" else text for name, text in texts.items()
     }
 
 
@@ -49,16 +57,15 @@ def remaps_all(element: Element) -> bool:
 def subtree_call(tree: TreeImport, element: Element, callees: Mapping[str, Callee]) -> YamlNode:
     """Return the node that calls a subtree, one of those that are imported already by their ID."""
     tree_id = element.get("ID")
-    ports = ports_of_call(element)
     callee = callees.get(tree_id)
     if callee is None:
         tree.lost(
             element,
-            f"tree '{tree_id}' stands in an included file; import that one too, and put its "
-            "subtree below 'subtrees:'",
+            f"tree '{tree_id}' stands in no file that was named; name that file, too, or declare "
+            f"a skill '{snake(tree_id)}'",
         )
-        arguments = {snake(port): _argument(tree, text) for port, text in ports.items()}
-        return _subtree(snake(tree_id), arguments, {})
+        return tree.skill(element)
+    ports = ports_of_call(element, callee.model)
     entries = {callee.names.rename(port): text for port, text in ports.items()}
     arguments = _inputs(tree, element, callee, entries)
     outputs: dict[str, Data] = {}
@@ -97,7 +104,7 @@ def _inputs(
 
 def _argument(tree: TreeImport, text: str) -> Data:
     data = from_port(text, FieldType.ANY, tree.names.rename)
-    tree.names.read(names_in(data))
+    tree.names.mention(names_in(data))
     return data
 
 

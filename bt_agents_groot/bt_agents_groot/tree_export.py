@@ -11,6 +11,7 @@ from functools import partial
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import SKIP_IF
+from bt_agents_groot.document import has_skill
 from bt_agents_groot.expressions import condition_script, set_script
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Field, Models
@@ -148,10 +149,16 @@ class TreeExport:
         return tuple(map(self.node, raw.children))
 
     def _in_turn(self, raw: RawNode, *, tag: str) -> Xml:
+        children = self._children(raw)
         memory = _option(raw, "memory")
-        if memory is not None and boolean(memory) is False:
-            tag = f"Reactive{tag}"
-        return Xml(tag, children=self._children(raw))
+        if memory is None or boolean(memory) is not False:
+            return Xml(tag, children=children)
+        if any(map(has_skill, children[:-1])):
+            # A node of that library is asked again at each tick, and ours is started again.
+            assert raw.type is not None
+            own = self._declared_tag(raw.key, "Control", raw.type.key, raw.type.fields)
+            return Xml(own, {"memory": "false"}, children)
+        return Xml(f"Reactive{tag}", children=children)
 
     def _parallel(self, raw: RawNode) -> Xml:
         children = self._children(raw)

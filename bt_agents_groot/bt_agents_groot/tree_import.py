@@ -51,10 +51,13 @@ _MAX_LABEL = 64
 class TreeImport:
     """Tree that is being imported, with its name scope."""
 
-    def __init__(self, names: TreeNames, remarks: Remarks, translate: Translate) -> None:
+    def __init__(
+        self, names: TreeNames, remarks: Remarks, translate: Translate, skill: Translate
+    ) -> None:
         self.names = names
         self._remarks = remarks
         self._translate = translate
+        self._skill = skill
         # Comments of the elements that are being translated, the innermost last.
         self._comments: list[list[str]] = []
 
@@ -72,6 +75,10 @@ class TreeImport:
         node = self._with_guards(element, node, guards, below_fallback)
         self._remark_unread(element)
         return with_comments(node, self._comments.pop())
+
+    def skill(self, element: Element) -> YamlNode:
+        """Return the skill that is called as an element is, whatever stands below that."""
+        return self._skill(self, replace(element, children=()))
 
     def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
         """Return a node with a decorator around it; remark on differences when it is skipped."""

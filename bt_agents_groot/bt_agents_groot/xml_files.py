@@ -25,6 +25,7 @@ MAX_TEXT = 20_000
 """Characters of one attribute."""
 
 _ATTRIBUTE = re.compile(r"""([^\s=<>"'/]+)\s*=\s*("[^"]*"|'[^']*')""")
+_PROLOGUE = re.compile(r"\A[^<]*(?:<\?xml\b[^<>]*\?>|(?=<))")
 _ENTITY = r"&(?:#[0-9]+|#x[0-9a-fA-F]+|amp|lt|gt|quot|apos);"
 _WRITTEN_CHARACTER = re.compile(rf"{_ENTITY}|\r\n|.", re.DOTALL)
 _VALUE = re.compile(
@@ -287,7 +288,8 @@ def _with_stand_ins(text: str) -> str:
     """Return a text in which bare ``&`` and ``<`` inside of attributes are other characters.
 
     XML forbids the two there, and BehaviorTree.CPP reads them. A ``<`` before a ``>`` is rather
-    the next element, behind a quotation mark that is missing.
+    the next element, behind a quotation mark that is missing. What stands before the first element
+    is blank, because BehaviorTree.CPP skips it.
     """
 
     def replaced(match: re.Match[str]) -> str:
@@ -297,6 +299,7 @@ def _with_stand_ins(text: str) -> str:
         bare = _BARE.sub(lambda one: one[0].translate(_STAND_INS), value)
         return match[0].removesuffix(value) + bare
 
+    text = _PROLOGUE.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
     if not _MEANT.keys().isdisjoint(map(ord, text)):
         return text
     return _VALUE.sub(replaced, text)

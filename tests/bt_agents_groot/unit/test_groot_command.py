@@ -121,11 +121,9 @@ def test_a_project_of_several_files_becomes_one_agent(run, tmp_path, more, words
 @pytest.mark.parametrize(
     ("more", "words", "code"),
     [
-        ("", (), "unknown-subtree"),
         ("<include/>", (), "missing-attribute"),
         ('<include path="visit.xml"/>', (), "no-file"),
         ('<include path="."/>', (), "no-file"),
-        ('<include path="round.xml"/>', (), "unknown-subtree"),
         ("", ("parts/visit.xml", "--tree", "Ruond"), "unknown-subtree"),
     ],
 )
@@ -135,6 +133,14 @@ def test_a_project_that_is_not_whole_is_refused_where_it_says_so(run, tmp_path, 
     (tmp_path / "parts" / "visit.xml").write_text(VISIT)
     with pytest.raises(ReadError, match=rf"round\.xml:1:\d+: error\[{code}\]|round\.xml:2:\d+"):
         run("import", "groot", "round.xml", *words)
+
+
+def test_a_tree_of_a_file_that_is_not_named_is_a_skill(run, tmp_path):
+    (tmp_path / "round.xml").write_text(ROUND.format(more='<include path="round.xml"/>'))
+    out, err = run("import", "groot", "round.xml")
+    assert "\n    - visit:\n        place: kitchen\n" in out
+    assert "round.xml:2:1: not translated: tree 'Visit' stands in no file that was named" in err
+    assert "skills that nobody declares yet: visit" in err
 
 
 @pytest.mark.parametrize("agent", ["attentive_guide", "trees/agents/attentive_guide.yaml"])
@@ -149,3 +155,22 @@ def test_an_agent_that_is_not_there_is_refused_with_the_likely_one(run):
         run("export", "groot", "atentive_guide")
     with pytest.raises(ReadError, match="no-file"):
         run("export", "groot", "trees/agents/nobody.yaml")
+
+
+def test_a_folder_stands_for_its_files(run, tmp_path):
+    folder = tmp_path / "objectives"
+    folder.mkdir()
+    call = '<root><BehaviorTree ID="Go Out"><SubTree ID="Greet"/></BehaviorTree></root>'
+    (folder / "go_out.xml").write_text(call)
+    greet = '<root><BehaviorTree ID="Greet"><Say text="Hello"/></BehaviorTree></root>'
+    (folder / "greet.xml").write_text(greet)
+    (folder / "notes.txt").write_text("no tree")
+    out, _ = run("import", "groot", "objectives", "--tree", "Go Out")
+    assert "\nagent: go_out\n" in out
+    assert "\n  greet:\n" in out
+
+
+def test_a_folder_without_files_is_refused(run, tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BtAgentsError, match="no XML file in the folder 'empty'"):
+        run("import", "groot", "empty")

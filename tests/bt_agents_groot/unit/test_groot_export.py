@@ -42,6 +42,10 @@ def element(tree: str) -> str:
          "<Sequence><AlwaysSuccess/><AlwaysFailure/></Sequence>"),
         ("selector: {memory: false, children: [check: true, check: false]}",
          "<ReactiveFallback><AlwaysSuccess/><AlwaysFailure/></ReactiveFallback>"),
+        ("sequence: {memory: false, children: [say: Hi, check: true]}",
+         '<sequence memory="false"><Say text="Hi"/><AlwaysSuccess/></sequence>'),
+        ("sequence: {memory: false, children: [check: true, say: Hi]}",
+         '<ReactiveSequence><AlwaysSuccess/><Say text="Hi"/></ReactiveSequence>'),
         ("parallel: [check: true, check: true]",
          '<Parallel success_count="-1" failure_count="1"><AlwaysSuccess/><AlwaysSuccess/>'
          "</Parallel>"),
@@ -212,3 +216,15 @@ def test_an_input_and_an_output_of_one_name_are_two_ports_and_one_skill_again():
     agent = read_agent_text(HEAD + tree, "a.yaml", symbols)
     assert shape(again.tree) == shape(agent.tree)
     assert not made.missing
+
+
+def test_a_name_that_may_have_no_value_is_not_set_first():
+    tree = """tree:
+  sequence:
+    - set: {tries: "${tries else 0 + 1}"}
+    - check: tries < 3
+"""
+    text = export_agent(Source("a.yaml", HEAD + tree), SYMBOLS).text
+    made = import_agent(Source("t.xml", text), "my_agent", SYMBOLS)
+    again = read_agent_text(made.text, "a.yaml", SYMBOLS)
+    assert shape(again.tree) == shape(read_agent_text(HEAD + tree, "a.yaml", SYMBOLS).tree)

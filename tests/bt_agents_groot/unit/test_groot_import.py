@@ -14,6 +14,7 @@ from bt_agents_groot.controls import CONTROLS
 from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.translation import RemarkLevel
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text, read_skills_text
@@ -182,7 +183,8 @@ def test_a_node_becomes_what_does_the_same(inner, expected):
         (f"<RunOnce then_skip='0'>{S}</RunOnce>", "the second time"),
         (f"<Switch2 variable='{{k}}' case_1='1' case_2='b'>{S}{S}{S}</Switch2>", "stays with"),
         ("<AlwaysSuccess _while='hot'/>", "stopped has failed here"),
-        ("<ReactiveSequence><Say text='x'/><Sleep msec='1'/></ReactiveSequence>", "again and"),
+        (f"<NonblockingSequence>{S}{S}</NonblockingSequence>", "are not done again"),
+        (f"<RateController hz='2'>{S}</RateController>", "as often as it is reached"),
         ("<Repeat num_cycles='2'><Sleep msec='1' _skipIf='hot'/></Repeat>", "left out"),
         ("<Sequence><Sleep msec='1' _skipIf='hot'/></Sequence>", "all its children are left out"),
         (f"<IfThenElse>{HOT}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
@@ -294,27 +296,249 @@ def test_a_round_robin_goes_on_with_the_next_child_each_time():
     read_agent_text(made.text, "a.yaml", SYMBOLS)
 
 
+def test_a_round_robin_without_wrap_around_ends_behind_its_last_child():
+    made = imported(f"<RoundRobin wrap_around='false'>{S}{F}</RoundRobin>")
+    assert document(made)["tree"] == {
+        "selector": [
+            {"when": "turn_1 else 0 < 1", "sequence": [{"set": {"turn_1": 1}}, {"check": True}]},
+            {"fail": True, "sequence": [{"set": {"turn_1": 0}}, {"check": False}]},
+        ]
+    }
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+def test_no_retries_mean_one_try():
+    made = imported(f"<RecoveryNode number_of_retries='0'>{F}{S}</RecoveryNode>")
+    assert document(made)["tree"] == {"check": False}
+    assert "tried once" in said(made, RemarkLevel.NOTE)
+
+
+@pytest.mark.parametrize(
+    ("loop", "result"), [("Repeat num_cycles", True), ("RetryUntilSuccessful num_attempts", False)]
+)
+def test_a_loop_without_times_does_nothing(loop, result):
+    made = imported(f"<{loop}='0'>{S}</{loop.split()[0]}>")
+    assert document(made)["tree"] == {"check": result}
+    assert "never done" in said(made, RemarkLevel.NOTE)
+
+
+def while_following(repeated: dict, last: dict) -> dict:
+    """Return a node that is repeated, and one that begins when that is done for the first time."""
+    return {
+        "sequence": [
+            {"set": {"done_1": False}},
+            {
+                "parallel": {
+                    "succeed_on": ["behind_1"],
+                    "children": [
+                        repeated,
+                        {"name": "behind_1", "sequence": [{"wait_for": "done_1"}, last]},
+                    ],
+                }
+            },
+        ]
+    }
+
+
+DONE = {"set": {"done_1": True}}
+
+
 def test_a_pipeline_repeats_its_first_child_at_a_rate_while_the_next_runs():
     plan, follow = "<AlwaysSuccess/>", "<Sleep msec='9000'/>"
     made = imported(
         f"<PipelineSequence><RateController hz='0.5'>{plan}</RateController>{follow}"
         "</PipelineSequence>"
     )
-    assert document(made)["tree"] == {
-        "sequence": [
-            {"check": True},
-            {
-                "parallel": {
-                    "succeed_on": ["behind_1"],
-                    "children": [
-                        {"repeat": "forever", "sequence": [{"wait": "2 s"}, {"check": True}]},
-                        {"name": "behind_1", "wait": "9 s"},
-                    ],
-                }
-            },
+    repeated = {
+        "repeat": {"times": "forever", "pause": "2 s"},
+        "sequence": [{"check": True}, DONE],
+    }
+    assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
+    assert not made.remarks
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+def with_own_skills(made: ImportedAgent) -> AgentSpec:
+    """Return an imported agent, read with the skills file that it comes with."""
+    skills = read_skills_text(skills_file(made.missing), "new.yaml")
+    return read_agent_text(made.text, "a.yaml", SYMBOLS.with_skills(skills))
+
+
+@pytest.mark.parametrize(
+    ("controller", "asked"),
+    [
+        ("DistanceController distance='1.5'", {"distance_controller": {"distance": 1.5}}),
+        ("SpeedController min_rate='0.2'", {"speed_controller": {"min_rate": 0.2}}),
+        ("GoalUpdatedController", {"goal_updated_controller": {}}),
+    ],
+)
+def test_what_limits_a_repetition_is_a_skill(controller, asked):
+    tag = controller.split()[0]
+    made = imported(
+        f"<PipelineSequence><{controller}>{S}</{tag}><Sleep msec='9000'/></PipelineSequence>"
+    )
+    repeated = {"repeat": "forever", "sequence": [{"check": True}, DONE, asked]}
+    assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
+    with_own_skills(made)
+
+
+def test_a_pipeline_in_a_pipeline_is_written_once():
+    inner = "<Plan/>"
+    for _ in range(4):
+        inner = f"<PipelineSequence>{inner}<Follow/></PipelineSequence>"
+    made = imported(inner)
+    assert made.text.count("plan: {}") == 1
+
+
+def test_skills_before_the_last_child_are_asked_while_it_runs():
+    made = imported("<ReactiveSequence><IsClear/><Sleep msec='9000'/></ReactiveSequence>")
+    repeated = {"repeat": "forever", "sequence": [{"is_clear": {}}, DONE]}
+    assert document(made)["tree"] == while_following(repeated, {"wait": "9 s"})
+    assert "runs meanwhile" in said(made, RemarkLevel.NOTE)
+    with_own_skills(made)
+
+
+def test_a_reactive_fallback_with_skills_is_the_opposite():
+    made = imported("<ReactiveFallback><IsClear/><Sleep msec='9000'/></ReactiveFallback>")
+    repeated = {"repeat": "forever", "sequence": [{"invert": True, "is_clear": {}}, DONE]}
+    expected = while_following(repeated, {"invert": True, "wait": "9 s"})
+    assert document(made)["tree"] == {"invert": True, **expected}
+    with_own_skills(made)
+
+
+def test_the_condition_of_a_while_may_take_time():
+    made = imported(f"<WhileDoElse><IsClear/>{S}{F}</WhileDoElse>")
+    first, second, together = document(made)["tree"]["sequence"]
+    assert (first, second) == ({"set": {"fits_1": False}}, {"set": {"done_1": False}})
+    asked, branches = together["parallel"]["children"]
+    assert asked["sequence"][0] == {
+        "selector": [
+            {"sequence": [{"is_clear": {}}, {"set": {"fits_1": True}}]},
+            {"set": {"fits_1": False}},
         ]
     }
+    assert branches["sequence"][1]["selector"]["children"] == [
+        {"while": "fits_1", "check": True},
+        {"while": "not fits_1", "check": False},
+    ]
+    with_own_skills(made)
+
+
+def test_a_goal_updater_is_a_skill_before_its_child():
+    made = imported(
+        "<Sequence><SetBlackboard value='a' output_key='goal'/>"
+        "<GoalUpdater input_goal='{goal}' output_goal='{new}'><Go goal='{new}'/></GoalUpdater>"
+        "</Sequence>"
+    )
+    assert document(made)["tree"]["sequence"][1] == {
+        "sequence": [
+            {"goal_updater": {"input_goal": "${goal}"}, "outputs": {"new": "output_goal"}},
+            {"go": {"goal": "${new}"}},
+        ]
+    }
+    with_own_skills(made)
+
+
+def test_a_longer_path_is_asked_for_before_the_child():
+    made = imported(f"<PathLongerOnApproach prox_len='3.0'>{F}</PathLongerOnApproach>")
+    assert document(made)["tree"] == {
+        "selector": [
+            {"invert": True, "path_longer_on_approach": {"prox_len": 3.0}},
+            {"check": False},
+        ]
+    }
+    with_own_skills(made)
+
+
+def test_a_persistent_sequence_goes_on_where_an_entry_says():
+    made = imported(
+        "<Sequence><Script code='at := 0'/>"
+        f"<PersistentSequence current_child_idx='{{at}}'>{S}{F}</PersistentSequence></Sequence>"
+    )
+    assert document(made)["tree"]["sequence"][1] == {
+        "sequence": [
+            {"when": "at < 1", "sequence": [{"check": True}, {"set": {"at": 1}}]},
+            {"when": "at < 2", "sequence": [{"check": False}, {"set": {"at": 2}}]},
+            {"set": {"at": 0}},
+        ],
+        "on_failure": {"fail": True, "set": {"at": 0}},
+    }
     read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+@pytest.mark.parametrize("node", ["SingleTrigger", "PauseResumeController"])
+def test_a_node_of_nav2_without_equivalent_fails_first(node):
+    made = imported(f"<{node}>{S}</{node}>")
+    assert document(made)["tree"]["sequence"][0]["fail"] is True
+    assert f"<{node}> has no equivalent" in said(made, RemarkLevel.LOST)
+
+
+def test_ports_of_nav2_have_the_direction_of_nav2():
+    made = imported(
+        "<Sequence><IsGoalNearby path='{path}'/>"
+        "<ComputePathToPose goal='here' path='{path}' error_code_id='{code}'/>"
+        "<WouldAPlannerRecoveryHelp error_code='{code}'/></Sequence>"
+    )
+    shown = {one.name: (list(one.inputs), list(one.outputs)) for one in made.missing}
+    assert shown == {
+        "is_goal_nearby": (["path"], []),
+        "compute_path_to_pose": (["goal"], ["path", "error_code_id"]),
+        "would_a_planner_recovery_help": (["error_code"], []),
+    }
+    assert document(made)["tree"]["sequence"][0]["set"] == {"path": "", "code": 0}
+    with_own_skills(made)
+
+
+def test_a_port_that_a_use_leaves_out_is_optional():
+    made = imported("<Sequence><Turn angle='90' speed='0.5'/><Turn angle='30'/></Sequence>")
+    skills = yaml.safe_load(skills_file(made.missing))["skills"]
+    assert skills["turn"]["inputs"] == {
+        "angle": "integer",
+        "speed": {"type": "number", "default": 0.0},
+    }
+    with_own_skills(made)
+
+
+def test_a_port_with_a_default_is_optional():
+    model = """<TreeNodesModel><Action ID="Turn">
+      <input_port name="angle" type="int"/><input_port name="speed" type="double" default="0.5"/>
+      <input_port name="mode" type="int" default="fast"/><output_port name="seen" default="{s}"/>
+      </Action></TreeNodesModel>"""
+    made = imported("<Turn angle='90'/>", model)
+    skills = yaml.safe_load(skills_file(made.missing))["skills"]
+    assert skills["turn"]["inputs"] == {
+        "speed": {"type": "number", "default": 0.5},
+        "mode": {"type": "any", "default": "fast"},
+        "angle": "integer",
+    }
+    with_own_skills(made)
+
+
+def test_a_value_that_is_copied_has_the_type_of_its_use():
+    made = imported(
+        "<Sequence><Script code='a := LIMIT; b := a'/><ScriptCondition code='b > 3'/></Sequence>"
+    )
+    assert document(made)["tree"]["sequence"][0] == {"set": {"limit": 0.0}}
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+@pytest.mark.parametrize("before", [" \n ", "// a comment\n", ' <?xml version="1.0"?>\n'])
+def test_what_stands_before_the_first_element_is_skipped(before):
+    text = f"{before}<root BTCPP_format='4'><BehaviorTree ID='T'>{S}</BehaviorTree></root>"
+    made = import_agent(Source("t.xml", text), "a", SYMBOLS)
+    assert document(made)["tree"] == {"check": True}
+
+
+def test_of_many_trees_only_what_one_calls_is_taken():
+    text = f"""<root BTCPP_format="4">
+    <BehaviorTree ID="Wanted"><SubTree ID="Part"/></BehaviorTree>
+    <BehaviorTree ID="Part">{S}</BehaviorTree>
+    <BehaviorTree ID="OnCancel">{F}</BehaviorTree>
+    <BehaviorTree ID="Other"><SubTree ID="Nowhere"/></BehaviorTree></root>"""
+    made = import_agent(Source("t.xml", text), "a", SYMBOLS, main="Wanted")
+    assert document(made)["tree"] == {"subtree": "part"}
+    assert list(document(made)["subtrees"]) == ["part"]
+    assert document(made)["on_cancel"] == {"check": False}
 
 
 def test_a_port_has_one_direction_in_the_whole_file():
@@ -471,7 +695,8 @@ def test_an_input_that_nobody_gives_is_listed():
 def test_an_included_file_is_listed():
     made = imported("<SubTree ID='Elsewhere' a='{=}'/>", '<include path="more.xml"/>')
     assert '<include path="more.xml"> is not followed' in said(made, RemarkLevel.LOST)
-    assert document(made)["tree"]["sequence"][1] == {"subtree": "elsewhere", "with": {"a": "${a}"}}
+    assert document(made)["tree"]["sequence"][1] == {"elsewhere": {"a": "${a}"}}
+    with_own_skills(made)
 
 
 def test_an_unused_tree_called_on_cancel_is_the_clean_up():

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Import of nodes whose first children are done again while the next ones run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from bt_agents_groot.document import has_skill
+from bt_agents_groot.tree_import import TreeImport
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, decorated, selector, sequence
+from bt_agents_language.nodes.node_type import FOREVER
+
+
+@dataclass(frozen=True, kw_only=True)
+class Repeated:
+    """Node that is done again and again.
+
+    Attributes:
+        due: What is done before each further time; it succeeds when the node is due.
+        pause: Time before each further time.
+    """
+
+    node: YamlNode
+    due: YamlNode | None = None
+    pause: Raw | None = None
+
+
+def asks_again(element: Element) -> bool:
+    """Return whether skills stand before the last child, which take time in our language.
+
+    Started over at each tick, as our own ``memory: false`` does, they would never end.
+    """
+    return any(map(has_skill, element.children[:-1]))
+
+
+def while_repeated(tree: TreeImport, before: Sequence[Repeated], last: YamlNode) -> YamlNode:
+    """Return nodes that begin one after the other; each is repeated while those behind it run.
+
+    It ends as the last one does, and fails as soon as another fails.
+    """
+    done = [tree.names.fresh("done") for _ in before]
+    last = _behind(done[-1], last)
+    last = replace(last, name=last.name or f"behind_{done[-1].removeprefix('done_')}")
+    children: list[YamlNode] = []
+    for number, (name, one) in enumerate(zip(done, before, strict=True)):
+        steps = [one.node, YamlNode(key="set", value={name: True})]
+        steps += [one.due] if one.due is not None else []
+        times: Data = Raw(FOREVER)
+        if one.pause is not None:
+            times = {"times": Raw(FOREVER), "pause": one.pause}
+        again = decorated(sequence(*steps), "repeat", times)
+        children.append(_behind(done[number - 1], again) if number else again)
+    together = YamlNode(
+        key="parallel", value={"succeed_on": [last.name]}, children=(*children, last)
+    )
+    return sequence(YamlNode(key="set", value=dict.fromkeys(done, False)), together)
+
+
+def _behind(name: str, node: YamlNode) -> YamlNode:
+    return sequence(YamlNode(key="wait_for", value=Raw(name)), node)
+
+
+def reactive_sequence(tree: TreeImport, element: Element) -> YamlNode:
+    """Return children of which all but the last are asked again while the next ones run."""
+    *before, last = map(tree.node, element.children)
+    return while_repeated(tree, [Repeated(node=one) for one in before], last)
+
+
+def reactive_fallback(tree: TreeImport, element: Element) -> YamlNode:
+    """Return the same with success and failure exchanged."""
+    *before, last = (
+        decorated(tree.node(child, below_fallback=True), "invert", True)
+        for child in element.children
+    )
+    whole = while_repeated(tree, [Repeated(node=one) for one in before], last)
+    return decorated(whole, "invert", True)
+
+
+def asked(condition: YamlNode, name: str) -> Repeated:
+    """Return a node that sets a name to whether another node succeeds."""
+    fits = sequence(condition, YamlNode(key="set", value={name: True}))
+    return Repeated(node=selector(fits, YamlNode(key="set", value={name: False})))
