@@ -181,17 +181,13 @@ def as_script(formula: Formula) -> str:
     """Return a formula in the script language of BehaviorTree.CPP.
 
     Raises:
-        Untranslatable: It uses a function, a list, ``%`` or a text with a ``'`` in it.
+        Untranslatable: It uses a function, a list, ``%`` or a text with both quotation marks.
     """
     return _script(formula)[0]
 
 
 def _script(formula: Formula) -> tuple[str, int]:
     match formula:
-        case Constant(str() as value):
-            if "'" in value:
-                raise Untranslatable("a text with a ' in it cannot stand in a script")
-            return f"'{value}'", _OPERAND
         case Constant(value):
             return _constant(value), _SCRIPT_PREFIX if _is_negative(value) else _OPERAND
         case Name(name):

@@ -28,7 +28,7 @@ MAX_DEPTH = 32
 _TOKEN = re.compile(
     r"""
     (?P<space>[ \t\r\n]+)
-    | (?P<text>'[^']*')
+    | (?P<text>'[^']*'|"[^"]*")
     | (?P<hex>0[xX][0-9a-fA-F]+(?![\w.]))
     | (?P<number>[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?(?![\w]|\.(?!\.)))
     | (?P<name>[A-Za-z_@][A-Za-z0-9_]*)
@@ -98,10 +98,8 @@ def _tokens(text: str) -> list[_Token]:
     for match in _TOKEN.finditer(text):
         kind, at = match.lastgroup or "", match.start()
         if kind == "unknown":
-            if match[0] == "'":
+            if match[0] in ("'", '"'):
                 raise ScriptError("this quotation mark is not closed", at)
-            if match[0] == '"':
-                raise ScriptError("texts in a script stand between ' and '", at)
             raise ScriptError(f"'{text[at : at + 12]}' means nothing in a script", at)
         if kind != "space":
             tokens.append(_Token(kind, match[0], at))
