@@ -15,7 +15,7 @@ from bt_agents_groot.custom_nodes import CustomNodes, MissingSkill
 from bt_agents_groot.document import Document, Load, Model, ModelPort, node_id, read_document
 from bt_agents_groot.naming import Renaming, port, snake
 from bt_agents_groot.nav2_nodes import NAV2_NODES
-from bt_agents_groot.ports import field_type_of, from_port, pointed_at
+from bt_agents_groot.ports import PortError, field_type_of, from_port, pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.subtree_calls import Callee, ports_of_call, remaps_all, subtree_call
@@ -201,7 +201,7 @@ class _Import:
         declared = model.ports.get(port(names.original(name)))
         if declared is None or not declared.value:
             return names.default(name)
-        return from_port(declared.value, field_type_of(declared.type), names.rename)
+        return _plain_default(declared, names, name)
 
     def _subtree(self, tree_id: str) -> Data:
         callers = self._callers(tree_id)
@@ -242,7 +242,8 @@ class _Import:
         )
         entries: dict[str, Data] = {
             "inputs": {
-                outer: _declaration(declared[inside], names) for outer, inside in inputs.items()
+                outer: _declaration(declared[inside], names, inside)
+                for outer, inside in inputs.items()
             },
             "outputs": {name: Raw(field_type_of(declared[name].type).value) for name in outputs},
             "tree": _with_initial_values(tree, copied_inputs, ""),
@@ -250,11 +251,21 @@ class _Import:
         return {key: value for key, value in entries.items() if value}
 
 
-def _declaration(declared: ModelPort, names: TreeNames) -> Data:
+def _plain_default(declared: ModelPort, names: TreeNames, name: str) -> Data:
+    """Return the default of a port, which is a text where the tree compares it with one."""
+    is_text = names.type_of(name) is FieldType.TEXT
+    field_type = FieldType.TEXT if is_text else field_type_of(declared.type)
+    try:
+        return from_port(declared.value, field_type, names.rename)
+    except PortError:
+        return declared.value
+
+
+def _declaration(declared: ModelPort, names: TreeNames, name: str) -> Data:
     field_type = field_type_of(declared.type)
     if not declared.value:
         return _input(field_type)
-    return _input(field_type, from_port(declared.value, field_type, names.rename))
+    return _input(field_type, _plain_default(declared, names, name))
 
 
 def _input(field_type: FieldType, default: Data | None = None) -> Data:

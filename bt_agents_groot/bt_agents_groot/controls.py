@@ -167,6 +167,8 @@ def _while_do_else(tree: TreeImport, element: Element) -> YamlNode:
     condition = _formula(tree, condition_node)
     if condition is not None:
         return _while(tree, branches, tree.text(condition), tree.text(negated(condition)))
+    if has_skill(condition_node):
+        tree.note(element, BUILTINS[node_id(element)].note)
     if len(branches) == 1:
         if has_skill(condition_node):
             return reactive_sequence(tree, element)

@@ -272,7 +272,8 @@ class _DocumentReader:
                 default=child.get("default"),
             )
         models = self._found.subtree_models if element.tag == "SubTree" else self._found.models
-        models[model_id] = Model(kind=element.tag, ports=ports)
+        known = models.get(model_id, Model(kind=element.tag))
+        models[model_id] = Model(kind=known.kind, ports={**ports, **known.ports})
 
     def _missing(self, element: Element, name: str, hint: str) -> None:
         self._error(

@@ -41,8 +41,8 @@ def while_repeated(tree: TreeImport, before: Sequence[Repeated], last: YamlNode)
     It ends as the last one does, and fails as soon as another fails.
     """
     done = [tree.names.fresh("done") for _ in before]
-    last = _behind(done[-1], last)
-    last = replace(last, name=last.name or f"behind_{done[-1].removeprefix('done_')}")
+    name_of_last = f"behind_{done[-1].removeprefix('done_')}"
+    last = replace(_behind(done[-1], last), name=name_of_last)
     children: list[YamlNode] = []
     for number, (name, one) in enumerate(zip(done, before, strict=True)):
         steps = [one.node, YamlNode(key="set", value={name: True})]
@@ -53,7 +53,7 @@ def while_repeated(tree: TreeImport, before: Sequence[Repeated], last: YamlNode)
         again = decorated(sequence(*steps), "repeat", times)
         children.append(_behind(done[number - 1], again) if number else again)
     together = YamlNode(
-        key="parallel", value={"succeed_on": [last.name]}, children=(*children, last)
+        key="parallel", value={"succeed_on": [name_of_last]}, children=(*children, last)
     )
     return sequence(YamlNode(key="set", value=dict.fromkeys(done, False)), together)
 

@@ -118,7 +118,7 @@ class TreeNames:
         self.write(name)
         match value:
             case Name(other) if self._alike(name) != self._alike(other):
-                known = self._types.get(self._alike(name), FieldType.ANY)
+                known = self.type_of(name)
                 self._same[self._alike(name)] = self._alike(other)
                 self._add_type(other, known)
             case Constant(constant):
@@ -150,13 +150,17 @@ class TreeNames:
 
     def default(self, name: str) -> bool | int | float | str:
         """Return a default value of the type for which a name is used."""
-        return usual_value(self._types.get(self._alike(name), FieldType.ANY))
+        return usual_value(self.type_of(name))
+
+    def type_of(self, name: str) -> FieldType:
+        """Return the type for which a name is used; any where nothing says it."""
+        return self._types.get(self._alike(name), FieldType.ANY)
 
     def is_text(self, formula: Formula) -> bool:
         """Return whether the value of a formula is certainly a text."""
         match formula:
             case Name(name):
-                return self._types.get(self._alike(name)) is FieldType.TEXT
+                return self.type_of(name) is FieldType.TEXT
             case Constant(value):
                 return isinstance(value, str)
             case Binary("+" | "..", left, right):

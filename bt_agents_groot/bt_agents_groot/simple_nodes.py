@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from math import isfinite
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import node_id
@@ -23,6 +24,7 @@ from bt_agents_groot.yaml_nodes import (
     sequence,
 )
 from bt_agents_language.nodes.node_type import FOREVER
+from bt_agents_language.nodes.when import WHEN
 
 
 def _plain(key: str) -> Translate:
@@ -90,6 +92,63 @@ def unknown_parent(tree: TreeImport, element: Element) -> YamlNode:
     fate = "child stands" if len(element.children) == 1 else "children stand"
     failing = _untranslated(tree, element, f"; its {fate} behind a node that fails")
     return sequence(failing, *map(tree.node, element.children))
+
+
+def _queue(tree: TreeImport, element: Element) -> YamlNode:
+    """Return the child repeated with one value after the other; the queue has to be constant."""
+    values = _values(element)
+    status = element.get("if_empty", "SUCCESS").strip()
+    if values is None or status not in ("SUCCESS", "FAILURE"):
+        return unknown_parent(tree, element)
+    end = () if status == "SUCCESS" else (check(Raw("false")),)
+    child = tree.node(element.children[0])
+    steps = [child]
+    turn = tree.names.fresh("turn")
+    entry = pointed_at(element.get("value"))
+    if entry is not None:
+        name = tree.names.rename(entry)
+        cases = [
+            YamlNode(
+                key="set",
+                value={name: value},
+                name=f"case_{number}",
+                decorators={WHEN.key: Raw(f"{turn} == {number}")},
+            )
+            for number, value in enumerate(values, start=1)
+        ]
+        tree.names.write(name)
+        steps = [YamlNode(key="choose", children=tuple(cases)), child]
+    counted = YamlNode(key="set", value={turn: Raw(f"${{{turn} + 1}}")})
+    again = decorated(sequence(counted, *steps), "repeat", len(values))
+    return sequence(YamlNode(key="set", value={turn: 0}), again, *end)
+
+
+def _values(element: Element) -> list[Data] | None:
+    """Return the values of a queue; None when it is no list of such values."""
+    text = element.get("queue")
+    if not text or pointed_at(text) is not None or text.startswith("json:"):
+        return None
+    convert = _QUEUES[node_id(element)]
+    try:
+        return [convert(part) for part in text.split(";")]
+    except (ValueError, KeyError):
+        return None
+
+
+def _finite(part: str) -> float:
+    number = float(part)
+    if not isfinite(number):
+        raise ValueError
+    return number
+
+
+_BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
+_QUEUES: Mapping[str, Callable[[str], Data]] = {
+    "LoopInt": int,
+    "LoopDouble": _finite,
+    "LoopBool": lambda part: _BOOLEANS[part.strip().lower()],
+    "LoopString": lambda part: part.replace("${", "$${"),
+}
 
 
 def _count(tree: TreeImport, element: Element, port: str) -> Data:
@@ -174,12 +233,10 @@ SIMPLE_NODES: Mapping[str, Translate] = {
     "RunOnce": _run_once,
     "Precondition": _precondition,
     **dict.fromkeys(
-        (
-            "LoopInt", "LoopBool", "LoopDouble", "LoopString",
-            "SkipUnlessUpdated", "WaitValueUpdate",
-        ),
+        ("SkipUnlessUpdated", "WaitValueUpdate"),
         unknown_parent,
     ),
+    **dict.fromkeys(_QUEUES, _queue),
     "Sleep": _sleep,
     "Script": _script,
     "ScriptCondition": _script,

@@ -92,7 +92,7 @@ def _inputs(
         if text is None and remaps_all(element):
             text = f"{{{callee.names.original(inside)}}}"
         if text is not None:
-            arguments[declared] = _argument(tree, text)
+            arguments[declared] = _argument(tree, text, callee.names.type_of(inside))
         elif declared not in callee.optional:
             tree.lost(
                 element,
@@ -102,8 +102,8 @@ def _inputs(
     return arguments
 
 
-def _argument(tree: TreeImport, text: str) -> Data:
-    data = from_port(text, FieldType.ANY, tree.names.rename)
+def _argument(tree: TreeImport, text: str, field_type: FieldType) -> Data:
+    data = from_port(text, field_type, tree.names.rename)
     tree.names.mention(names_in(data))
     return data
 

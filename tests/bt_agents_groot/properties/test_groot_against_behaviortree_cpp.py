@@ -27,6 +27,7 @@ SEVERAL = ["Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback"]
 SINGLE = [
     "Inverter", "ForceSuccess", "ForceFailure", "RunOnce", "Repeat num_cycles='2'",
     "RetryUntilSuccessful num_attempts='3'", "Timeout msec='5000'",
+    "LoopDouble queue='1;4' value='{m}'",
 ]  # fmt: skip
 START = """<Script code="n := 0; m := 0; trace := ''"/>"""
 

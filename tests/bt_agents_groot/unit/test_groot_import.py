@@ -209,9 +209,10 @@ def test_a_small_difference_is_noted_and_stands_in_the_file(inner, note):
         ("<UnsetBlackboard key='t'/>", '<UnsetBlackboard key="t">'),
         ("<WasEntryUpdated entry='{t}'/>", "<WasEntryUpdated"),
         (
-            f"<LoopInt queue='1;2' value='{{v}}'>{S}</LoopInt>",
+            f"<LoopInt queue='{{list}}' value='{{v}}'>{S}</LoopInt>",
             "its child stands behind a node that fails",
         ),
+        (f"<LoopDouble queue='1;inf' value='{{v}}'>{S}</LoopDouble>", "has no equivalent"),
         (
             f"<WaitValueUpdate entry='{{t}}'>{S}</WaitValueUpdate>",
             "its child stands behind a node that fails",
@@ -322,6 +323,38 @@ def test_a_loop_without_times_does_nothing(loop, result):
     assert "never done" in said(made, RemarkLevel.NOTE)
 
 
+@pytest.mark.parametrize(
+    ("loop", "values"),
+    [
+        ("LoopInt queue='1;-2'", [1, -2]),
+        ("LoopDouble queue='0.5;2'", [0.5, 2.0]),
+        ("LoopBool queue='true;0'", [True, False]),
+        ("LoopString queue='hall;gate 2'", ["hall", "gate 2"]),
+    ],
+)
+def test_a_loop_gives_a_name_its_values_in_turn(loop, values):
+    made = imported(f"<{loop} value='{{v}}' if_empty='FAILURE'>{S}</{loop.split()[0]}>")
+    first, second = values
+    assert document(made)["tree"]["sequence"] == [
+        {"set": {"turn_1": 0}},
+        {
+            "repeat": 2,
+            "sequence": [
+                {"set": {"turn_1": "${turn_1 + 1}"}},
+                {
+                    "choose": [
+                        {"name": "case_1", "when": "turn_1 == 1", "set": {"v": first}},
+                        {"name": "case_2", "when": "turn_1 == 2", "set": {"v": second}},
+                    ]
+                },
+                {"check": True},
+            ],
+        },
+        {"check": False},
+    ]
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
 def while_following(repeated: dict, last: dict) -> dict:
     """Return a node that is repeated, and one that begins when that is done for the first time."""
     return {
@@ -408,6 +441,7 @@ def test_a_reactive_fallback_with_skills_is_the_opposite():
 
 def test_the_condition_of_a_while_may_take_time():
     made = imported(f"<WhileDoElse><IsClear/>{S}{F}</WhileDoElse>")
+    assert "runs meanwhile" in said(made, RemarkLevel.NOTE)
     first, second, together = document(made)["tree"]["sequence"]
     assert (first, second) == ({"set": {"fits_1": False}}, {"set": {"done_1": False}})
     asked, branches = together["parallel"]["children"]
@@ -684,6 +718,46 @@ def test_models_of_subtrees_give_types_and_defaults():
         "default": "desk",
     }
     assert document(made)["tree"]["with"] == {"count_in": 2}
+
+
+ASKS = """<BehaviorTree ID="Asks"><ScriptCondition code="way == 'true' &amp;&amp; lid == 'shut'"/>
+    </BehaviorTree>"""
+
+
+def test_what_is_compared_with_a_text_is_a_text():
+    model = """<TreeNodesModel>
+      <SubTree ID="Asks"><input_port name="way" default="false"/></SubTree>
+      <SubTree ID="T"><input_port name="lid" default="true"/></SubTree></TreeNodesModel>"""
+    made = imported(
+        "<Sequence><ScriptCondition code=\"lid != 'shut'\"/>"
+        "<SubTree ID='Asks' way='true' lid='3'/><SubTree ID='Asks' lid='{lid}'/></Sequence>",
+        ASKS + model,
+    )
+    first, _, call, _ = document(made)["tree"]["sequence"]
+    assert first == {"set": {"lid": "true"}}
+    assert call["with"] == {"way": "true", "lid": "3"}
+    assert document(made)["subtrees"]["asks"]["inputs"]["way"]["default"] == "false"
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+def test_a_port_of_a_subtree_may_point_outside_by_default():
+    model = """<TreeNodesModel><SubTree ID="Asks"><input_port name="way" default="{road}"/>
+      <input_port name="lid" default="{=}"/></SubTree></TreeNodesModel>"""
+    made = imported("<SubTree ID='Asks' lid='shut'/>", ASKS + model)
+    assert document(made)["tree"]["sequence"][1]["with"] == {"way": "${road}", "lid": "shut"}
+    read_agent_text(made.text, "a.yaml", SYMBOLS)
+
+
+def test_models_of_several_files_complete_each_other():
+    first = "<TreeNodesModel><Action ID='Go'><input_port name='x'/></Action></TreeNodesModel>"
+    second = "<TreeNodesModel><Action ID='Go'><input_port name='y'/></Action></TreeNodesModel>"
+    made = imported("<Go x='1' y='2'/>", first + second)
+    assert list(made.missing[0].inputs) == ["x", "y"]
+
+
+def test_texts_are_joined_by_a_plus_of_names():
+    made = imported("<Script code=\"a := 'x'; b := '1'; c := a + b\"/>")
+    assert document(made)["tree"]["sequence"][1] == {"set": {"c": "${a}${b}"}}
 
 
 def test_an_input_that_nobody_gives_is_listed():
