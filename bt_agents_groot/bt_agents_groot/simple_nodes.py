@@ -74,12 +74,13 @@ def _precondition(tree: TreeImport, element: Element) -> YamlNode:
         tree.lost(element.attributes["if"], f"the condition is left out: {error}")
         return tree.node(element.children[0])
     child = tree.node(element.children[0])
+    if can_be_skipped(child) and status != "SKIPPED":
+        ended = "failed" if status == "SUCCESS" else "succeeded"
+        tree.note(element, f"when its child is left out, ours has {ended}; Groot's is left out")
     match status:
         case "SKIPPED":
             return decorated(child, "when", text)
         case "SUCCESS":
-            if can_be_skipped(child):
-                tree.note(element, "when its child is left out, ours has failed")
             return selector(check(opposite), child)
         case "RUNNING":
             wait = YamlNode(key="wait_for", value=text)

@@ -207,12 +207,12 @@ class TreeImport:
         if halted is not None:
             self._leave_out(halted, "nothing is done when a single node is stopped")
         after_failure = [*failure, *post]
-        if after_failure:
-            whole = after_failure[0] if len(after_failure) == 1 else sequence(*after_failure)
-            node = decorated(node, HANDLER.key, decorated(whole, "fail", True))
         after_success = [*success, *post]
         if after_success and can_be_skipped(node):
             self.note(element, "its scripts are run even when it is left out")
+        if after_failure:
+            whole = after_failure[0] if len(after_failure) == 1 else sequence(*after_failure)
+            node = decorated(node, HANDLER.key, decorated(whole, "fail", True))
         return sequence(node, *after_success) if after_success else node
 
     def _remark_unread(self, element: Element) -> None:
