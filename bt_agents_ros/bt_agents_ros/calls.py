@@ -79,6 +79,13 @@ class Calls:
         self._send(call)
         self._set_timer()
 
+    def fail(self, client: Client, reason: str) -> None:
+        """End all calls of a client, which is about to be destroyed, with a reason."""
+        for call in [one for one in self._open if one.client is client]:
+            self._end(call)
+            call.on_failure(reason)
+        self._set_timer()
+
     def _send(self, call: _Call) -> None:
         now = time.monotonic()
         if now < call.send_at or not call.client.service_is_ready():

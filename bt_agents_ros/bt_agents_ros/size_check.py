@@ -83,23 +83,26 @@ def check_fields(message: Any, size: int) -> None:
         _content(message, kind)
 
 
-def check_content(message: Any) -> None:
+def check_content(message: Any) -> int:
     """Check the texts and lists of a message whose size is not known, and all of them together.
 
-    One of another package is not looked at.
+    Returns:
+        How many characters and entries it has; 0 for one of another package, which is not looked
+        at.
 
     Raises:
         Refused: ``TOO_LARGE``.
     """
     kind: Any = type(message)
     if not is_own(kind):
-        return
+        return 0
     content, largest = _content(message, kind), largest_bytes(kind)
     if content > largest:
         raise Refused(
             limits.TOO_LARGE,
             f"{kind.__name__} has {content} characters and entries, expected at most {largest}",
         )
+    return content
 
 
 class RefusalLog:

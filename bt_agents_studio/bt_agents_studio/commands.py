@@ -7,10 +7,8 @@ import os
 import time
 import uuid
 import webbrowser
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
-from queue import SimpleQueue
 
 import click
 
@@ -99,22 +97,20 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     space = read_scene(trees / "scene.yaml").space
     set_discovery(os.environ)
     with loading():
-        from bt_agents_studio.node import NodeThread, StudioNode
+        from bt_agents_studio.node import Handover, NodeThread, StudioNode
     interrupt = Interrupt()
-    events: SimpleQueue[Callable[[], None]] = SimpleQueue()
+    handover = Handover()
     shown = Studio(uuid.uuid4().hex[:12], space=space)
-
-    def later(handle: Callable[..., None]) -> Callable[..., None]:
-        return lambda *values: events.put(partial(handle, *values))
 
     thread = NodeThread(
         lambda: StudioNode(
-            later(shown.receive),
-            later(shown.beat),
-            later(shown.value),
-            later(shown.graph),
+            handover.to(shown.receive),
+            handover.to(shown.beat),
+            handover.to(shown.value),
+            handover.to(shown.graph),
             namespace=os.environ.get("ROS_NAMESPACE", ""),
-        )
+        ),
+        handover,
     )
     node = thread.start()
     node.watch(True)
@@ -137,8 +133,7 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     try:
         while not interrupt and time.monotonic() < end:
             time.sleep(_PERIOD_S)
-            while not events.empty():
-                events.get()()
+            handover.deliver(_PERIOD_S)
             shown.check_parts()
             if not told and time.monotonic() - began > _FIND_S:
                 told = True

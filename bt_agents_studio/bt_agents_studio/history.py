@@ -15,7 +15,12 @@ SPAN_S = 600.0
 MOST_CHANGES = 300_000
 """Changes that are remembered, whatever their time; the oldest are forgotten first."""
 
+MOST_BYTES = 64 * 1024 * 1024
+"""Bytes of the changes that are remembered of a running system; the oldest are forgotten first."""
+
 _KEYFRAME = 5000
+_CHANGE = 200
+"""Bytes of a change beside its key and its value."""
 
 
 class History:
@@ -24,15 +29,24 @@ class History:
     Args:
         span_s: Older changes are forgotten [s]; infinite for what was recorded.
         most: Changes that are remembered.
-        keyframe: All entries are noted after so many changes, from where the others are applied.
+        keyframe: All entries are noted after so many changes, from where the others are applied;
+            after more when there are more entries.
+        most_bytes: Bytes of the changes that are remembered.
     """
 
     def __init__(
-        self, span_s: float = SPAN_S, most: int = MOST_CHANGES, keyframe: int = _KEYFRAME
+        self,
+        span_s: float = SPAN_S,
+        most: int = MOST_CHANGES,
+        keyframe: int = _KEYFRAME,
+        most_bytes: int = MOST_BYTES,
     ) -> None:
         self._span_s = span_s
         self._most = most
         self._keyframe = keyframe
+        self._most_bytes = most_bytes
+        self._bytes = 0
+        self._noted = 0
         self._base: dict[tuple[str, str], object] = {}
         self._base_s: float | None = None
         self._changes: deque[tuple[float, Change]] = deque()
@@ -59,11 +73,15 @@ class History:
         self._last_s = max(at_s, self._last_s)
         self._changes.append((self._last_s, change))
         _apply(self._newest, change)
+        self._bytes += _CHANGE + change.size
         count = self._dropped + len(self._changes)
-        if count % self._keyframe == 0:
+        if count - self._noted >= max(self._keyframe, len(self._newest)):
+            self._noted = count
             self._keyframes[count] = dict(self._newest)
-        while len(self._changes) > self._most or (
-            self._changes[0][0] < self._last_s - self._span_s
+        while self._changes and (
+            len(self._changes) > self._most
+            or self._bytes > self._most_bytes
+            or self._changes[0][0] < self._last_s - self._span_s
         ):
             self._drop()
 
@@ -86,6 +104,7 @@ class History:
 
     def _drop(self) -> None:
         self._base_s, change = self._changes.popleft()
+        self._bytes -= _CHANGE + change.size
         _apply(self._base, change)
         self._dropped += 1
         self._keyframes.pop(self._dropped - 1, None)

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import OrderedDict, deque
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,9 +32,10 @@ from bt_agents_interfaces.msg import HostCard, OpenQuestions, Scene, SceneValue,
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
-from bt_agents_ros.limits import MOST_PARAMETERS
+from bt_agents_ros.limits import KIB, MIB, MOST_PARAMETERS
 from bt_agents_ros.log_files import NO_LOG_FILE
 from bt_agents_ros.messages import header_at
+from bt_agents_ros.size_check import check_content, largest_bytes
 from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.system_topics import HOST, SystemTopic, heard_by, topic_called
 from bt_agents_ros.timers import steady_timer
@@ -45,13 +48,32 @@ from bt_agents_tools.client.write_back import ParameterState
 MOST_HOSTS = 100
 """Hosts that are watched, at most."""
 
+SILENT_S = 10.0
+"""Silence after which a host gives its place to another one, when all places are taken [s]."""
+
+MOST_HANDED_OVER = 200
+"""Messages that wait to be shown, at most; then no more are taken from the middleware."""
+
+MOST_HANDED_OVER_BYTES = 64 * MIB
+"""The same in bytes, each message counted with those that one of its type may have."""
+
 MOST_WAITING = 20
 """Answers and messages that are being published at a time."""
 
 _JOIN_S = 3.0
+_ROOM_S = 0.2
 _ADVANCE_S = 0.02
 _DETAILS = f"{HOST}/details"
 _GRAPH_S = 1.0
+_HOSTS_S = 2.0
+_MOST_ABSENT = 50
+"""Hosts that are not watched of which the card is kept."""
+
+_LARGEST_ABSENT = 256 * KIB
+"""Characters and entries of such a card."""
+
+_TOLD_S = 60.0
+
 _TAKEN_S = 3.0
 _VALUES_S = 5.0
 
@@ -60,6 +82,23 @@ Wait = Generator[None, None, str]
 
 Receive = Callable[[str, Any, float, bool], None]
 """Called with type, message, time of sending [s since 1970] and whether it is the live scene."""
+
+
+@dataclass(eq=False, kw_only=True)
+class _Host:
+    """A host that is watched, and what there is of it in this node.
+
+    Attributes:
+        heard_at: Steady time of its last heartbeat [s].
+        details: What is subscribed to only while somebody looks.
+    """
+
+    card: HostCard
+    heard_at: float
+    tunables: Tunables | None = None
+    subscriptions: list[Subscription[Any]] = field(default_factory=list)
+    details: list[Subscription[Any]] = field(default_factory=list)
+    clients: dict[str, Client] = field(default_factory=dict)
 
 
 class StudioNode(BaseNode):
@@ -87,19 +126,20 @@ class StudioNode(BaseNode):
         self._value = value
         self._graph = graph
         self._questions: Sequence[Any] = ()
-        self._tunables: dict[str, Tunables] = {}
-        self._cards: dict[str, HostCard] = {}
+        self._hosts: dict[str, _Host] = {}
+        # Cards of hosts that have no heartbeat, the newest last.
+        self._absent: OrderedDict[str, HostCard] = OrderedDict()
         self._fields: dict[str, Mapping[str, str]] = {}
         self._waiting: list[tuple[Wait, Future[str]]] = []
         self._calls = Calls(self)
         self._service_clients: dict[str, Client] = {}
         self._is_watched = False
-        self._details: list[Subscription[Any]] = []
         for topic in heard_by("studio"):
             if HOST not in topic.name:
                 self._subscribe(topic, topic.name)
         self._reading = steady_timer(self, _GRAPH_S, self._read_graph, running=False)
         self._advancing = steady_timer(self, _ADVANCE_S, self._advance, running=False)
+        steady_timer(self, _HOSTS_S, self._check_hosts)
 
     def watch(self, is_watched: bool) -> None:
         """Take over whether somebody looks at the studio; from any thread.
@@ -113,18 +153,22 @@ class StudioNode(BaseNode):
             return
         self._is_watched = is_watched
         if is_watched:
-            for host in self._cards:
+            for host in self._hosts:
                 self._subscribe_details(host)
             self._reading.reset()
             self._read_graph()
             return
         self._reading.cancel()
-        for subscription in self._details:
-            self.destroy_subscription(subscription)
-        self._details.clear()
+        for one in self._hosts.values():
+            self._destroy(one.details)
 
     def _subscribe_details(self, host: str) -> None:
-        self._details.append(self._subscribe(topic_called(_DETAILS), _DETAILS.replace(HOST, host)))
+        details = self._subscribe(topic_called(_DETAILS), _DETAILS.replace(HOST, host))
+        self._hosts[host].details.append(details)
+
+    def _destroy(self, subscriptions: list[Subscription[Any]]) -> None:
+        while subscriptions:
+            self.destroy_subscription(subscriptions.pop())
 
     def answer(self, text: str) -> Future[str]:
         """Answer an open question, as ``bt-agents answer`` does; from any thread.
@@ -226,7 +270,7 @@ class StudioNode(BaseNode):
         return reached
 
     def _heard(self) -> Mapping[str, str]:
-        return publication.heard_topics(self, sorted(self._cards))
+        return publication.heard_topics(self, sorted(self._hosts))
 
     def _read_graph(self) -> None:
         found = {
@@ -254,7 +298,11 @@ class StudioNode(BaseNode):
         self, answer: Future[Mapping[str, tuple[Path, Sequence[ParameterState]]]]
     ) -> None:
         found: dict[str, tuple[Path, Sequence[ParameterState]]] = {}
-        hosts = sorted(self._tunables.keys() & self._cards.keys())
+        hosts = {
+            name: (one.card, one.tunables.tunables)
+            for name, one in sorted(self._hosts.items())
+            if one.tunables is not None
+        }
         if not hosts:
             answer.set_exception(Refused("NO_HOST", "no host of agents is running"))
             return
@@ -264,7 +312,7 @@ class StudioNode(BaseNode):
                 answer.set_exception(Refused("NO_ANSWER", f"{host}: {reason}"))
 
         def read(host: str, values: Sequence[Any]) -> None:
-            card = self._cards[host]
+            card, tunables = hosts[host]
             found[host] = (
                 Path(card.trees),
                 [
@@ -272,7 +320,7 @@ class StudioNode(BaseNode):
                         ParameterState(
                             parameter=info_from_msg(one), value=parameter_value_to_python(value)
                         )
-                        for one, value in zip(self._tunables[host].tunables, values, strict=False)
+                        for one, value in zip(tunables, values, strict=False)
                     ),
                     *(
                         ParameterState(parameter=parameter, value=float(value))
@@ -288,8 +336,8 @@ class StudioNode(BaseNode):
             if len(found) == len(hosts) and not answer.done():
                 answer.set_result(found)
 
-        for host in hosts:
-            names = [one.name for one in self._tunables[host].tunables]
+        for host, (_, tunables) in hosts.items():
+            names = [one.name for one in tunables]
             self._get_parameters(host, names, partial(read, host), partial(fail, host))
 
     def call(
@@ -322,15 +370,14 @@ class StudioNode(BaseNode):
             answer.set_exception(Refused("BAD_FIELD", str(error)))
             return
         host = service.rpartition("/")[0]
-        if host.startswith("/") and host not in self._cards:
+        if host.startswith("/") and host not in self._hosts:
             answer.set_exception(Refused("UNKNOWN_HOST", f"there is no host {host}"))
             return
-        if service not in self._service_clients:
-            self._service_clients[service] = self.create_client(
-                type_, service, qos_profile=qos.SERVICE
-            )
+        clients = self._hosts[host].clients if host in self._hosts else self._service_clients
+        if service not in clients:
+            clients[service] = self.create_client(type_, service, qos_profile=qos.SERVICE)
         self._calls.call(
-            self._service_clients[service],
+            clients[service],
             request,
             deadline_s=limit_s,
             on_answer=answer.set_result,
@@ -344,7 +391,7 @@ class StudioNode(BaseNode):
         if last == "heartbeat":
             # The content does not matter, so it is not decoded.
             return self.create_subscription(
-                *(kind, name, lambda _data: self._beat(part), profile),
+                *(kind, name, lambda _data: self._handle_beat(part), profile),
                 raw=True,
                 callback_group=PolledGroup(),
             )
@@ -367,21 +414,74 @@ class StudioNode(BaseNode):
             return
         at_s = int(info["source_timestamp"]) * 1e-9
         self._receive("bt_agents_interfaces/msg/HostCard", message, at_s, False)
-        is_new = host not in self._cards
-        if is_new and len(self._cards) >= MOST_HOSTS:
+        if host in self._hosts:
+            self._hosts[host].card = message
             return
-        self._cards[host] = message
-        if not is_new:
-            return
-        for topic in heard_by("studio"):
-            if HOST in topic.name and topic.name != _DETAILS:
-                self._subscribe(topic, topic.name.replace(HOST, host))
+        if not self._admit(host, message):
+            self._put_aside(host, message)
+
+    def _handle_beat(self, part: str) -> None:
+        if part in self._hosts:
+            self._hosts[part].heard_at = time.monotonic()
+        self._beat(part)
+
+    def _put_aside(self, host: str, card: HostCard) -> None:
+        """Keep the card of a host that is not watched, unless it is too large."""
+        self._absent.pop(host, None)
+        if check_content(card) <= _LARGEST_ABSENT:
+            self._absent[host] = card
+        while len(self._absent) > _MOST_ABSENT:
+            self._absent.popitem(last=False)
+
+    def _admit(self, host: str, card: HostCard) -> bool:
+        """Watch a host from now on, if it has a heartbeat and there is a place; return whether."""
+        if not self._has_heartbeat(host):
+            return False
+        now = time.monotonic()
+        if len(self._hosts) >= MOST_HOSTS:
+            longest = min(self._hosts, key=lambda name: self._hosts[name].heard_at)
+            if now - self._hosts[longest].heard_at < SILENT_S:
+                self.get_logger().warning(
+                    f"{host} is left out of the studio: {MOST_HOSTS} other hosts are watched",
+                    throttle_duration_sec=_TOLD_S,
+                )
+                return False
+            self._dismiss(longest)
+        self._absent.pop(host, None)
+        self._hosts[host] = _Host(card=card, heard_at=now)
+        self._hosts[host].subscriptions += [
+            self._subscribe(topic, topic.name.replace(HOST, host))
+            for topic in heard_by("studio")
+            if HOST in topic.name and topic.name != _DETAILS
+        ]
         if self._is_watched:
             self._subscribe_details(host)
+        return True
+
+    def _has_heartbeat(self, host: str) -> bool:
+        return bool(self.count_publishers(f"{host}/heartbeat"))
+
+    def _dismiss(self, host: str) -> None:
+        """Watch a host no longer, until it has a heartbeat and there is a place for it again."""
+        one = self._hosts.pop(host)
+        self._put_aside(host, one.card)
+        self._destroy(one.subscriptions)
+        self._destroy(one.details)
+        for client in one.clients.values():
+            self._calls.fail(client, f"{host} is gone")
+            self.destroy_client(client)
+
+    def _check_hosts(self) -> None:
+        for host in list(self._hosts):
+            if not self._has_heartbeat(host):
+                self._dismiss(host)
+        for host, card in list(self._absent.items()):
+            self._admit(host, card)
 
     def _handle_tunables(self, host: str, message: Tunables) -> None:
         now_s = self.get_clock().now().nanoseconds * 1e-9
-        self._tunables[host] = message
+        if host in self._hosts:
+            self._hosts[host].tunables = message
         self._receive("bt_agents_interfaces/msg/Tunables", message, now_s, False)
         self._read_values(host)
 
@@ -391,7 +491,7 @@ class StudioNode(BaseNode):
         self._read_values(host)
 
     def _read_values(self, host: str) -> None:
-        known = self._tunables.get(host)
+        known = self._hosts[host].tunables if host in self._hosts else None
         names = [one.name for one in known.tunables] if known is not None else []
 
         def report(values: Sequence[Any]) -> None:
@@ -412,6 +512,9 @@ class StudioNode(BaseNode):
         known: Sequence[Any] = (),
     ) -> None:
         """Ask for values of parameters; there are fewer than names when one is gone meanwhile."""
+        if host not in self._hosts:
+            on_failure("it is gone")
+            return
 
         def take(answer: Any) -> None:
             values = [*known, *answer.values]
@@ -429,12 +532,70 @@ class StudioNode(BaseNode):
         )
 
     def _parameter_client(self, host: str) -> Client:
+        clients = self._hosts[host].clients
         service = f"{host}/get_parameters"
-        if service not in self._service_clients:
-            self._service_clients[service] = self.create_client(
-                GetParameters, service, qos_profile=qos.SERVICE
-            )
-        return self._service_clients[service]
+        if service not in clients:
+            clients[service] = self.create_client(GetParameters, service, qos_profile=qos.SERVICE)
+        return clients[service]
+
+
+class Handover:
+    """Calls of the ROS thread that another thread carries out, in their order.
+
+    Only some may wait. While there is no room for more, the ROS thread takes no messages, so that
+    the middleware holds the newest of each topic and drops what is older.
+
+    Args:
+        wake: Called by the ROS thread when something waits and nothing did before.
+    """
+
+    def __init__(self, wake: Callable[[], None] = lambda: None) -> None:
+        self._wake = wake
+        self._waiting: deque[tuple[Callable[[], None], int]] = deque()
+        self._bytes = 0
+        self._changed = threading.Condition()
+
+    def to(self, handle: Callable[..., None]) -> Callable[..., None]:
+        """Return a function for the ROS thread that has ``handle`` called by the other one."""
+
+        def post(*values: Any) -> None:
+            size = sum(largest_bytes(type(one)) for one in values if hasattr(one, "SLOT_TYPES"))
+            with self._changed:
+                is_first = not self._waiting
+                self._waiting.append((partial(handle, *values), size))
+                self._bytes += size
+            if is_first:
+                self._wake()
+
+        return post
+
+    def wait_for_room(self, limit_s: float) -> bool:
+        """Wait until more may wait; return whether it may."""
+        with self._changed:
+            return self._changed.wait_for(self._has_room, limit_s)
+
+    @property
+    def waits(self) -> bool:
+        """Whether anything waits."""
+        return bool(self._waiting)
+
+    def deliver(self, limit_s: float) -> None:
+        """Carry out what waits, for a time [s]; after that something may wait still."""
+        end = time.monotonic() + limit_s
+        while self._waiting and time.monotonic() < end:
+            # It stays in the queue until it is done: what comes meanwhile does not wake anybody.
+            call, size = self._waiting[0]
+            try:
+                call()
+            finally:
+                with self._changed:
+                    self._waiting.popleft()
+                    self._bytes -= size
+                    self._changed.notify()
+
+    def _has_room(self) -> bool:
+        few = len(self._waiting) < MOST_HANDED_OVER
+        return few and self._bytes < MOST_HANDED_OVER_BYTES
 
 
 class NodeThread:
@@ -442,10 +603,12 @@ class NodeThread:
 
     Args:
         make: Makes the node, in the thread.
+        handover: Through which the node hands over what it receives.
     """
 
-    def __init__(self, make: Callable[[], StudioNode]) -> None:
+    def __init__(self, make: Callable[[], StudioNode], handover: Handover) -> None:
         self._make = make
+        self._handover = handover
         self._made: Future[StudioNode] = Future()
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ros", daemon=True)
@@ -472,7 +635,8 @@ class NodeThread:
         self._made.set_result(node)
         try:
             while not self._stopped.is_set():
-                spinner.spin_once()
+                if self._handover.wait_for_room(_ROOM_S):
+                    spinner.spin_once()
         except ExternalShutdownException:
             pass
         finally:

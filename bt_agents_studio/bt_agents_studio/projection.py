@@ -12,8 +12,12 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.health import Health
 from bt_agents_core.scene import Origin
 from bt_agents_core.stop_cause import StoppedBy
-from bt_agents_core.text import printable_line
+from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_studio.records import (
+    OF_A_HOST,
+    OF_A_RUN,
+    OF_AN_AGENT,
+    ROLLING,
     AgentRecord,
     BidRecord,
     BookmarkRecord,
@@ -31,6 +35,7 @@ from bt_agents_studio.records import (
     NodeRecord,
     NodeValueRecord,
     NodeValuesRecord,
+    PartRecord,
     PresetRecord,
     ProblemRecord,
     ProfileRecord,
@@ -52,7 +57,7 @@ from bt_agents_studio.records import (
     TuningsRecord,
     ValueRecord,
 )
-from bt_agents_studio.store import Store
+from bt_agents_studio.store import MOST_ENTRIES, Store
 
 _ORIGINS = tuple(one.name for one in Origin)
 _STOPPERS = tuple(one.name for one in StoppedBy)
@@ -71,6 +76,11 @@ _TYPES = ("NUMBER", "DURATION", "LENGTH", "ANGLE", "INTEGER", "BOOLEAN", "TEXT")
 UNTOLD_S = 5.0
 """Time without news after which the health of a part is stale [s]."""
 
+ROOM = "studio: room"
+"""Name in the health of what there was no room for."""
+
+_FULL = "not all that was sent is shown: there was too much of it, or messages were malformed"
+_LONGEST_LINE = 1000
 _MOST_STATUSES = 500
 _LONGEST_NAME = 200
 _LONGEST_HEALTH = 500
@@ -422,7 +432,7 @@ class Projection:
         del at_s
         width = len(message.parameters)
         held = set()
-        for index, agent in enumerate(message.agents):
+        for index, agent in enumerate(message.agents[:MOST_ENTRIES]):
             layer = message.layers[index]
             key = f"{agent}|{layer}"
             held.add(key)
@@ -547,7 +557,7 @@ class Projection:
     def _tunables(self, message: Any, at_s: float) -> None:
         del at_s
         held = set()
-        for one in message.tunables:
+        for one in message.tunables[:MOST_ENTRIES]:
             key = f"{message.host}|{one.name}"
             held.add(key)
             default = _parameter(one.default_value)
@@ -603,7 +613,20 @@ class Projection:
             )
 
     def check_health(self, now_s: float) -> None:
-        """Note of which parts nothing is told any more; call it a few times a second."""
+        """Note of which parts nothing is told any more, and what there was no room for.
+
+        Call it a few times a second.
+        """
+        dropped = {
+            name: str(count)
+            for name, count in sorted(self._store.dropped.items())
+            if name not in ROLLING
+        }
+        if dropped:
+            self._put_health(
+                ROOM,
+                HealthRecord(level=Health.WARN.name, message=_FULL, values=dropped, since_s=now_s),
+            )
         for name, heard_s in list(self._heard.items()):
             record = self._store.get("health", name)
             if not isinstance(record, HealthRecord):
@@ -664,8 +687,30 @@ class Projection:
 
     def _log(self, at_s: float, kind: str, *, text: str, agent: str = "", path: str = "") -> None:
         self._lines += 1
+        text = ellipsize(text, _LONGEST_LINE)
         record = LogRecord(at_s=at_s, kind=kind, agent=agent, path=path, text=text)
         self._store.put("log", str(self._lines), record)
+
+
+def is_in_use(store: Store, collection: str, key: str) -> bool:
+    """Return whether an entry is of the agent that runs, or of a host that is there."""
+    if not key or key == ROOM:
+        return True
+    owner = key.partition("|")[0]
+    market = store.get("market")
+    if (
+        collection in OF_A_RUN | OF_AN_AGENT
+        and isinstance(market, MarketRecord)
+        and market.agent == owner != ""
+    ):
+        return True
+    if collection in OF_AN_AGENT:
+        agent = store.get("agents", owner)
+        owner = agent.host if isinstance(agent, AgentRecord) else ""
+    elif collection not in OF_A_HOST:
+        return False
+    part = store.get("parts", owner)
+    return isinstance(part, PartRecord) and part.alive
 
 
 _NEW = NodeRecord(

@@ -646,7 +646,19 @@ MOST_ENTRIES: Mapping[str, int] = {
     "moods": 1200,
     "rounds": 100,
 }
-"""Collection → entries that are held; the oldest are removed first."""
+"""Collection → entries that are held, where that is not as many as in any other."""
+
+ROLLING = frozenset({"bookmarks", "feedback", "log", "moods", "rounds"})
+"""Collections that always lose their oldest entries."""
+
+OF_AN_AGENT = frozenset({"agents", "profiles", "runs", "trees"})
+"""Collections whose keys begin with an agent, and that are shown as long as its host is there."""
+
+OF_A_RUN = frozenset({"countdowns", "nodes", "values"})
+"""Collections whose keys begin with an agent, and that are about its last run."""
+
+OF_A_HOST = frozenset({"controls", "hosts", "parts", "tunables", "tunings"})
+"""Collections whose keys begin with a host or another part of the system."""
 
 OF_A_PERSON = frozenset({"live", "parts", "robot"})
 """Collections that a session of a person is shown."""

@@ -12,11 +12,9 @@ import ssl
 import sys
 import time
 import uuid
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from aiohttp import web
 
@@ -25,13 +23,16 @@ from bt_agents_core.listening import STUDIO_PORTS, listen
 from bt_agents_core.scene import SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, is_loopback
 from bt_agents_studio.access_file import AccessFile
-from bt_agents_studio.node import NodeThread, StudioNode
+from bt_agents_studio.node import Handover, NodeThread, StudioNode
 from bt_agents_studio.server import Server
 from bt_agents_studio.studio import Studio
 
 _END_S = 1.0
 _PAGES = {SessionRole.PERSON: "person"}
 _CHECK_S = 0.25
+_SLICE_S = 0.01
+"""Time for messages after which requests of pages have their turn [s]."""
+
 _SWITCH_S = 0.0005
 _NICENESS = 5
 """The processor is first for those that tick, then for those that look on."""
@@ -78,36 +79,6 @@ class Address:
         return context
 
 
-class Bridge:
-    """Events from the ROS thread to a studio in the thread of an event loop, in bursts."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, done: Callable[[], None]) -> None:
-        self._loop = loop
-        self._done = done
-        self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
-
-    def to(self, handle: Callable[..., None]) -> Callable[..., None]:
-        """Return a function for the ROS thread that has ``handle`` called in the other one."""
-
-        def post(*values: Any) -> None:
-            is_first = not self._waiting
-            self._waiting.append((handle, values))
-            if is_first:
-                self._loop.call_soon_threadsafe(self._deliver)
-
-        return post
-
-    def _deliver(self) -> None:
-        while self._waiting:
-            # It stays in the queue until it is handled: what comes meanwhile is no new burst.
-            handle, values = self._waiting[0]
-            try:
-                handle(*values)
-            finally:
-                self._waiting.popleft()
-        self._done()
-
-
 def serve(
     address: Address,
     *,
@@ -151,15 +122,30 @@ async def _serve(
     namespace = os.environ.get("ROS_NAMESPACE", "")
     studio = Studio(uuid.uuid4().hex[:12], space=space, journal=journal, namespace=namespace)
     server: Server | None = None
-    bridge = Bridge(loop, lambda: server.changed() if server is not None else None)
+
+    def deliver() -> None:
+        """Show what was received, in turn with what pages ask."""
+        try:
+            handover.deliver(_SLICE_S)
+        finally:
+            if handover.waits:
+                loop.call_soon(deliver)
+            if server is not None:
+                server.changed()
+
+    def wake() -> None:
+        loop.call_soon_threadsafe(deliver)
+
+    handover = Handover(wake)
     thread = NodeThread(
         lambda: StudioNode(
-            bridge.to(studio.receive),
-            bridge.to(studio.beat),
-            bridge.to(studio.value),
-            bridge.to(studio.graph),
+            handover.to(studio.receive),
+            handover.to(studio.beat),
+            handover.to(studio.value),
+            handover.to(studio.graph),
             namespace=namespace,
-        )
+        ),
+        handover,
     )
     node = await asyncio.to_thread(thread.start)
     try:

@@ -15,7 +15,7 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.optional_packages import journal_needs
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.history import History
-from bt_agents_studio.projection import Projection
+from bt_agents_studio.projection import Projection, is_in_use
 from bt_agents_studio.records import (
     MOST_ENTRIES,
     JournalRecord,
@@ -37,6 +37,7 @@ MOST_LABELS = 200
 """Journal files of which labels are read, the newest first."""
 
 _LARGEST_JOURNAL = 512 * 1024 * 1024
+_MOST_RECORDED_BYTES = 256 * 1024 * 1024
 _WRITTEN_S = 1.2
 """The journal writes once a second what it has received [s]."""
 
@@ -77,7 +78,7 @@ class Studio:
         self.parameters = tuple(_record(one, space.mood) for one in space.parameters)
         self._mood = space.mood or ""
         self.history = History()
-        self.store = Store(MOST_ENTRIES, self._record)
+        self.store = Store(MOST_ENTRIES, self._record, is_in_use=is_in_use)
         self._journal = journal
         self._namespace = namespace
         self._clock = clock
@@ -88,8 +89,14 @@ class Studio:
         self._journals: OrderedDict[tuple[str, int, int], History] = OrderedDict()
 
     def receive(self, kind: str, message: Any, at_s: float, live: bool) -> None:
-        """Take a message of the running system; see :meth:`Projection.handle`."""
-        self._projection.handle(kind, message, at_s, live=live)
+        """Take a message of the running system; see :meth:`Projection.handle`.
+
+        One whose parts do not fit together is counted, and shown as far as it is read.
+        """
+        try:
+            self._projection.handle(kind, message, at_s, live=live)
+        except (IndexError, ValueError):
+            self.store.dropped[kind.rpartition("/")[2]] += 1
 
     def value(self, host: str, name: str, value: Json) -> None:
         """Take the current value of a tunable."""
@@ -220,13 +227,13 @@ def read_journal(file: Path, mood: str, namespace: str = "") -> History:
         from bt_agents_lab.recorder.reading import JournalReader
     except ModuleNotFoundError as error:
         raise Refused("UNREADABLE", journal_needs(error.name)) from None
-    history = History(span_s=float("inf"))
+    history = History(span_s=float("inf"), most_bytes=_MOST_RECORDED_BYTES)
     moment = 0.0
 
     def record(change: Change) -> None:
         history.record(moment, change)
 
-    projection = Projection(Store(MOST_ENTRIES, record), mood)
+    projection = Projection(Store(MOST_ENTRIES, record, is_in_use=is_in_use), mood)
     try:
         for entry in JournalReader([file], namespace).entries(frozenset(projection.types)):
             moment = entry.sent_ns * 1e-9

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from bt_agents_studio.feed import Feed
 from bt_agents_studio.history import History
 from bt_agents_studio.protocol import VERSION, Delta, Resume, Snapshot
-from bt_agents_studio.store import Change, Store
+from bt_agents_studio.store import Change, Store, size_of
 
 _PUT = st.tuples(
     st.sampled_from(["nodes", "log"]), st.sampled_from("abcdef"), st.integers(0, 3) | st.none()
@@ -90,11 +90,15 @@ def test_a_page_misses_nothing_however_few_removals_are_remembered(
     assert _filled(page.entries) == _filled(store.snapshot())
 
 
-@given(st.lists(st.tuples(st.floats(0, 3), _PUT), max_size=80), st.integers(2, 60))
+@given(
+    st.lists(st.tuples(st.floats(0, 3), _PUT), max_size=80),
+    st.integers(2, 60),
+    st.integers(100, 10_000),
+)
 def test_history_holds_of_each_moment_what_the_store_held(
-    steps: list[tuple[float, tuple[str, str, int | None]]], most: int
+    steps: list[tuple[float, tuple[str, str, int | None]]], most: int, most_bytes: int
 ) -> None:
-    history = History(span_s=20.0, most=most, keyframe=7)
+    history = History(span_s=20.0, most=most, keyframe=7, most_bytes=most_bytes)
     now = 0.0
     changes: list[Change] = []
     store = Store(None, changes.append)
@@ -110,3 +114,23 @@ def test_history_holds_of_each_moment_what_the_store_held(
     for at_s, entries in last.items():
         if history.first_s is not None and at_s >= history.first_s:
             assert _filled(history.at(at_s)) == entries
+
+
+_KEY = st.sampled_from([f"{use}{number}" for use in ("used", "other") for number in range(6)])
+
+
+@given(st.lists(st.tuples(st.sampled_from(["nodes", "log"]), _KEY, st.text(max_size=300))))
+def test_a_bounded_store_keeps_what_is_used(steps: list[tuple[str, str, str]]) -> None:
+    store = Store(
+        {"log": 3}, most_bytes=2000, is_in_use=lambda _store, _name, key: key.startswith("used")
+    )
+    for collection, key, value in steps:
+        before = store.snapshot()
+        store.put(collection, key, value)
+        after = store.snapshot()
+        assert len(after.get("log", {})) <= 3
+        entries = [pair for entries in after.values() for pair in entries.items()]
+        assert sum(size_of(key) + size_of(value) for key, value in entries) <= 2000
+        lost = [one for name in before for one in before[name] if one not in after.get(name, {})]
+        if any(one.startswith("used") and one != key for one in lost):
+            raise AssertionError(f"{lost} left for {key}")

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a studio keeps, whatever is sent to it: so many entries and bytes, and what is in use."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+
+from bt_agents_interfaces.msg import AgentCard, AgentFiles, HostCard, MarketStatus, Profiles, Run
+from bt_agents_studio import node
+from bt_agents_studio.history import History
+from bt_agents_studio.node import Handover
+from bt_agents_studio.projection import ROOM
+from bt_agents_studio.records import FileRecord, HealthRecord, MoodRecord
+from bt_agents_studio.store import MOST_BYTES, Change, Store, size_of
+from bt_agents_studio.studio import Studio
+from studio_harness import SPACE
+
+KIB = 1024
+
+
+def text(size: int = KIB) -> FileRecord:
+    return FileRecord(text="x" * size)
+
+
+def test_the_entry_that_rested_longest_leaves_first() -> None:
+    store = Store({"files": 2})
+    for key, size in (("a", 1), ("b", 1), ("a", 2), ("c", 1)):
+        store.put("files", key, text(size))
+    assert store.keys("files") == ("a", "c")
+    assert store.dropped == {"files": 1}
+
+
+def test_the_largest_collection_makes_room() -> None:
+    store = Store(most_bytes=20 * KIB)
+    store.put("moods", "1", MoodRecord(at_s=1.0, mood=1.0))
+    for number in range(100):
+        store.put("files", str(number), text())
+    assert store.keys("moods") == ("1",)
+    assert store.keys("files")[-1] == "99"
+    assert len(json.dumps(store.snapshot(), default=vars)) < 20 * KIB
+
+
+def test_nothing_takes_the_place_of_what_is_used() -> None:
+    store = Store({"files": 50}, is_in_use=lambda _store, _collection, key: key.startswith("used"))
+    for number in range(50):
+        store.put("files", f"used{number}", text())
+    store.put("files", "other", text())
+    assert store.dropped == {"files": 1}
+    store.remove("files", "used0")
+    store.put("files", "other", text())
+    store.put("files", "used50", text())
+    assert store.keys("files") == tuple(f"used{number}" for number in range(1, 51))
+
+
+def test_an_entry_without_room_is_left_out() -> None:
+    store = Store(most_bytes=20 * KIB)
+    store.put("files", "a", text(30 * KIB))
+    assert store.keys("files") == ()
+    store.put("files", "b", text())
+    assert store.keys("files") == ("b",)
+
+
+@pytest.mark.parametrize("value", ["\x01" * KIB, "ü€😀" * KIB, '"\\' * KIB, "plain" * KIB])
+def test_the_size_of_a_text_covers_its_json(value: str) -> None:
+    assert size_of(value) >= len(json.dumps(value, ensure_ascii=False))
+
+
+def test_removed_keys_are_forgotten_when_they_are_large() -> None:
+    store = Store({"files": 1})
+    for number in range(2000):
+        store.put("files", f"{number:020000}", text(1))
+    assert store.since(1) is None
+    assert sum(len(key) for _, key in store._changed) < 5 * KIB * KIB
+
+
+def test_a_large_history_forgets_the_oldest() -> None:
+    history = History(most_bytes=20 * KIB)
+    store = Store(on_change=lambda change: history.record(float(store.sequence), change))
+    for number in range(100):
+        store.put("files", "a", text(KIB + number))
+    assert history.first_s is not None
+    assert 80 < history.first_s < 100
+    assert history.at(history.first_s)["files"]["a"] == text(KIB + int(history.first_s) - 1)
+    assert history.at(100.0)["files"]["a"] == text(KIB + 99)
+
+
+def test_a_huge_change_is_still_the_last_moment() -> None:
+    history = History(most_bytes=KIB)
+    history.record(1.0, Change(collection="files", key="a", value=text(), size=2 * KIB))
+    assert (history.first_s, history.last_s) == (1.0, 1.0)
+    assert history.at(1.0)["files"]["a"] == text()
+
+
+@pytest.fixture(scope="module")
+def flooded() -> Studio:
+    """A studio of a running system on whose ROS domain somebody sends without end."""
+    studio = Studio("studio", space=SPACE, clock=lambda: 1000.0)
+    send(studio, HostCard(host="/agents", agents=[AgentCard(name="guide")]))
+    send(studio, MarketStatus(agent="guide"))
+    send(studio, Run(agent="guide", event=Run.STARTED))
+    studio.beat("/agents")
+    for number in range(4000):
+        send(studio, Run(agent=f"a{number}", event=Run.STARTED, message="x" * 15_000))
+    studio.check_parts()
+    return studio
+
+
+def send(studio: Studio, message: object) -> None:
+    kind = f"bt_agents_interfaces/msg/{type(message).__name__}"
+    studio.receive(kind, message, 1000.0, False)
+
+
+def test_a_flood_leaves_a_bounded_view(flooded: Studio) -> None:
+    view = json.dumps(flooded.store.snapshot(), default=vars)
+    assert len(view) < MOST_BYTES
+    assert sum(size_of(one) for one in flooded.history._base.values()) < MOST_BYTES
+    for collection, key in (("agents", "guide"), ("runs", "guide"), ("hosts", "/agents")):
+        assert flooded.store.get(collection, key) is not None
+
+
+def test_what_was_left_out_is_told(flooded: Studio) -> None:
+    told = flooded.store.get("health", ROOM)
+    assert isinstance(told, HealthRecord)
+    assert told.level == "WARN"
+    left = len(flooded.store.keys("runs"))
+    assert int(told.values["runs"]) == 4001 - left
+    assert "log" not in told.values
+
+
+@pytest.mark.parametrize(
+    "message", [AgentFiles(files=["a.yaml"]), Profiles(agents=["guide"], parameters=["mood"])]
+)
+def test_a_message_that_does_not_fit_is_counted(message: object) -> None:
+    studio = Studio("studio", space=SPACE)
+    send(studio, message)
+    assert studio.store.dropped == {type(message).__name__: 1}
+
+
+def test_calls_are_handed_over_in_their_order() -> None:
+    done: list[int] = []
+    woken: list[None] = []
+    handover = Handover(lambda: woken.append(None))
+    post = handover.to(done.append)
+    for number in range(3):
+        post(number)
+    handover.deliver(60.0)
+    assert (done, len(woken), handover.waits) == ([0, 1, 2], 1, False)
+
+
+def test_no_more_is_taken_while_much_waits() -> None:
+    handover = Handover()
+    post = handover.to(lambda _value: None)
+    for _ in range(node.MOST_HANDED_OVER):
+        assert handover.wait_for_room(0.0)
+        post(0)
+    assert not handover.wait_for_room(0.0)
+    handover.deliver(60.0)
+    assert handover.wait_for_room(0.0)
+
+
+def test_two_large_messages_fill_the_waiting_room() -> None:
+    handover = Handover()
+    post = handover.to(lambda _message: None)
+    post(HostCard())
+    assert handover.wait_for_room(0.0)
+    post(HostCard())
+    assert not handover.wait_for_room(0.0)
+
+
+def test_a_failed_call_holds_up_no_other() -> None:
+    done: list[int] = []
+    handover = Handover()
+    handover.to(lambda: 1 / 0)()
+    handover.to(done.append)(1)
+    with pytest.raises(ZeroDivisionError):
+        handover.deliver(60.0)
+    assert handover.waits
+    handover.deliver(60.0)
+    assert done == [1]
+
+
+def test_a_delivery_ends_in_its_time() -> None:
+    handover = Handover()
+    for _ in range(1000):
+        handover.to(lambda: time.sleep(0.001))()
+    handover.deliver(0.001)
+    assert handover.waits
