@@ -150,6 +150,10 @@ class AccessControl:
         self._keep(self.text())
         return session
 
+    def knows(self, session: str) -> bool:
+        """Return whether a session was begun and not ended."""
+        return _digest(session) in self._sessions
+
     def log_out(self, session: str) -> None:
         """End a session."""
         self._sessions.pop(_digest(session), None)

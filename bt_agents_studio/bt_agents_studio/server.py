@@ -7,9 +7,12 @@ import asyncio
 import gzip
 import json
 import mimetypes
+import socket as sockets
+import ssl
 import time
-from collections.abc import Awaitable, Callable, Collection, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
 from pathlib import Path
 from urllib.parse import quote
 
@@ -25,6 +28,13 @@ from bt_agents_studio.access import (
     WebRequest,
     cookie_name,
     security_headers,
+)
+from bt_agents_studio.connections import (
+    HANDSHAKE_S,
+    WAIT_S,
+    Connections,
+    most_connections,
+    server_logger,
 )
 from bt_agents_studio.feed import Feed, shown_entries
 from bt_agents_studio.operations import (
@@ -55,12 +65,14 @@ MOST_CLIENTS = 32
 
 
 _BEAT_S = 10.0
+_END_S = 1.0
 _SOCKET = "/api/socket"
 _PAGE = Path(__file__).parent / "page"
 _STATUSES = {
     "NO_SESSION": 401,
     "BAD_TOKEN": 403,
     "FORBIDDEN": 403,
+    "NO_BODY": 408,
     "FOREIGN_HOST": 421,
     "FOREIGN_ORIGIN": 403,
     "NO_ORIGIN": 403,
@@ -108,8 +120,11 @@ class Server:
         self._files = _read_page(_PAGE)
         self._own = OwnOperations(studio, caller)
         self._readers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="journal")
-        self.application = web.Application(client_max_size=LARGEST_BODY, middlewares=[self._guard])
-        self.application.add_routes(
+        self._connections: Connections
+        self._application = web.Application(
+            client_max_size=LARGEST_BODY, middlewares=[self._guard]
+        )
+        self._application.add_routes(
             [
                 web.post("/api/session", self._log_in),
                 web.delete("/api/session", self._log_out),
@@ -121,7 +136,34 @@ class Server:
                 web.get("/{path:.*}", self._page),
             ]
         )
-        self.application.on_shutdown.append(self._close)
+        self._application.on_shutdown.append(self._close)
+
+    @asynccontextmanager
+    async def serving(
+        self, listening: sockets.socket, context: ssl.SSLContext | None = None
+    ) -> AsyncIterator[None]:
+        """Answer on a socket that listens, with TLS if a context is given, within the block."""
+        runner = web.AppRunner(
+            self._application,
+            access_log=None,
+            logger=server_logger(),
+            keepalive_timeout=WAIT_S,
+            shutdown_timeout=_END_S,
+        )
+        await runner.setup()
+        assert runner.server is not None
+        self._connections = Connections(runner.server, most_connections())
+        accepting = await asyncio.get_running_loop().create_server(
+            self._connections.accept,
+            sock=listening,
+            ssl=context,
+            ssl_handshake_timeout=HANDSHAKE_S if context is not None else None,
+        )
+        try:
+            yield
+        finally:
+            accepting.close()
+            await runner.cleanup()
 
     def changed(self) -> None:
         """Have the clients sent what is new; in the thread of the event loop."""
@@ -133,8 +175,13 @@ class Server:
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
         try:
-            self._access.check_sender(_described(request))
-            answer = await handler(request)
+            described = _described(request)
+            self._access.check_sender(described)
+            if self._access.knows(described.session):
+                with self._connections.asking(request.protocol):
+                    answer = await handler(request)
+            else:
+                answer = await handler(request)
         except Refused as refused:
             status = _STATUSES.get(refused.code, _BAD_REQUEST)
             answer = _json({"code": refused.code, "message": refused.reason}, status)
@@ -287,15 +334,21 @@ class Server:
             if due is None:
                 await changed.wait()
                 continue
-            await self._send(socket, due)
-            await asyncio.sleep(PERIOD_S)
+            encoded_s = await self._send(socket, due)
+            # However much changes, half of the time is left for everything else.
+            await asyncio.sleep(max(PERIOD_S, 2 * encoded_s * len(self._clients)))
 
-    async def _send(self, socket: web.WebSocketResponse, message: ServerMessage) -> None:
+    async def _send(self, socket: web.WebSocketResponse, message: ServerMessage) -> float:
+        """Send a message; return how long it took to encode it [s]."""
+        began = time.monotonic()
+        text = encode(message)
+        encoded_s = time.monotonic() - began
         try:
-            await socket.send_str(encode(message))
+            await socket.send_str(text)
         except (ConnectionError, RuntimeError):
             # It is closed meanwhile.
             await socket.close()
+        return encoded_s
 
     async def _close(self, _application: web.Application) -> None:
         for socket in list(self._clients):
@@ -326,6 +379,13 @@ def _collections_of(role: SessionRole) -> Collection[str] | None:
 
 
 async def _body(request: web.Request) -> object:
+    try:
+        async with asyncio.timeout(WAIT_S):
+            await request.read()
+    except TimeoutError:
+        raise Refused("NO_BODY", f"the body did not come within {WAIT_S:g} s") from None
+    except (ConnectionError, RuntimeError, web.RequestPayloadError):
+        raise Refused("NO_BODY", "the body ended too early, or is packed in another way") from None
     try:
         return json.loads(await request.text())
     except (ValueError, RecursionError, LookupError):

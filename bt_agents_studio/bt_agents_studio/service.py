@@ -16,8 +16,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from aiohttp import web
-
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.listening import STUDIO_PORTS, listen
 from bt_agents_core.scene import SceneSpace
@@ -27,7 +25,6 @@ from bt_agents_studio.node import Handover, NodeThread, StudioNode
 from bt_agents_studio.server import Server
 from bt_agents_studio.studio import Studio
 
-_END_S = 1.0
 _PAGES = {SessionRole.PERSON: "person"}
 _CHECK_S = 0.25
 _SLICE_S = 0.01
@@ -36,7 +33,6 @@ _SLICE_S = 0.01
 _SWITCH_S = 0.0005
 _NICENESS = 5
 """The processor is first for those that tick, then for those that look on."""
-_KEEPALIVE_S = 15.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,15 +168,7 @@ async def _serve(
             namespace=node.get_namespace(),
             secure=context is not None,
         )
-        runner = web.AppRunner(
-            server.application,
-            access_log=None,
-            keepalive_timeout=_KEEPALIVE_S,
-            shutdown_timeout=_END_S,
-        )
-        await runner.setup()
-        try:
-            await web.SockSite(runner, listening, ssl_context=context).start()
+        async with server.serving(listening, context):
             base = f"{scheme}://{address.host}:{port}/"
             ready(
                 {
@@ -195,7 +183,5 @@ async def _serve(
                     await asyncio.wait_for(stopped.wait(), _CHECK_S)
                 except TimeoutError:
                     continue
-        finally:
-            await runner.cleanup()
     finally:
         await asyncio.to_thread(thread.stop)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import socket
 import threading
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping, Sequence
@@ -13,7 +14,7 @@ from contextlib import asynccontextmanager, contextmanager
 from types import SimpleNamespace
 from typing import Any
 
-from aiohttp import ClientSession, CookieJar, web
+from aiohttp import ClientSession, CookieJar
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_studio.access import AccessControl, SessionRole, cookie_name
@@ -130,16 +131,11 @@ async def serving() -> AsyncIterator[ServedStudio]:
         clock=time.time,
     )
     one.server = Server(one.studio, one.access, one.caller, one.watched.append)
-    runner = web.AppRunner(one.server.application, access_log=None)
-    await runner.setup()
-    try:
-        site = web.TCPSite(runner, "127.0.0.1", 0)
-        await site.start()
-        one.port = runner.addresses[0][1]
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        one.port = listening.getsockname()[1]
         hosts.add(one.host)
-        yield one
-    finally:
-        await runner.cleanup()
+        async with one.server.serving(listening):
+            yield one
 
 
 class BackgroundStudio:

@@ -5,16 +5,28 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 from typing import Any
 
 import pytest
-from aiohttp import ClientSession, ClientWebSocketResponse, CookieJar, WSCloseCode, WSMsgType
+from aiohttp import (
+    ClientError,
+    ClientSession,
+    ClientWebSocketResponse,
+    CookieJar,
+    WSCloseCode,
+    WSMsgType,
+)
 
+from bt_agents_studio import server
 from bt_agents_studio.access import LARGEST_BODY, SessionRole, cookie_name
+from bt_agents_studio.connections import MOST_CONNECTIONS
 from bt_agents_studio.protocol import VERSION
 from bt_agents_studio.records import MoodRecord, RobotActRecord, RobotRecord
 from bt_agents_studio.server import MOST_CLIENTS
 from studio_harness import ServedStudio, served, serving
+
+_Connection = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
 RESUME = {"type": "resume", "version": VERSION, "studio": "", "sequence": 0}
 
@@ -277,6 +289,96 @@ def test_the_studio_hears_whether_any_page_is_open() -> None:
             await second.close()
             while one.watched[-1]:
                 await asyncio.sleep(0.01)
+
+    served(test)
+
+
+@pytest.mark.parametrize(
+    ("body", "count"), [(False, 3 * MOST_CONNECTIONS), (True, MOST_CONNECTIONS - 1)]
+)
+def test_half_sent_requests_take_no_places_of_pages(
+    body: bool, count: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.VIEW) as client:
+            page = await client.ws_connect("/api/socket")
+            halves = [await _half(one, body) for _ in range(count)]
+            open_files = len(os.listdir("/proc/self/fd"))
+            assert (await client.get("/api/state")).status == 200
+            assert (await _next(page))["type"] == "hello"
+            for _, writer in halves:
+                writer.close()
+            await page.close()
+        # Both ends of each are in this process.
+        assert open_files < 5 * MOST_CONNECTIONS
+
+    served(test)
+    assert caplog.records == []
+
+
+async def _half(one: ServedStudio, body: bool) -> _Connection:
+    """Send half of a header, or of a body."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", one.port)
+    lines = ["POST /api/session HTTP/1.1", f"Host: {one.host}", f"Origin: {one.origin}"]
+    if body:
+        lines += ["Content-Type: application/json", "Content-Length: 100"]
+        lines += ["Expect: 100-continue", "", "{"]
+    writer.write("\r\n".join(lines).encode())
+    if body:
+        assert b" 100 " in await reader.readuntil(b"\r\n\r\n")
+    return reader, writer
+
+
+def test_one_connection_too_many_is_refused() -> None:
+    async def test(one: ServedStudio) -> None:
+        one.server._connections._most = 2
+        async with one.client(SessionRole.VIEW) as client:
+            pages = [await client.ws_connect("/api/socket") for _ in range(2)]
+            with pytest.raises(ClientError):
+                await client.get("/api/state")
+            await pages.pop().close()
+            while (await _status(client)) is None:
+                await asyncio.sleep(0.01)
+            await pages.pop().close()
+
+    served(test)
+
+
+async def _status(client: ClientSession) -> int | None:
+    """Return the status of an answer, None for none."""
+    try:
+        return (await client.get("/api/state")).status
+    except ClientError:
+        return None
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"GET / HTTP/1.1\r\nno header\r\n\r\n",
+        b"GET / HTTP/1.1\r\nA: " + b"a" * 20_000 + b"\r\n\r\n",
+        b"POST /api/session HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
+    ],
+)
+def test_what_is_no_request_prints_nothing(sent: bytes, caplog: pytest.LogCaptureFixture) -> None:
+    async def test(one: ServedStudio) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", one.port)
+        writer.write(sent)
+        assert b" 400 " in await asyncio.wait_for(reader.read(), 10)
+        writer.close()
+
+    served(test)
+    assert caplog.records == []
+
+
+def test_a_late_body_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "WAIT_S", 0.1)
+
+    async def test(one: ServedStudio) -> None:
+        reader, writer = await _half(one, body=True)
+        assert b" 408 " in await asyncio.wait_for(reader.readline(), 10)
+        writer.close()
 
     served(test)
 
