@@ -70,7 +70,13 @@ class WebRequest:
     fetch_site: str
     content_type: str
     session: str
+    key: str = ""
     opens_socket: bool = False
+
+    @property
+    def changes(self) -> bool:
+        """Whether it may change something."""
+        return self.method not in ("GET", "HEAD")
 
 
 def cookie_name(host: str) -> str:
@@ -154,6 +160,17 @@ class AccessControl:
         """Return whether a session was begun and not ended."""
         return _digest(session) in self._sessions
 
+    def key(self, session: str) -> str:
+        """Return the key of a session, which a page sends with whatever changes something.
+
+        A browser sends the cookie to all ports of an address, and so to servers of others.
+
+        Raises:
+            Refused: ``NO_SESSION``.
+        """
+        token = self._tokens[self._role(session)]
+        return hmac.new(bytes.fromhex(token), _COOKIE.encode(), hashlib.sha256).hexdigest()
+
     def log_out(self, session: str) -> None:
         """End a session."""
         self._sessions.pop(_digest(session), None)
@@ -175,8 +192,7 @@ class AccessControl:
             raise Refused("FOREIGN_ORIGIN", f"a page of '{request.origin[:80]}' may not ask this")
         if request.fetch_site not in ("", "same-origin", "none"):
             raise Refused("FOREIGN_ORIGIN", "a page of another site may not ask this")
-        changes = request.method not in ("GET", "HEAD")
-        if (changes or request.opens_socket) and not request.origin:
+        if (request.changes or request.opens_socket) and not request.origin:
             raise Refused("NO_ORIGIN", "a change and a WebSocket need the header Origin")
         if request.method == "POST" and _media_type(request.content_type) != _JSON:
             raise Refused("NOT_JSON", f"expected the content type {_JSON}")
@@ -185,13 +201,21 @@ class AccessControl:
         """Return the role of a request; it has to be one of those that are allowed.
 
         Raises:
-            Refused: As by :meth:`check_sender`; ``NO_SESSION`` or ``FORBIDDEN``.
+            Refused: As by :meth:`check_sender`; ``NO_SESSION``, ``FORBIDDEN`` or ``NO_KEY``.
         """
         self.check_sender(request)
         role = self._role(request.session)
         if role not in allowed:
             needed = " or ".join(one for one in SessionRole if one in allowed)
             raise Refused("FORBIDDEN", f"this needs the role {needed}, the session has {role}")
+        if request.changes and not hmac.compare_digest(
+            self.key(request.session).encode(), request.key.encode("utf-8", "replace")
+        ):
+            raise Refused(
+                "NO_KEY",
+                "this page can look on only; to change something, open the address that "
+                "'bt-agents studio' or 'bt-agents up' has printed",
+            )
         return role
 
     def _role(self, session: str) -> SessionRole:

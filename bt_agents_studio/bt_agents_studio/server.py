@@ -72,6 +72,7 @@ _STATUSES = {
     "NO_SESSION": 401,
     "BAD_TOKEN": 403,
     "FORBIDDEN": 403,
+    "NO_KEY": 403,
     "NO_BODY": 408,
     "FOREIGN_HOST": 421,
     "FOREIGN_ORIGIN": 403,
@@ -197,7 +198,7 @@ class Server:
         body = await _body(request)
         token = body.get("token") if isinstance(body, dict) else None
         session = self._access.log_in(token if isinstance(token, str) else "")
-        answer = _json({"code": "", "message": ""})
+        answer = _json({"code": "", "message": "", "key": self._access.key(session)})
         answer.set_cookie(
             _cookie_name(request),
             session,
@@ -370,6 +371,7 @@ def _described(request: web.Request) -> WebRequest:
         fetch_site=headers.get("Sec-Fetch-Site", ""),
         content_type=headers.get("Content-Type", ""),
         session=request.cookies.get(_cookie_name(request), ""),
+        key=headers.get("Authorization", "").removeprefix("Bearer "),
         opens_socket=request.path == _SOCKET,
     )
 

@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, Page, expect
 from checkout import ROOT
 from npm_packages import installed_packages
 from programs import node_of
-from studio_browser import LIMIT_MS, System, announce, open_page, serve, stop
+from studio_browser import LIMIT_MS, System, announce, open_page, opened_page, serve, stop
 
 pytestmark = pytest.mark.e2e
 
@@ -283,6 +283,23 @@ def test_who_may_only_look_changes_nothing(browser: Browser, system: System) -> 
     shown = page.get_by_label("Play the world").locator("output")
     expect(shown).to_contain_text("this needs the role operate")
     page.context.close()
+
+
+def test_a_tab_that_opens_no_address_looks_on(browser: Browser, system: System) -> None:
+    with opened_page(browser, system.address) as page:
+        expect(page.locator(".phase")).to_have_text("connected")
+        other = page.context.new_page()
+        other.goto(system.address.partition("#")[0])
+        announced = other.get_by_label("Play the world").locator("output")
+        open_page(other, "World")
+        other.get_by_role("button", name="Announce the scene").click()
+        expect(announced).to_contain_text("this page can look on only")
+        other.goto(system.address)
+        open_page(other, "World")
+        other.get_by_role("button", name="Announce the scene").click()
+        expect(announced).not_to_be_empty()
+        expect(announced).not_to_contain_text("this page can look on only")
+        stop(page)
 
 
 def test_without_the_printed_address_nothing_is_shown(browser: Browser, system: System) -> None:

@@ -96,12 +96,13 @@ class ServedStudio:
 
     def client(self, role: SessionRole | None = None) -> ClientSession:
         """Return a client that is signed in, and names the page as its origin."""
-        cookies = {cookie_name(self.host): self.session(role)} if role is not None else {}
+        cookies, headers = {}, {"Origin": self.origin}
+        if role is not None:
+            session = self.session(role)
+            cookies[cookie_name(self.host)] = session
+            headers["Authorization"] = f"Bearer {self.access.key(session)}"
         return ClientSession(
-            self.origin,
-            cookies=cookies,
-            cookie_jar=CookieJar(unsafe=True),
-            headers={"Origin": self.origin},
+            self.origin, cookies=cookies, cookie_jar=CookieJar(unsafe=True), headers=headers
         )
 
     def put(self, collection: str, key: str, value: object) -> None:

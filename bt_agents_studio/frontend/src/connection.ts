@@ -22,6 +22,7 @@ export interface ConnectionState {
 }
 
 const LIMIT_MS = 35_000;
+const KEY = "key";
 const RETRIES_MS = [250, 500, 1000, 2000];
 
 let state: ConnectionState = {
@@ -130,12 +131,16 @@ async function retry(): Promise<void> {
   timer = window.setTimeout(connect, wait);
 }
 
-/** Exchange the token of the printed address for a session, if there is one. */
+/**
+ * Exchange the token of the printed address for a session, if there is one.
+ * Its cookie goes to all ports of this machine, so that whatever changes something needs a key, too.
+ */
 export async function logIn(): Promise<void> {
   const token = location.hash.slice(1);
   if (!/^[0-9a-f]{64}$/.test(token)) return;
   history.replaceState(null, "", location.pathname + location.search);
-  await post("/api/session", { token });
+  const { key } = await post("/api/session", { token });
+  if (key) sessionStorage.setItem(KEY, key);
 }
 
 export function seek(source: string, atS: number): void {
@@ -154,13 +159,15 @@ export interface Answer {
   message: string;
   /** What an operation of the studio itself has found. */
   record?: unknown;
+  /** What this page has to send with whatever changes something. */
+  key?: string;
 }
 
 async function post(path: string, body: unknown, limitMs = LIMIT_MS): Promise<Answer> {
   try {
     const answer = await fetch(path, {
       method: "POST",
-      headers: { "Content-Type": "application/json" },
+      headers: { "Content-Type": "application/json", Authorization: `Bearer ${sessionStorage.getItem(KEY) ?? ""}` },
       body: JSON.stringify(body),
       signal: AbortSignal.timeout(limitMs),
     });

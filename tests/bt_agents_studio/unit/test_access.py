@@ -152,7 +152,7 @@ def test_a_request_that_a_foreign_page_may_have_made_is_refused(
 def test_a_change_needs_an_origin_and_json(fields: dict[str, str], code: str) -> None:
     access = _access()
     session = access.log_in(access.token(SessionRole.OPERATE))
-    request = _request(method="POST", session=session, **fields)
+    request = _request(method="POST", session=session, key=access.key(session), **fields)
     assert _code(lambda: access.check(request, OPERATORS)) == code
     assert _code(lambda: access.check_sender(request)) == code
     kind = "application/json; charset=utf-8"
@@ -163,9 +163,37 @@ def test_a_change_needs_an_origin_and_json(fields: dict[str, str], code: str) ->
 def test_a_change_without_a_body_needs_an_origin_only() -> None:
     access = _access()
     session = access.log_in(access.token(SessionRole.PERSON))
-    request = _request(method="DELETE", session=session)
+    request = _request(method="DELETE", session=session, key=access.key(session))
     assert _code(lambda: access.check(request, ALL_ROLES)) == "NO_ORIGIN"
     assert access.check(replace(request, origin=OWN), ALL_ROLES) is SessionRole.PERSON
+
+
+def test_a_change_needs_the_key_of_its_role() -> None:
+    access = _access()
+    sessions = {role: access.log_in(access.token(role)) for role in SessionRole}
+    for role, session in sessions.items():
+        change = _request(method="DELETE", session=session, origin=OWN)
+        assert _code(lambda one=change: access.check(one, ALL_ROLES)) == "NO_KEY"
+        for other, its in sessions.items():
+            with_key = replace(change, key=access.key(its))
+            if other is role:
+                assert access.check(with_key, ALL_ROLES) is role
+            else:
+                assert _code(lambda one=with_key: access.check(one, ALL_ROLES)) == "NO_KEY"
+
+
+def test_a_later_session_has_the_same_key() -> None:
+    access = _access()
+    first, second = (access.log_in(access.token(SessionRole.OPERATE)) for _ in range(2))
+    change = _request(method="DELETE", session=second, origin=OWN, key=access.key(first))
+    assert access.check(change, ALL_ROLES) is SessionRole.OPERATE
+
+
+def test_nothing_else_tells_the_key() -> None:
+    access = _access()
+    session = access.log_in(access.token(SessionRole.OPERATE))
+    assert access.key(session) not in access.text()
+    assert access.key(session) not in (session, access.token(SessionRole.OPERATE))
 
 
 @pytest.mark.parametrize("allowed", [ALL_ROLES, OBSERVERS, OPERATORS, {SessionRole.PERSON}])

@@ -173,7 +173,8 @@ def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_do_not_get() -> N
             assert "HttpOnly" in cookie
             assert "SameSite=Strict" in cookie
             assert (await client.get("/api/state")).status == 200
-            assert (await client.delete("/api/session")).status == 200
+            key = {"Authorization": f"Bearer {(await answer.json())['key']}"}
+            assert (await client.delete("/api/session", headers=key)).status == 200
             assert (await client.get("/api/state")).status == 401
 
     served(test)
@@ -192,6 +193,18 @@ def test_two_studios_of_one_address_leave_each_other_their_sessions_in_a_browser
                 assert answer.status == 200
             for studio in (one, other, one):
                 assert (await browser.get(f"{studio.origin}/api/state")).status == 200
+
+    served(test)
+
+
+def test_whoever_has_only_the_cookie_looks_on() -> None:
+    async def test(one: ServedStudio) -> None:
+        async with one.client(SessionRole.AUTHOR) as client:
+            del client.headers["Authorization"]
+            refused = await client.post("/api/do/cancel", json={"reason": "enough"})
+            assert (refused.status, (await refused.json())["code"]) == (403, "NO_KEY")
+            assert (await client.get("/api/state")).status == 200
+        assert one.caller.calls == []
 
     served(test)
 
@@ -384,8 +397,14 @@ def test_a_late_body_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 _STOP = '{"reason":"x"}'
-_PERSON: dict[str, str | None] = {"Cookie": "{cookie}={person}"}
-_VIEWER: dict[str, str | None] = {"Cookie": "{cookie}={viewer}"}
+_PERSON: dict[str, str | None] = {
+    "Cookie": "{cookie}={person}",
+    "Authorization": "Bearer {person_key}",
+}
+_VIEWER: dict[str, str | None] = {
+    "Cookie": "{cookie}={viewer}",
+    "Authorization": "Bearer {viewer_key}",
+}
 _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
     # Name, request line, headers over those of a page that is signed in, body.
     ("rebound name", "POST /api/do/cancel", {"Host": "evil.example"}, _STOP),
@@ -436,6 +455,12 @@ _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
     ("token as cookie", "POST /api/do/cancel", {"Cookie": "{cookie}={token}"}, _STOP),
     ("replayed cookie", "POST /api/do/cancel", {"Cookie": "{cookie}={ended}"}, _STOP),
     ("cookie of a viewer", "POST /api/do/cancel", {"Cookie": "{cookie}={viewer}"}, _STOP),
+    ("cookie without key", "POST /api/do/cancel", {"Authorization": None}, _STOP),
+    ("token as key", "POST /api/do/cancel", {"Authorization": "Bearer {token}"}, _STOP),
+    ("cookie as key", "POST /api/do/cancel", {"Authorization": "Bearer {session}"}, _STOP),
+    ("key of a viewer", "POST /api/do/cancel", {"Authorization": "Bearer {viewer_key}"}, _STOP),
+    ("key that is no ASCII", "POST /api/do/cancel", {"Authorization": "Bearer ü"}, _STOP),
+    ("key without cookie", "POST /api/do/cancel", {"Cookie": None}, _STOP),
     ("huge cookie", "POST /api/do/cancel", {"Cookie": "{cookie}=" + "a" * 20000}, _STOP),
     ("token in the address", "POST /api/do/cancel?token={token}", {"Cookie": None}, _STOP),
     (
@@ -513,6 +538,7 @@ _HOSTILE: list[tuple[str, str, dict[str, str | None], str]] = [
     ("answer as a form", "POST /api/do/answer", {"Content-Type": "text/plain"}, "yes"),
     ("leaving for others", "DELETE /api/session", {"Origin": "http://evil.example"}, ""),
     ("leaving without origin", "DELETE /api/session", {"Origin": None}, ""),
+    ("leaving without key", "DELETE /api/session", {"Authorization": None}, ""),
     ("leaving by GET", "GET /api/session", {}, ""),
     ("session by PUT", "PUT /api/session", {"Cookie": None}, '{"token":"{token}"}'),
     (
@@ -548,14 +574,20 @@ def test_a_hostile_request_is_refused_and_changes_nothing(
 async def _sent(one: ServedStudio, line: str, headers: dict[str, str | None], body: str) -> bytes:
     ended = one.session(SessionRole.OPERATE)
     one.access.log_out(ended)
+    session, viewer, person = (
+        one.session(role) for role in (SessionRole.OPERATE, SessionRole.VIEW, SessionRole.PERSON)
+    )
     words = {
         "port": str(one.port),
         "host": one.host,
         "token": one.access.token(SessionRole.OPERATE),
         "cookie": cookie_name(one.host),
         "ended": ended,
-        "viewer": one.session(SessionRole.VIEW),
-        "person": one.session(SessionRole.PERSON),
+        "session": session,
+        "viewer": viewer,
+        "viewer_key": one.access.key(viewer),
+        "person": person,
+        "person_key": one.access.key(person),
     }
 
     def filled(text: str) -> str:
@@ -567,7 +599,8 @@ async def _sent(one: ServedStudio, line: str, headers: dict[str, str | None], bo
     wanted: dict[str, str | None] = {
         "Host": one.host,
         "Origin": one.origin,
-        "Cookie": f"{cookie_name(one.host)}={one.session(SessionRole.OPERATE)}",
+        "Cookie": f"{cookie_name(one.host)}={session}",
+        "Authorization": f"Bearer {one.access.key(session)}",
         "Content-Type": "application/json",
         "Content-Length": str(len(data)),
         "Connection": "close",
