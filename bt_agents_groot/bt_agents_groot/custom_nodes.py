@@ -15,7 +15,6 @@ from bt_agents_groot.ports import (
     PortError,
     field_type_of,
     from_port,
-    names_in,
     names_of_expression,
     pointed_at,
 )
@@ -76,16 +75,15 @@ def _own_control(tree: TreeImport, element: Element) -> YamlNode | None:
         memory = element.get("memory") != "false"
         return YamlNode(key=own_key, value={"memory": memory}, children=children)
     if own_key == PARALLEL.key and ports == {"succeed_on"}:
-        wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
+        wanted = tree.port(element, element.get("succeed_on"), FieldType.ANY)
         children = tuple(map(tree.node, element.children))
         return YamlNode(key=PARALLEL.key, value={"succeed_on": wanted}, children=children)
     own_ports = [one.name for one in RANDOM.fields]
     if own_key != RANDOM.key or not ports <= {*own_ports, "weights"}:
         return None
-    weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
+    weights = tree.port(element, element.get("weights", "json:[]"), FieldType.NUMBER)
     if not isinstance(weights, list) or len(weights) not in (0, len(element.children)):
         return None
-    tree.names.mention(names_in(weights), FieldType.NUMBER)
     chosen = [tree.node(child) for child in element.children]
     for number, weight in enumerate(weights):
         if weight != 1:
@@ -122,14 +120,9 @@ def _value(own: NodeType, fields: dict[str, Data]) -> Data:
 
 def _port_value(tree: TreeImport, attribute: Attribute, field_type: FieldType) -> Data:
     """Return the value of a port; the names in it are recorded as read."""
-    try:
-        data = from_port(attribute.value, field_type, tree.names.rename)
-    except PortError as error:
-        tree.lost(attribute, str(error))
-        return attribute.value
+    data = tree.port(attribute, attribute.value, field_type)
     if isinstance(data, str) and "${" in data.replace("$${", ""):
         tree.note(attribute, "the ${…} in it is taken as a name of our language")
-    tree.names.mention(names_in(data), field_type)
     return data
 
 

@@ -10,7 +10,7 @@ from math import isfinite
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Untranslatable, negated
-from bt_agents_groot.ports import from_port, names_in, pointed_at
+from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.tree_import import Translate, TreeImport
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import (
@@ -200,8 +200,7 @@ def _constant(result: str) -> Translate:
 
 def _set_blackboard(tree: TreeImport, element: Element) -> YamlNode:
     key = element.get("output_key")
-    value = from_port(element.get("value"), FieldType.ANY, tree.names.rename)
-    tree.names.mention(names_in(value))
+    value = tree.port(element, element.get("value"), FieldType.ANY)
     name = tree.names.rename(pointed_at(key) or key)
     tree.names.write(name)
     return YamlNode(key="set", value={name: value})

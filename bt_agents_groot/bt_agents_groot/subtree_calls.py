@@ -6,10 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import Model, given_ports
 from bt_agents_groot.naming import entry_of, snake
-from bt_agents_groot.ports import from_port, names_in, pointed_at
+from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.tree_import import TreeImport
 from bt_agents_groot.xml_files import Element
@@ -92,7 +91,7 @@ def _inputs(
         if text is None and remaps_all(element):
             text = f"{{{callee.names.original(inside)}}}"
         if text is not None:
-            arguments[declared] = _argument(tree, text, callee.names.type_of(inside))
+            arguments[declared] = tree.port(element, text, callee.names.type_of(inside))
         elif declared not in callee.optional:
             tree.lost(
                 element,
@@ -100,12 +99,6 @@ def _inputs(
             )
             arguments[declared] = callee.names.default(inside)
     return arguments
-
-
-def _argument(tree: TreeImport, text: str, field_type: FieldType) -> Data:
-    data = from_port(text, field_type, tree.names.rename)
-    tree.names.mention(names_in(data))
-    return data
 
 
 def _subtree(name: str, arguments: dict[str, Data], outputs: dict[str, Data]) -> YamlNode:

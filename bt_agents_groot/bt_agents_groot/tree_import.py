@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import (
     CONDITIONS,
     FAILURE_IF,
@@ -22,7 +23,7 @@ from bt_agents_groot.catalogue import (
 from bt_agents_groot.document import node_id
 from bt_agents_groot.expressions import parse_formula
 from bt_agents_groot.formulas import Binary, Formula, Untranslatable, negated
-from bt_agents_groot.ports import pointed_at
+from bt_agents_groot.ports import PortError, from_port, names_in, pointed_at
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.script_nodes import as_condition, as_node, condition_text
 from bt_agents_groot.scripts import Statement, parse_script
@@ -107,6 +108,16 @@ class TreeImport:
         if pointed_at(attribute.value) is not None:
             raise Untranslatable("the script stands in a blackboard entry")
         return parse_script(attribute.value, self.names.rename)
+
+    def port(self, where: Element | Attribute, text: str, field_type: FieldType) -> Data:
+        """Return the value of a port; the names in it are recorded as read."""
+        try:
+            data = from_port(text, field_type, self.names.rename)
+        except PortError as error:
+            self.lost(where, str(error))
+            return text
+        self.names.mention(names_in(data), field_type)
+        return data
 
     def script(self, attribute: Attribute) -> YamlNode:
         """Return the node for a script; its names are recorded as read and written.

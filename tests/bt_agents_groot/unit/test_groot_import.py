@@ -229,6 +229,8 @@ def test_a_small_difference_is_noted_and_stands_in_the_file(inner, note):
         (f"<Precondition if='hot' else='{{t}}'>{S}</Precondition>", "FAILURE is assumed"),
         ("<Say text='Hello' volume='3'/>", "our skill 'say' has no field 'volume'"),
         ("<Say text='json:{'/>", "is not JSON"),
+        ("<SetBlackboard value='json:{' output_key='x'/>", "is not JSON"),
+        (f"<Control ID='random' weights='json:{{'>{S}</Control>", "is not JSON"),
         ("<Script code='scene__age := 4'/>", "'scene.age' cannot be given a value"),
         ("<Script code='x := @t'/>", "the entry '@t' of all trees"),
     ],
