@@ -20,6 +20,9 @@ pytestmark = pytest.mark.e2e
 TIMES = 5
 """How often the market of a system is killed: a dead one counts as a reader for 20 s."""
 
+PAIRS = 2
+"""How often the market is killed with its host."""
+
 twice = pytest.mark.parametrize("attempt", [1, 2])
 """With both tests 20 kills."""
 
@@ -124,7 +127,7 @@ def test_a_run_ends_once_when_market_and_host_die_together(
 ) -> None:
     market = start(system, tmp_path)
     host = system.processes[-1]
-    for number in range(TIMES):
+    for number in range(PAIRS):
         name = f"s{number}"
         system.scene(name, age=5, familiarity=3, mood=3)
         system.until_speaking("leo speaks")
@@ -147,7 +150,7 @@ def test_a_run_ends_once_when_market_and_host_die_together(
             getattr(Run, code),
         )
         system.mouth.finish()
-    check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(TIMES)])
+    check_that_no_end_comes_again(system, market, [f"s{number}" for number in range(PAIRS)])
     assert _runs(system.ended()) == _runs(system.started())
 
 
