@@ -59,6 +59,14 @@ ALL_ROLES = frozenset(SessionRole)
 OPERATORS = frozenset({SessionRole.OPERATE, SessionRole.AUTHOR})
 OBSERVERS = OPERATORS | {SessionRole.VIEW}
 
+_LINK_IS_FOR = {
+    SessionRole.VIEW: "for viewing only",
+    SessionRole.PERSON: "for the page Person only",
+    SessionRole.OPERATE: "not for writing files",
+    SessionRole.AUTHOR: "for authors only",
+}
+"""What the link of a role is for."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class WebRequest:
@@ -206,15 +214,18 @@ class AccessControl:
         self.check_sender(request)
         role = self._role(request.session)
         if role not in allowed:
-            needed = " or ".join(one for one in SessionRole if one in allowed)
-            raise Refused("FORBIDDEN", f"this needs the role {needed}, the session has {role}")
+            raise Refused(
+                "FORBIDDEN",
+                f"this link is {_LINK_IS_FOR[role]}; for everything else, open the first address "
+                "that 'bt-agents up' or 'bt-agents studio' printed",
+            )
         if request.changes and not hmac.compare_digest(
             self.key(request.session).encode(), request.key.encode("utf-8", "replace")
         ):
             raise Refused(
                 "NO_KEY",
-                "this page can look on only; to change something, open the address that "
-                "'bt-agents studio' or 'bt-agents up' has printed",
+                "this page can look on only; to change something, open the first address that "
+                "'bt-agents up' or 'bt-agents studio' printed",
             )
         return role
 

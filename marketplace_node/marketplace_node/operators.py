@@ -83,7 +83,7 @@ class OperatorCommands:
             code=VETOED,
         )
         _, message = interaction.stop(stop, now)
-        return f"; {message}" + ("" if stopping else ", and the others are asked")
+        return f"; {message}" + ("" if stopping else ", and asking the others")
 
     def _award(self, command: OperatorCommand, interaction: Interaction | None) -> str:
         self._market_state.overrides.check_award(command)

@@ -53,7 +53,7 @@ def test_a_person_answers_presses_and_visits(
     assert "NOBODY_LISTENS" in ask("press", "buttons/confirm", code=1)
     ask("trigger", "age=3")
     up.until("asks: Shall we")
-    assert "asked is: Shall we? (answers: Yes, No)" in ask("answer")
+    assert "the robot is asking: Shall we? (answers: Yes, No)" in ask("answer")
     assert "NOT_A_CHOICE" in ask("answer", "per", "haps", code=1)
     assert "answered 'Yes' to: Shall we?" in ask("answer", "yes")
     up.until("says: Press")

@@ -281,7 +281,7 @@ def test_who_may_only_look_changes_nothing(browser: Browser, system: System) -> 
     open_page(page, "World")
     page.get_by_role("button", name="Announce the scene").click()
     shown = page.get_by_label("Play the world").locator("output")
-    expect(shown).to_contain_text("this needs the role operate")
+    expect(shown).to_contain_text("this link is for viewing only")
     page.context.close()
 
 

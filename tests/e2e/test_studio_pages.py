@@ -132,7 +132,9 @@ def test_a_question_is_answered_by_its_choice_and_by_words(page: Page) -> None:
         if reply == "yes":
             panel.get_by_label("Another answer").fill("perhaps")
             panel.get_by_role("button", name="Answer", exact=True).click()
-            expect(panel.locator("output")).to_contain_text("'perhaps' is no answer; asked is: ")
+            expect(panel.locator("output")).to_contain_text(
+                "'perhaps' is no answer; the robot is asking: "
+            )
             panel.get_by_role("button", name="yes").click()
         else:
             panel.get_by_label("Another answer").fill("no")

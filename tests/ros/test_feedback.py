@@ -243,8 +243,8 @@ def test_without_a_list_there_is_nothing_to_collect(scenario):
 @pytest.mark.parametrize(
     ("sources", "text"),
     [
-        (["tree"], "guide was taught once in its run, from: tree"),
-        (["tree", "", "tree"], "guide was taught 3 times in its run, from: tree, somebody"),
+        (["tree"], "guide was given feedback once during its run (tree)"),
+        (["tree", "", "tree"], "guide was given feedback 3 times during its run (tree, somebody)"),
     ],
 )
 def test_a_run_in_which_its_tree_has_taught_is_not_said_to_have_no_feedback(

@@ -185,7 +185,7 @@ def test_a_cancel_stops_the_tree_and_ends_the_interaction(stage: Stage) -> None:
     ended = stage.until_event(Run.ENDED)
     stage.until_over()
 
-    assert (answer.accepted, answer.message) == (True, "attentive_guide is told to stop")
+    assert (answer.accepted, answer.message) == (True, "stopping attentive_guide")
     assert ended.outcome == Run.CANCELLED
     assert host.log == ["start attentive_guide", "end attentive_guide"]
 

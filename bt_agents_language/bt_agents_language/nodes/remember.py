@@ -60,7 +60,7 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
             reading.error(
                 "unknown-name",
                 entry.key,
-                f"scene.yaml does not say that {quote(key[:40])} is remembered of a person",
+                f"scene.yaml has no {quote(key[:40])} under remembers",
                 f"did you mean '{near}'?"
                 if near is not None
                 else f"declare it there: remembers: {{{key[:40]}: text}}",

@@ -110,7 +110,7 @@ def compare_tests(edits: Sequence[FileEdit]) -> ComparedTests:
     breaks = any(result.cases for result in results)
     if not breaks and any(result.agent is not None for result in results):
         names = ", ".join(sorted({edit.agent.name for edit in edits}))
-        lines.append(f"tests of {names}: none fails that passes now")
+        lines.append(f"tests of {names}: all that pass now would still pass")
     return ComparedTests(lines=tuple(lines), breaks=breaks)
 
 

@@ -32,7 +32,7 @@ def asked_by(questions: Sequence[Any], words: str) -> tuple[Any, str]:
 def question_text(question: Any) -> str:
     """Return a question with the answers that count."""
     choices = ", ".join(question.choices) or "anything"
-    return f"asked is: {question.text} (answers: {choices})"
+    return f"the robot is asking: {question.text} (answers: {choices})"
 
 
 def not_taken(words: str) -> Refused:

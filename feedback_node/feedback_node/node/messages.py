@@ -194,7 +194,7 @@ def taught_text(agent: str, taught: Sequence[ProfileChange]) -> str:
         return f"no feedback for {agent}"
     sources = dict.fromkeys(one.revision.cause.source or "somebody" for one in taught)
     times = "once" if len(taught) == 1 else f"{len(taught)} times"
-    return f"{agent} was taught {times} in its run, from: {', '.join(sources)}"
+    return f"{agent} was given feedback {times} during its run ({', '.join(sources)})"
 
 
 def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: float) -> MoodTrace:

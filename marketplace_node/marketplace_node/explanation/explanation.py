@@ -195,7 +195,7 @@ def _exploration(decision: Decision, winner: RankedBid, space: SceneSpace) -> It
         rounds = decision.terms.rounds_run
         ran = f"It {_ran(winner.runs)} in {rounds} {'run' if rounds == 1 else 'runs'}"
         forgiven = format_number(winner.bonus, FEW)
-        yield f"{ran}, for which {forgiven} is taken off its distance: {score}."
+        yield f"{ran}, so its distance is reduced by {forgiven}, to {score}."
     elif winner.bonus and not ranked.placed:
         yield f"The strategy {ranked.by} takes {format_number(winner.bonus, FEW)} off: {score}."
     if (nearest := decision.passed_over) is not None:
@@ -212,7 +212,8 @@ def _bound(decision: Decision, space: SceneSpace, share: float) -> str:
     widths = np.array([one.maximum - one.minimum for one in profiles.parameters])
     scene = profiles.compared(decision.terms.scene)
     margin = float(ranges_share(np.array(scene.vector), widths, share))
-    return f"Nobody wins who is further than the nearest by more than {distance(margin, FEW)}."
+    limit = distance(margin, FEW)
+    return f"An agent more than {limit} farther away than the nearest one cannot win."
 
 
 def softmax_share(ranking: Sequence[RankedBid], temperature: float) -> float:
@@ -254,7 +255,10 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
     if change is None:
         return
     if not change.names:
-        yield f"What would have made {second.agent} win cannot be said: {change.obstacle}."
+        if change.obstacle:
+            yield f"What would have made {second.agent} win is not known: {change.obstacle}."
+        else:
+            yield f"No change to a single value would have made {second.agent} win."
         return
     now = dict(zip(space.names, decision.terms.scene.vector, strict=True))
     for name, value in zip(change.names, change.values, strict=True):

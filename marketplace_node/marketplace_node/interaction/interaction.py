@@ -146,7 +146,7 @@ class Interaction:
                 return f"{agent} is running" + (f"; {beside}" if beside else "")
             case State.CANCELLING:
                 stop = self._award.stop if self._award else None
-                return f"{agent} is told to stop" + (f": {stop.reason}" if stop else "")
+                return f"stopping {agent}" + (f": {stop.reason}" if stop else "")
             case State.COLLECTING:
                 return f"{self._last_text}; collecting feedback"
             case _:
@@ -239,7 +239,7 @@ class Interaction:
             self._not_taken(award, award.held, now)
             return True, f"{award.goal.agent} does not begin"
         self._cancel(award, now)
-        return True, f"{award.goal.agent} is told to stop"
+        return True, f"stopping {award.goal.agent}"
 
     def go_on(self, now: float) -> None:
         """Send the goal or open the round that is due, once all else is done."""

@@ -216,8 +216,8 @@ class SceneAdmission:
         self._give_up_preemption(reason, now)
         count = len(self._queue)
         self._refuse_all(STOPPED, f"stopped while it waited: {reason}")
-        noun = "scene that waited is" if count == 1 else "scenes that waited are"
-        return f"; {count} {noun} forgotten" if count else ""
+        noun = "scene" if count == 1 else "scenes"
+        return f"; dropped {count} waiting {noun}" if count else ""
 
     def update(self, interaction: Interaction | None, now: float) -> None:
         """Decide the challenge that is due, and open those that are allowed now."""

@@ -102,7 +102,7 @@ class _Search:
         self._queue: list[tuple[float, int, float, float, float]] = []
 
     def change(self) -> Counterfactual:
-        """Return the smallest change, or why there is none."""
+        """Return the smallest change, or why none can be found; neither when there is none."""
         if not np.any(self._lines.weights):
             return Counterfactual(obstacle="chance alone ranked, whatever the scene")
         for index in map(int, np.flatnonzero(~np.isnan(self._start))):
@@ -124,9 +124,7 @@ class _Search:
             # Equal on paper, and rounding decides: further on, in strides that grow.
             value += direction * step * self._width[parameter]
             self._push(parameter, direction, value, 2.0 * step)
-        return Counterfactual(
-            obstacle="no change of one value of the scene within its range does it"
-        )
+        return Counterfactual()
 
     def _push(self, parameter: int, direction: float, start: float, step: float) -> None:
         value = self._lost[parameter].beyond(start, direction)

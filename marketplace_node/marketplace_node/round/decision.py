@@ -161,7 +161,8 @@ class Counterfactual:
     Attributes:
         names: The parameter that changes; empty when no change was found.
         values: Its value then.
-        obstacle: Why there is none; empty when there is one.
+        obstacle: Why none can be found; empty when one was, and when the search shows that no
+            value of a single parameter is enough.
     """
 
     names: tuple[str, ...] = ()

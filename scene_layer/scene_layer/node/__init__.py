@@ -268,8 +268,8 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
             if gives and not request.announce and not self._present_id():
                 raise Refused(
                     "NOTHING_RUNS",
-                    "no agent runs and no scene waits, expected one that the values are for; "
-                    "announce a scene with them: bt-agents trigger",
+                    "no agent is running and no scene is waiting, so there is nothing to change; "
+                    "to start an encounter: bt-agents trigger",
                 )
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason

@@ -69,12 +69,12 @@ def test_a_person_can_be_named_in_requires_conditions_and_texts() -> None:
         ("check: person.visits == 'two'", "bad-expression"),
         (
             "remember: {favorite: tea}",
-            "unknown-name: scene.yaml does not say that 'favorite' is remembered of a person "
+            "unknown-name: scene.yaml has no 'favorite' under remembers "
             "(did you mean 'favourite'?)",
         ),
         (
             "remember: {size: 3}",
-            "unknown-name: scene.yaml does not say that 'size' is remembered of a person "
+            "unknown-name: scene.yaml has no 'size' under remembers "
             "(declare it there: remembers: {size: text})",
         ),
         ("remember: {name: anna}", "unknown-name"),

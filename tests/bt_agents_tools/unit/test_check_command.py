@@ -123,7 +123,7 @@ def test_a_broken_skills_file_is_told_to_whom_needs_it(trees):
     assert [problem.code for problem in checked.problems] == ["unknown-key"]
     assert checked.unchecked == ("trees/agents/one.yaml",)
     assert summary(checked) == (
-        "1 error, 1 file not checked: mend the scene and the skills first, which they need"
+        "1 error, 1 file not checked: correct scene.yaml and the skills files first"
     )
 
 

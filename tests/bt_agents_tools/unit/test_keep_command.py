@@ -110,7 +110,7 @@ def test_what_changes_no_test_is_written_without_a_question(
 ) -> None:
     result = run(trees, monkeypatch, AGENT.replace("default: 5 s", "default: 6 s"))
     assert result.exit_code == 0, result.output
-    assert "tests of waiter: none fails that passes now" in result.output
+    assert "tests of waiter: all that pass now would still pass" in result.output
     assert "default: 6 s" in (trees / "agents" / "waiter.yaml").read_text()
 
 

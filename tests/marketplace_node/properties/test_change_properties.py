@@ -53,7 +53,7 @@ def wins_with(decision: Decision, accepted: list[AcceptedBid], values: dict[str,
 def found_change(of: Terms, accepted: list[AcceptedBid]) -> Decision:
     decision = decided(of, accepted)
     assert decision.ranked.change is not None
-    assert bool(decision.ranked.change.names) != bool(decision.ranked.change.obstacle)
+    assert not (decision.ranked.change.names and decision.ranked.change.obstacle)
     return decision
 
 

@@ -234,7 +234,7 @@ def test_scenes_that_wait_for_a_host_can_be_cancelled(market: Driver) -> None:
     market.scene("s1")
     market.scene("s2")
     assert market.cancel(round_number=7)[0] is False
-    assert market.cancel("enough") == (True, "nothing runs; 2 scenes that waited are forgotten")
+    assert market.cancel("enough") == (True, "nothing runs; dropped 2 waiting scenes")
 
     assert market.ends == [("s1", "STOPPED"), ("s2", "STOPPED")]
     assert market.cancel("enough") == (False, "nothing runs")

@@ -93,7 +93,7 @@ def test_a_veto_stops_the_running_agent_and_the_others_are_asked(market: Driver)
     market.run()
     words = market.operate(OperatorAction.VETO, GUIDE, author="anna")
     assert words == (
-        "attentive_guide may not bid; attentive_guide is told to stop, and the others are asked"
+        "attentive_guide may not bid; stopping attentive_guide, and asking the others"
     )
     assert market.all(AnnounceRun)[-1].stopped_by is StoppedBy.OPERATOR
     market.end(3)

@@ -288,7 +288,7 @@ class ScenarioReader:
             key = entry.key.text
             wanted = self._space.remembers.get(key)
             if wanted is None:
-                problem = "scene.yaml does not say that agents remember"
+                problem = "scene.yaml has, under remembers, no"
                 self.refuse_name(
                     entry.key, problem, key, self._space.remembers, "declare it there"
                 )

@@ -132,8 +132,8 @@ def summary(checked: Checked) -> str:
             parts.append(counted(number, severity.value))
     if checked.unchecked:
         parts.append(
-            f"{counted(len(checked.unchecked), 'file')} not checked: mend the scene and the "
-            "skills first, which they need"
+            f"{counted(len(checked.unchecked), 'file')} not checked: correct scene.yaml and the "
+            "skills files first"
         )
     return ", ".join(parts)
 
