@@ -23,20 +23,20 @@ from bt_agents_tools.cli.main import bt_agents
 
 HEAD = """# Patterns
 
-What good agents have in common: twelve small ones, each with why it is written so, its tests, and
-a rehearsal. Start from one, and change it:
+Twelve small agents that each solve one common problem: the file with its reasons, a rehearsal, and
+what its tests check. Start from one, and change it:
 
 ```console
 $ bt-agents new breakfast --pattern ask_on_screen_and_aloud
 ```
 
 `bt-agents new granny_guide --like attentive_guide` starts from a whole agent instead, one of yours
-or a shipped one. What either imports comes along.
+or a shipped one. Its imports come along.
 """
 
 LIBRARIES = """## Shipped libraries
 
-Subtrees that several agents share. An agent that imports a file can call them:
+Libraries hold subtrees that several agents share. An agent that imports the file can call them:
 `imports: [libraries/manners.yaml]`, then `subtree: greet`.
 """
 
@@ -62,7 +62,7 @@ def _pattern(name: str) -> str:
         f"```console\n$ bt-agents new {name} --pattern {name}\n"
         f"$ bt-agents rehearse {name} --script {script}\n{_rehearsal(name, case)}```"
     )
-    lines.append("What its tests say:")
+    lines.append("Its tests check:")
     lines.append("\n".join(f"- {one}" for one in _cases(tests)))
     return "\n\n".join(lines)
 
