@@ -400,6 +400,18 @@ def test_a_text_is_shown_until_a_button_is_pressed_as_the_language_page_says(
     assert result.outcome is TreeOutcome.SUCCEEDED
 
 
+@pytest.mark.parametrize(
+    ("answer", "does"), [("no", ["ask", "say"]), ("yes", ["ask", "say", "drive", "say"])]
+)
+def test_a_tree_ends_early_as_its_page_says(answer: str, does: list[str]) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "language.md").read_text(encoding="utf-8")
+    section = page.partition("### End early")[2]
+    example = section.partition("```yaml\ntree:\n")[2].partition("```")[0]
+    result = rehearsed(textwrap.dedent(example), f"answers: {{ask: {answer}}}")
+    assert result.outcome is TreeOutcome.SUCCEEDED
+    assert [use.skill for use in result.uses] == does
+
+
 GREETS = """
 repeat: 4
 sequence:
