@@ -56,8 +56,8 @@ OFFLINE = {
 }
 """Commands that need neither ROS nor a robot."""
 
-RUN_AS_A_WHOLE = ("tutorial.md",)
-"""Documents whose commands need each other; tests/e2e/test_tutorial.py runs them."""
+RUN_AS_A_WHOLE = ("tutorial.md", "library_robot.md")
+"""Documents whose commands need each other; tests/e2e/test_walkthroughs.py runs them."""
 
 WITH_A_PACKAGE = "py_trees_ros.md"
 """Document whose tree needs the package beside it; tests/ros/test_plugin_nodes.py runs both."""
