@@ -27,7 +27,6 @@ SEVERAL = ["Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback"]
 SINGLE = [
     "Inverter", "ForceSuccess", "ForceFailure", "RunOnce", "Repeat num_cycles='2'",
     "RetryUntilSuccessful num_attempts='3'", "Timeout msec='5000'",
-    "LoopDouble queue='1;4' value='{m}'",
 ]  # fmt: skip
 START = """<Script code="n := 0; m := 0; trace := ''"/>"""
 
@@ -116,3 +115,18 @@ def test_a_tree_without_remarks_ends_as_in_behaviortree_cpp(seed):
     expected = their_end(text)
     remarks, found = our_end(text)
     assert remarks or expected is None or found == expected
+
+
+@pytest.mark.parametrize(
+    "step", ["<Script code='n += m'/>", "<ScriptCondition code='m != 4' _onSuccess='n += 1'/>"]
+)
+@pytest.mark.parametrize("if_empty", ["SUCCESS", "FAILURE"])
+def test_a_loop_ends_as_in_behaviortree_cpp(step, if_empty):
+    loop = f"<LoopDouble queue='1;4;2' value='{{m}}' if_empty='{if_empty}'>{step}</LoopDouble>"
+    text = (
+        f'<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>{START}{loop}</Sequence>'
+        "</BehaviorTree></root>"
+    )
+    expected = their_end(text)
+    assert expected is not None
+    assert our_end(text) == (False, expected)
