@@ -24,7 +24,6 @@ from bt_agents_language.expression.expression_values import (
     bounded,
     described,
 )
-from bt_agents_language.expression.number_words import numbers_in_words
 
 MAX_DIGITS = 15
 """Digits behind the point that ``round`` can keep; no number has more."""
@@ -231,15 +230,11 @@ def _compile_number(arguments: Sequence[Part], column: int) -> Evaluator:
 
 
 def _number_in(text: str, column: int) -> float:
-    """Return the only number in a text; a comma may stand in place of its point.
-
-    Where there is none in digits, one in a word counts.
-    """
+    """Return the only number in a text, in digits; its point may be a comma."""
     found = [match[0] for match in islice(_IN_DIGITS.finditer(text), 2)]
-    found = found or [str(one) for one in numbers_in_words(text)]
     problem = ""
     if len(found) != 1:
-        problem = "several" if found else "none in digits or as a word from zero to twelve"
+        problem = "several" if found else "none in digits"
     elif _MAYBE_THOUSANDS.fullmatch(found[0]):
         problem = f"'{ellipsize(found[0])}', which may be read in two ways,"
     if problem:
@@ -361,8 +356,8 @@ FUNCTIONS: dict[str, Function] = {
         Function(
             name="number",
             usage="number(text)",
-            means="the number in a text: 4 in 'about 4', and in 'four' or 'vier' (zero to twelve, "
-            "English and German); fails when there is none, or several",
+            means="the number in a text, in digits: 4 in 'about 4'; fails when there is none, or "
+            "several",
             check_kinds=_check_number,
             compile=_compile_number,
         ),

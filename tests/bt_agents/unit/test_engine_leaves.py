@@ -280,7 +280,4 @@ def test_the_number_in_an_answer_is_set_or_the_node_fails_in_words() -> None:
     assert told.said == ["It is 5."]
     not_told = Stage(tree, answers={"ask": [ScriptedReply(result={"answer": "no idea"})]})
     assert not_told.tick() == "failed"
-    assert (
-        "found none in digits or as a word from zero to twelve in the text 'no idea'"
-        in not_told.message
-    )
+    assert "found none in digits in the text 'no idea'" in not_told.message
