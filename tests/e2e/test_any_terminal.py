@@ -130,7 +130,6 @@ def test_every_command_ends_in_words_when_its_output_is_full_or_nobody_reads_it(
     [
         ("new", "ann"),
         ("schema", str(TREES), "--output", "schemas"),
-        ("show", GUIDE, "--svg", "picture.svg"),
         ("test", str(TREES), "--junit", "results.xml"),
         ("export", "groot", GUIDE, "--out", "guide.xml"),
         ("experiment", "run", str(ROOT / "experiments" / "1"), "--rounds", "3", "--out", "r.csv"),

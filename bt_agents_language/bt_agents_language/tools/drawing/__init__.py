@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drawings of trees as text, SVG and Mermaid."""
+"""Drawings of trees as text and Mermaid."""

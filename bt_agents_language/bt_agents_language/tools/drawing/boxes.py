@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Boxes of a picture: what it shows of each node of a tree, and in which colours."""
+"""Boxes of a drawing: what it shows of each node of a tree."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bt_agents_language.tools.drawing.value_format import LONGEST_TEXT, format_v
 
 
 class BoxKind(Enum):
-    """Kind of box: these look different in a picture."""
+    """Kind of box: these look different in a drawing."""
 
     COMPOSITE = "composite"
     DECORATOR = "decorator"
@@ -28,27 +28,8 @@ class BoxKind(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Colours:
-    """Colours of one kind of box, as CSS; the text stands out from the fill by at least 7 : 1."""
-
-    fill: str
-    stroke: str
-    text: str
-
-
-COLOURS = {
-    BoxKind.COMPOSITE: Colours(fill="#dbe9ff", stroke="#2f6fd0", text="#0b2a5b"),
-    BoxKind.DECORATOR: Colours(fill="#fff1cc", stroke="#c98a00", text="#4a3200"),
-    BoxKind.LEAF: Colours(fill="#eef0f3", stroke="#6b7480", text="#222a33"),
-    BoxKind.SKILL: Colours(fill="#daf3df", stroke="#2e8b47", text="#0d3b1a"),
-    BoxKind.SUBTREE: Colours(fill="#eee0fb", stroke="#8247b8", text="#3a125e"),
-}
-"""By kind of box."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Box:
-    """Box: one node of a picture.
+    """Box: one node of a drawing.
 
     Attributes:
         name: The author's name for it; empty when it has none.
@@ -61,20 +42,18 @@ class Box:
     name: str
     details: tuple[str, ...]
     role: str
-    path: str
     position: Position
     children: tuple[Box, ...]
 
 
 def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> Box:
-    """Return what a picture shows of a node and of all below it, long texts cut off."""
+    """Return what a drawing shows of a node and of all below it, long texts cut off."""
     return Box(
         kind=_kind(spec),
         word=type_of(spec).drawn_key(spec),
         name=excerpt(_name(spec), longest_text),
         details=_details(spec, longest_text),
         role=role,
-        path=spec.path,
         position=spec.position,
         children=tuple(
             box_of(child, longest_text, "on failure" if type_of(spec).handler and index else "")

@@ -40,7 +40,7 @@ def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
               15  └─ ◇ timeout ${patience}
               16     └─ ● ask "Where to?" → answer
     """
-    lines = [f"{agent.name}: {agent.title}", *head_lines(agent, space, width)]
+    lines = [f"{agent.name}: {agent.title}", *_head_lines(agent, space, width)]
     trees = {"tree": box_of(agent.tree)}
     if agent.on_cancel is not None:
         trees["on_cancel"] = box_of(agent.on_cancel)
@@ -52,7 +52,7 @@ def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
     return "\n".join(lines) + "\n"
 
 
-def head_lines(agent: AgentSpec, space: SceneSpace, width: int) -> list[str]:
+def _head_lines(agent: AgentSpec, space: SceneSpace, width: int) -> list[str]:
     """Return what an agent is, the words lined up, in lines of so many columns."""
     entries: dict[str, Sequence[str]] = {
         "profile": [format_profile(agent.profile, space)],
@@ -67,12 +67,7 @@ def head_lines(agent: AgentSpec, space: SceneSpace, width: int) -> list[str]:
     ]
 
 
-def sentence(box: Box) -> str:
-    """Return a node in one line: ``explain: timeout 90 s``."""
-    return " ".join((head(box), *box.details))
-
-
-def head(box: Box) -> str:
+def _head(box: Box) -> str:
     """Return the key of a node with its name, if it has one: ``explain: timeout``."""
     return f"{box.name}: {box.word}" if box.name else box.word
 
@@ -87,7 +82,7 @@ def _lines(box: Box, file: str, digits: int, width: int, before: str, below: str
     start = f"  {box.position.line:>{digits}}  {before}{role}{SIGNS[box.kind]} "
     more = f"  {'':>{digits}}  {below}{'│' if box.children else ' '}     "
     room = max(width - columns(start if len(start) > len(more) else more), _NARROWEST)
-    first, *others = packed([head(box), *box.details, *other], room)
+    first, *others = packed([_head(box), *box.details, *other], room)
     yield start + first
     yield from (more + line for line in others)
     for number, child in enumerate(box.children, start=1):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of a tree as short words for a picture: ``"Hello."``, ``8 s``, ``${voice_rate}``."""
+"""Values of a tree as short words for a drawing: ``"Hello."``, ``8 s``, ``${voice_rate}``."""
 
 from __future__ import annotations
 

@@ -4,14 +4,11 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 
 import click
 
-from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.tools.drawing.mermaid import mermaid
 from bt_agents_language.tools.drawing.outline import outline
-from bt_agents_language.tools.drawing.svg import svg
 from bt_agents_tools.cli.named_agent import named_agent
 
 
@@ -21,29 +18,20 @@ from bt_agents_tools.cli.named_agent import named_agent
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["text", "mermaid", "svg"]),
+    type=click.Choice(["text", "mermaid"]),
     default="text",
     show_default=True,
     help="What to print.",
 )
-@click.option("--svg", "picture", metavar="OUT", default="", help="Write a picture to this file.")
-def show(agent: str, directory: str, form: str, picture: str) -> None:
+def show(agent: str, directory: str, form: str) -> None:
     """Show what an agent does: its tree, with decorators as nodes in the order in which they nest.
 
     FILE is an agent file in a trees folder, AGENT the name of an agent. Numbers are lines of the
     file.
     """
     trees, spec = named_agent(agent, directory)
-    space = trees.scene.space
-    if picture:
-        try:
-            Path(picture).write_text(svg(spec, space), encoding="utf-8")
-        except OSError as error:
-            raise BtAgentsError(f"'{picture}' cannot be written: {error.strerror}") from None
-        click.echo(f"wrote {picture}")
-    elif form == "mermaid":
-        click.echo(mermaid(spec), nl=False)
+    if form == "mermaid":
+        text = mermaid(spec)
     else:
-        width = shutil.get_terminal_size().columns
-        text = svg(spec, space) if form == "svg" else outline(spec, space, width)
-        click.echo(text, nl=False)
+        text = outline(spec, trees.scene.space, shutil.get_terminal_size().columns)
+    click.echo(text, nl=False)
