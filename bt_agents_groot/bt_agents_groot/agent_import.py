@@ -32,7 +32,6 @@ from bt_agents_groot.yaml_nodes import (
     yaml_lines,
 )
 from bt_agents_language.nodes.symbols import SymbolTable
-from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import FORMAT
 
@@ -45,7 +44,7 @@ _INITIAL_COMMENT = (
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedAgent:
-    """Imported agent file in canonical style, its remarks in the order of the XML file."""
+    """Imported agent file, its remarks in the order of the XML file."""
 
     text: str
     remarks: tuple[Remark, ...]
@@ -137,8 +136,7 @@ class _Import:
                 "#",
                 *comment_lines(skeleton.rstrip("\n")),
             ]
-        text = format_source(Source(f"{self._agent}.yaml", "\n".join(lines) + "\n"))
-        return ImportedAgent(text=text, remarks=remarks, missing=missing)
+        return ImportedAgent(text="\n".join(lines) + "\n", remarks=remarks, missing=missing)
 
     def _head(self, remarks: tuple[Remark, ...]) -> Iterator[str]:
         yield from comment_lines(

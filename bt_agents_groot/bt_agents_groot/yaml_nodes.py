@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from bt_agents_language.nodes.catalogue import DECORATORS
-from bt_agents_language.tools.formatting.scalar_style import quoted
+from bt_agents_language.yaml.scalars import quoted
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,10 @@ class Raw:
 
 _PLAIN = re.compile(r"[\w.(${+-](?:[^#:]|:(?! )|(?<! )#)*(?<![:\s])")
 _NOT_PLAIN = re.compile(r"- |\{|\s#")
-_YAML_CONSTANTS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
+_WORDS = re.compile(r"[^\W\d][\w/-]*(?:[ .][\w/-]+)*")
+_TRAPS = frozenset(
+    ("true", "false", "null", "yes", "no", "on", "off", "y", "n", "nan", "inf", "infinity")
+)
 _ORDER = list(DECORATORS)
 _SKIPPING = tuple(one.key for one in DECORATORS.values() if one.skips)
 _HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
@@ -164,7 +167,7 @@ def scalar(value: Data) -> str:
         case int() | float():
             return repr(value)
         case str():
-            is_plain = re.fullmatch(r"[a-z_]+", value) and value not in _YAML_CONSTANTS
+            is_plain = _WORDS.fullmatch(value) and value.lower() not in _TRAPS
             return value if is_plain else quoted(value)
         case Raw(text):
             return text if _PLAIN.fullmatch(text) and not _NOT_PLAIN.match(text) else quoted(text)

@@ -41,7 +41,6 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "export": ("groot", GUIDE),
     "feedback": ("positive",),
     "fleet": ("status",),
-    "fmt": ("--check", str(TREES)),
     "forget": ("anna",),
     "import": ("groot", "nothing.xml"),
     "new": ("ann",),

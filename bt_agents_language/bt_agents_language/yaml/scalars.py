@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Core schema of YAML 1.2: the value of a plain scalar."""
+"""Core schema of YAML 1.2: the value of a plain scalar, and how a text is quoted."""
 
 from __future__ import annotations
 
+import json
 import re
 
 from bt_agents_core.field_types import FieldType, Plain
@@ -74,6 +75,16 @@ def scalar_type(node: Node) -> FieldType:
         case str():
             return FieldType.TEXT
     return FieldType.ANY
+
+
+def quoted(text: str) -> str:
+    """Return a text in quotes, in one line: double ones unless they would need a backslash."""
+    if text.isprintable():
+        if '"' not in text and "\\" not in text:
+            return f'"{text}"'
+        if "'" not in text:
+            return f"'{text}'"
+    return json.dumps(text, ensure_ascii=False)
 
 
 def value_type(scalar: Scalar) -> type:

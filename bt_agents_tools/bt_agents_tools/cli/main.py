@@ -29,7 +29,6 @@ TASKS: Mapping[str, Mapping[str, str]] = {
         "check": "check",
         "explain": "explain",
         "show": "show",
-        "fmt": "fmt",
         "rehearse": "rehearse",
         "test": "test",
         "schema": "schema",
@@ -116,7 +115,6 @@ _MEANT: Mapping[str, str] = {
     "lint": "'check'",
     "continue": "'resume' for a paused run",
     "break": "'breakpoint' for a node, 'pause' for the run under way",
-    "format": "'fmt'",
     "say": "'answer' plays the person; what an agent says stands in its file",
 }
 """Word that is no command → the commands that do what it says."""

@@ -29,12 +29,11 @@ params_option = click.option(
 )
 
 
-def take_trees(named: str = "", may_be_shipped: bool = True) -> Path:
+def take_trees(named: str = "") -> Path:
     """Return the trees folder that a command works on; one that nobody named is said.
 
     Args:
         named: As for :func:`find_trees`.
-        may_be_shipped: Propose that of the installation where there is none.
 
     Raises:
         BtAgentsError: As in :func:`find_trees`; it says how to name one.
@@ -42,11 +41,12 @@ def take_trees(named: str = "", may_be_shipped: bool = True) -> Path:
     try:
         folder = find_trees(named)
     except NoTreesFolderError as error:
-        near = error.near or (SHIPPED if may_be_shipped else "")
-        example = f"name one, as in '{_named_as(near)}'" if near else ""
+        near = error.near or SHIPPED
         what = " for that of the installation" if near == SHIPPED else ""
-        text = f"{error}; {example}{what}, or make" if near else f"{error}; make"
-        raise BtAgentsError(f"{text} one with 'bt-agents new NAME'") from None
+        raise BtAgentsError(
+            f"{error}; name one, as in '{_named_as(near)}'{what}, or make one with "
+            "'bt-agents new NAME'"
+        ) from None
     if named in ("", SHIPPED):
         say_trees(folder)
     return folder

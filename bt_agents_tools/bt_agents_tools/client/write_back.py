@@ -20,9 +20,9 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.expression.quantities import QuantityError
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.tools.formatting.scalar_style import quoted
-from bt_agents_language.tools.formatting.span_edit import replace_value
+from bt_agents_language.yaml.scalars import quoted
 from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.span_edit import replace_value
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, read_yaml
 
 _TOLERANCE = 1e-5

@@ -15,7 +15,6 @@ from bt_agents_groot.nav2_nodes import NAV2_NODES
 from bt_agents_groot.simple_nodes import SIMPLE_NODES
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from file_texts import read_agent_text, read_skills_text
 from tree_harness import SYMBOLS
@@ -171,7 +170,6 @@ def test_a_node_becomes_what_does_the_same(inner, expected):
     assert document(made)["tree"]["sequence"][1:] == [yaml.safe_load(expected)]
     assert not made.remarks
     read_agent_text(made.text, "a.yaml", SYMBOLS)
-    assert format_source(Source("a.yaml", made.text)) == made.text
 
 
 @pytest.mark.parametrize(

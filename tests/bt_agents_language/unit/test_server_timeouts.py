@@ -14,7 +14,6 @@ from bt_agents_groot.agent_export import export_agent
 from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import HeartbeatSpec, SkillSpec, Timeouts
-from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.rehearsal.events import EventKind
 from fake_interfaces import FakeInterfaces
@@ -144,19 +143,18 @@ def test_a_skill_that_never_ends_times_out_in_a_rehearsal_as_on_the_robot() -> N
     assert result.message.startswith("say timed out: no result within 120 s")
 
 
-def test_the_keys_survive_groot_and_the_formatter() -> None:
+def test_the_keys_survive_groot() -> None:
     path = CORPUS / "agents/valid_servers.yaml"
     source = Source("a.yaml", path.read_text(encoding="utf-8"))
     before = read_agent_text(source.text, "a.yaml", SYMBOLS)
     exported = export_agent(source, SYMBOLS)
     back = import_agent(Source("t.xml", exported.text), "a", SYMBOLS)
-    for text in (back.text, format_source(source)):
-        after = read_agent_text(text, "a.yaml", SYMBOLS)
-        for one, other in zip(before.tree.children, after.tree.children, strict=True):
-            assert one.fields.keys() == other.fields.keys()
-            if one.skill is not None and one.skill.binding is not None:
-                assert other.skill is not None
-                assert other.skill.binding == one.skill.binding
+    after = read_agent_text(back.text, "a.yaml", SYMBOLS)
+    for one, other in zip(before.tree.children, after.tree.children, strict=True):
+        assert one.fields.keys() == other.fields.keys()
+        if one.skill is not None and one.skill.binding is not None:
+            assert other.skill is not None
+            assert other.skill.binding == one.skill.binding
 
 
 def test_every_shipped_action_notices_the_death_of_its_server() -> None:

@@ -44,7 +44,6 @@ OFFLINE = {
     "check",
     "explain",
     "export",
-    "fmt",
     "import",
     "new",
     "rehearse",

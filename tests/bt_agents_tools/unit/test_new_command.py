@@ -32,7 +32,6 @@ def test_a_pattern_is_an_agent_without_remarks_whose_every_test_passes(pattern: 
     assert made.exit_code == 0, made.output
     checked = run("check", "trees")
     assert (checked.exit_code, checked.stdout) == (0, "1 agent is fine\n")
-    assert run("fmt", "--check", "trees/agents").exit_code == 0
     tested = run("test", "trees")
     assert tested.exit_code == 0, tested.output
 

@@ -19,7 +19,7 @@ WITHOUT_TABLE = {
     *("allow", "answer", "award", "cancel", "check", "demo", "experiment plot", "explain"),
     *("export groot", "export groot-model", "feedback", "fleet join", "fleet leave", "fleet run"),
     *("host", "robot"),
-    *("fmt", "import groot", "journal"),
+    *("import groot", "journal"),
     *("keep", "new", "pin", "profile", "preset apply", "preset forget", "preset save", "press"),
     *(
         "profile check",

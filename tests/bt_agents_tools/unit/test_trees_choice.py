@@ -73,32 +73,8 @@ def test_without_a_trees_folder_a_command_says_how_to_name_one(
     assert "'bt-agents new NAME'" in said
 
 
-def test_the_formatter_does_not_propose_to_change_the_installation(run: Run) -> None:
-    said = str(run("fmt").exception)
-    assert "no trees folder here" in said
-    assert "shipped" not in said
-
-
-def test_the_formatter_leaves_the_installation_alone(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    installed = tmp_path / "installation" / "share" / "bt_agents_trees"
-    shutil.copytree(TREES, installed)
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "installation"))
-    ugly = installed / "agents" / "ugly.yaml"
-    ugly.write_text("a:   1\n")
-    for path in ("shipped", str(installed), str(ugly)):
-        assert "belongs to the installation" in str(run("fmt", path).exception)
-    assert ugly.read_text() == "a:   1\n"
-
-
 def test_the_folder_that_was_taken_is_said_beside_the_output(run: Run, trees: Path) -> None:
-    for words in (
-        ("check",),
-        ("test", "-k", "own words"),
-        ("explain", "wait"),
-        ("fmt", "--check"),
-    ):
+    for words in (("check",), ("test", "-k", "own words"), ("explain", "wait")):
         assert f"trees folder: {trees}\n" in run(*words).stderr, words
     assert run("check", "trees").stderr == ""
     assert run("check", "--format", "json").stderr == ""

@@ -16,8 +16,8 @@ from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.private_files import make_private_file
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_language.tools.formatting.scalar_style import quoted
 from bt_agents_language.yaml.field_tables import FIELDS, FieldDecl, KeyTable
+from bt_agents_language.yaml.scalars import quoted
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
 

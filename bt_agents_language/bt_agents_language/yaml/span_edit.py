@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.tools.formatting.scalar_style import quoted
-from bt_agents_language.yaml.scalars import value_type
+from bt_agents_language.yaml.scalars import quoted, value_type
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 
