@@ -5,11 +5,9 @@ from __future__ import annotations
 
 import json
 import shutil
-import sqlite3
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -22,7 +20,6 @@ from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_tools.cli.commands import demo, profile, tune, why
 from bt_agents_tools.cli.connection import NoSystemError
 from bt_agents_tools.cli.main import bt_agents
-from bt_agents_tools.launcher.former_state import adopt_former_state
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.rows import RevisionCause
 from journal_fixture import EPOCH, morning
@@ -179,40 +176,3 @@ def test_a_decision_is_read_from_the_journal_without_a_system(
     assert json.loads(run("why", "1", "--json").stdout)["round"] == 1
     assert "no decision of round 9" in str(run("why", "9").exception)
     assert "rounds" in run("journal").stdout or run("journal").exit_code == 0
-
-
-def former(home: Path, *agents: str) -> None:
-    with Ledger(home / "ledger.sqlite") as ledger:
-        ledger.enter({agent: {"age": 3.0} for agent in agents})
-    with closing(sqlite3.connect(home / "tunings.sqlite")) as tunings:
-        tunings.execute("CREATE TABLE t (x)")
-    (home / "presets.yaml").write_text("presets\n")
-
-
-def test_what_all_folders_shared_goes_to_the_first_whose_agents_have_learned_it(
-    tmp_path: Path, trees: Path
-) -> None:
-    home = tmp_path / "state" / "bt-agents"
-    former(home, "anna", "bert")
-    left = adopt_former_state(claim_state(trees), home, lambda: {"anna"})
-    assert "stays in" in left
-    assert "such as bert" in left
-    assert (home / "ledger.sqlite").exists()
-    assert adopt_former_state(claim_state(trees), home, lambda: {"anna", "bert"}) == ""
-    second = Path(shutil.copytree(TREES, tmp_path / "second" / "trees"))
-    kept = claim_state(second)
-    assert "is moved from" in adopt_former_state(kept, home, lambda: {"anna", "bert", "carl"})
-    assert kept.tunings.exists()
-    assert (kept.path / "presets.yaml").exists()
-    with Ledger(kept.ledger) as ledger:
-        assert ledger.agents() == ("anna", "bert")
-    assert not list(home.glob("*.sqlite*"))
-
-
-def test_a_ledger_that_is_in_use_is_not_moved(tmp_path: Path, trees: Path) -> None:
-    home = tmp_path / "state" / "bt-agents"
-    former(home, "anna")
-    with Ledger(home / "ledger.sqlite"):
-        left = adopt_former_state(claim_state(trees), home, lambda: {"anna"})
-    assert "another feedback node writes it" in left
-    assert (home / "tunings.sqlite").exists()

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import click
 
-from bt_agents_core.state_folder import claim_state, state_home
-from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_core.state_folder import claim_state
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.fleet_plan import fleet_plan
 from bt_agents_tools.cli.run_parts import PARTS, join_network, lan_options, named_parts, run_parts
@@ -22,7 +21,6 @@ from bt_agents_tools.cli.run_system import (
 )
 from bt_agents_tools.cli.trees_choice import params_option, state_option, take_trees
 from bt_agents_tools.launcher import components
-from bt_agents_tools.launcher.former_state import adopt_former_state
 from bt_agents_tools.launcher.log_files import new_log_folder
 
 
@@ -130,9 +128,8 @@ def up(
     trees = take_trees(directory)
     kept = claim_state(trees, state)
     click.echo(f"kept in {kept.path}", err=True)
-    for note in (kept.note, adopt_former_state(kept, state_home(), lambda: _agents(trees))):
-        if note:
-            click.echo(note, err=True)
+    if kept.note:
+        click.echo(kept.note, err=True)
     profiles = ledger or str(kept.ledger)
     memory = str(kept.memory) if memory == "" else memory or ""
     if memory and Path(memory).resolve() == Path(profiles).resolve():
@@ -175,8 +172,3 @@ def up(
     recordings = Path(journal).resolve() if journal else kept.journal
     plan = studio_plan(trees, kept.path, recordings, browser_robot=in_browser) if studio else None
     run_system("up", processes, trees, tags, interrupt, logs=logs, studio=plan, fleet=fleet)
-
-
-def _agents(trees: Path) -> set[str]:
-    found = read_trees(trees)
-    return {one.name for one in found.agents} | {one.file.stem for one in found.broken}
