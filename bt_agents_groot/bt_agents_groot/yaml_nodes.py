@@ -118,7 +118,7 @@ def with_comments(node: YamlNode, comments: Iterable[str]) -> YamlNode:
 
 def comment_lines(text: str) -> list[str]:
     """Return a text as lines of a comment."""
-    return [f"# {line}".rstrip() for line in text.split("\n")]
+    return [f"# {line}".rstrip() for line in text.splitlines()]
 
 
 def yaml_lines(data: Mapping[str, Data], indent: int = 0) -> list[str]:

@@ -807,6 +807,15 @@ def test_a_port_that_no_model_describes_is_an_output_if_others_use_what_it_names
     assert "'face' is taken as an output" in said(made, RemarkLevel.NOTE)
 
 
+@pytest.mark.parametrize("line_end", ["&#13;", "&#10;", "&#13;&#10;"])
+def test_a_line_of_a_description_stays_a_comment(line_end):
+    text = f"""<root BTCPP_format="4"><BehaviorTree ID="T" _description="a{line_end}on_cancel: b">
+    {S}</BehaviorTree></root>"""
+    made = import_agent(Source("t.xml", text), "a", SYMBOLS)
+    assert "  # a\n  # on_cancel: b\n" in made.text
+    assert "on_cancel" not in document(made)
+
+
 def test_the_file_is_a_whole_agent_with_the_profile_of_an_ordinary_scene():
     made = imported(S)
     agent = read_agent_text(made.text, "a.yaml", SYMBOLS)
