@@ -182,7 +182,6 @@ class Expression:
 
 def parse_expression(
     text: str,
-    known: Callable[[str], bool] | None = None,
     kind_of: Callable[[str], ValueKind | None] | None = None,
     unit_of: Callable[[str], Dimension | None] | None = None,
     words_of: Mapping[str, tuple[str, ...]] | None = None,
@@ -200,7 +199,6 @@ def parse_expression(
 
     Args:
         text: At most 1,000 characters.
-        known: Whether a name exists; None takes every name.
         kind_of: Kind of a name's value, None where only a run shows it.
         unit_of: Dimension of a name's value, None for a plain number or no number.
         words_of: Name → the only texts that it can be.
@@ -210,7 +208,7 @@ def parse_expression(
         choices_of: The texts that a name is, as far as the file tells; empty for any.
 
     Raises:
-        ExpressionError: The text is none, or a name is not known.
+        ExpressionError: The text is none.
         MisfitError: Values in it do not fit.
     """
     if len(text) > MAX_LENGTH:
@@ -224,15 +222,7 @@ def parse_expression(
     except ExpressionError as error:
         raise expression_hints.with_phrase(error, text, range_of) from None
     parser = _Parser(
-        tokens,
-        known,
-        kind_of,
-        unit_of,
-        words_of or {},
-        range_of,
-        labels_of,
-        texts or {},
-        choices_of,
+        tokens, kind_of, unit_of, words_of or {}, range_of, labels_of, texts or {}, choices_of
     )
     try:
         whole = parser.whole()
@@ -263,7 +253,6 @@ class _Parser:
     def __init__(
         self,
         tokens: list[Token],
-        known: Callable[[str], bool] | None,
         kind_of: Callable[[str], ValueKind | None] | None,
         unit_of: Callable[[str], Dimension | None] | None,
         words_of: Mapping[str, tuple[str, ...]],
@@ -278,7 +267,6 @@ class _Parser:
         self.texts: dict[str, str] = {}
         self.conjuncts: list[tuple[int, int, Evaluator]] = []
         self._tokens = tokens
-        self._known = known
         self._kind_of = kind_of
         self._unit_of = unit_of
         self._words_of = words_of
@@ -540,8 +528,6 @@ class _Parser:
         name = token.text
         if name in expression_hints.NO_VALUES:
             raise expression_hints.no_value(token)
-        if self._known is not None and not self._known(name):
-            raise token.error(f"there is no name '{name}' here")
         self.mentions.append(Mention(name=name, column=token.column))
         if name in self._texts:
             text = self.texts[name] = self._texts[name]

@@ -55,9 +55,9 @@ _UNITS = {FieldType.DURATION: " s", FieldType.LENGTH: " m", FieldType.ANGLE: " r
 _STATUS = {Status.INVALID: "■", Status.RUNNING: "▷", Status.SUCCESS: "✔", Status.FAILURE: "✘"}
 
 
-def transcript(events: Iterable[Event], *, ticks: bool = False, width: int = WIDTH) -> str:
+def transcript(events: Iterable[Event]) -> str:
     """Return all events as text without colour."""
-    return "\n".join(line for event in events for line in lines(event, ticks, width))
+    return "\n".join(line for event in events for line in lines(event, ticks=False))
 
 
 def style_of(event: Event) -> str:

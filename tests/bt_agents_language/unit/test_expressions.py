@@ -349,12 +349,6 @@ def test_names_are_known_with_their_columns():
     assert expression.text.startswith("scene.age > 2 and")
 
 
-def test_an_unknown_name_is_refused_where_it_stands():
-    with pytest.raises(ExpressionError, match="no name 'b'") as error:
-        parse_expression("a > 1 and b > 1", known=lambda name: name == "a")
-    assert (error.value.column, error.value.width) == (11, 1)
-
-
 @pytest.mark.parametrize(
     ("text", "kind"),
     [
