@@ -91,7 +91,6 @@ from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
 TICK_S = 0.2
 """Time between two ticks of a tree, two heartbeats and two live scenes [s]."""
 
-_LIVE_S = 0.25
 _DAWN_S = 1_770_000_000.0
 _NAN = math.nan
 _TREES = Path(__file__).parents[2] / "trees"
