@@ -9,9 +9,6 @@ from importlib import import_module
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.yaml.field_tables import FileKind
 
-SWEEP = "sweep"
-"""Name of the kind of file that the lab reads."""
-
 
 def installed_kinds() -> Mapping[str, FileKind]:
     """Return the kinds of files by their names; sweeps are missing where the lab is."""
@@ -20,4 +17,4 @@ def installed_kinds() -> Mapping[str, FileKind]:
         lab = import_module("bt_agents_lab.experiments.sweep_reader")
     except ModuleNotFoundError:
         return FILE_KINDS
-    return {**FILE_KINDS, SWEEP: lab.SWEEP}
+    return {**FILE_KINDS, "sweep": lab.SWEEP}

@@ -284,8 +284,3 @@ def test_the_command_writes_what_it_then_finds_up_to_date(tmp_path):
     assert run(schema, arguments).output.splitlines() == [
         f"wrote {tmp_path / 'schema' / 'agent.schema.json'}"
     ]
-
-
-def test_the_command_writes_one_kind_when_asked(tmp_path):
-    CliRunner().invoke(schema, [str(TREES), "--kind", "script", "-o", str(tmp_path)])
-    assert [path.name for path in tmp_path.iterdir()] == ["script.schema.json"]

@@ -9,21 +9,13 @@ from pathlib import Path
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.tools.schema.folder import folder_symbols, schema_file, schema_text
-from bt_agents_tools.cli.installed_kinds import SWEEP, installed_kinds
+from bt_agents_tools.cli.installed_kinds import installed_kinds
 from bt_agents_tools.cli.trees_choice import take_trees
 
 
 @click.command()
 @click.argument("directory", required=False, default="")
-@click.option(
-    "--kind",
-    "names",
-    type=click.Choice([*FILE_KINDS, SWEEP]),
-    multiple=True,
-    help="Only this kind.",
-)
 @click.option(
     "--output",
     "-o",
@@ -33,7 +25,7 @@ from bt_agents_tools.cli.trees_choice import take_trees
     help="The folder to write to.",
 )
 @click.option("--check", is_flag=True, help="Write nothing; exit code 1 when a file is outdated.")
-def schema(directory: str, names: tuple[str, ...], output: Path, check: bool) -> None:
+def schema(directory: str, output: Path, check: bool) -> None:
     """Write a JSON Schema for each kind of file of a trees DIRECTORY.
 
     They hold its scene parameters and skills and the nodes of installed plug-ins. An editor with
@@ -44,14 +36,9 @@ def schema(directory: str, names: tuple[str, ...], output: Path, check: bool) ->
     """  # noqa: D301 (click wants the character, not the two letters)
     symbols = folder_symbols(take_trees(directory))
     outdated = []
-    kinds = installed_kinds()
-    if SWEEP in names and SWEEP not in kinds:
-        raise BtAgentsError(
-            "the schema of sweeps needs the lab; install it with pip install 'bt-agents[lab]'"
-        )
-    for name in names or kinds:
+    for name, kind in installed_kinds().items():
         file = output / schema_file(name)
-        text = schema_text(kinds[name], symbols)
+        text = schema_text(kind, symbols)
         if _written(file) == text.encode():
             continue
         if check:
