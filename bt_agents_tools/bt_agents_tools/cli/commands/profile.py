@@ -151,15 +151,14 @@ def reset(agent: str, layer: str, author: str, reason: str) -> None:
 
 @profile.command()
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
-@click.option("--agent", default="", help="Of one agent only.")
 @click.option("--layer", default="", help="Of one person or place only, such as person/anna.")
 @state_option
-def export(file: Path, agent: str, layer: str, state: str) -> None:
+def export(file: Path, layer: str, state: str) -> None:
     """Write what was learned into a FILE, as JSON.
 
     Without a running system it is read from the ledger, as with --state.
     """
-    document = _document("EXPORT", state, agent=agent, layer=layer)
+    document = _document("EXPORT", state, agent="", layer=layer)
     try:
         with file.open("x", encoding="utf-8") as opened:
             opened.write(document + "\n")
@@ -187,11 +186,10 @@ def import_(file: Path, author: str, reason: str) -> None:
 
 @profile.command()
 @click.option("--older", required=True, help="Without a change for so long, such as 90d.")
-@click.option("--agent", default="", help="Of one agent only.")
 @click.option("--kind", type=click.Choice(["person", "place"]), help="Persons or places only.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @_author
-def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> None:
+def expire(older: str, kind: str | None, yes: bool, author: str) -> None:
     """Forget the profiles for persons and places that have not changed for long.
 
     It cannot be undone, so it shows which they are and asks first.
@@ -205,7 +203,6 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
                 for one in known
                 if one["layer"]
                 and one["layer"].startswith(kind or "")
-                and agent in ("", one["agent"])
                 and one["stamp"] < time.time() - age
             ]
             if not old:
@@ -218,32 +215,26 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
             )
             print_table(columns, [(one["agent"], one["layer"], one["stamp"]) for one in old])
             click.confirm(f"forget {counted(len(old), 'profile')}, for ever?", abort=True)
-        answer = _manage(
-            observer, "EXPIRE", agent=agent, layer=kind or "", older_s=age, author=author
-        )
+        answer = _manage(observer, "EXPIRE", layer=kind or "", older_s=age, author=author)
         click.echo(answer.message)
 
 
 @profile.command()
 @click.argument("layer")
-@click.option("--agent", default="", help="Of one agent only.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @_author
-def forget(layer: str, agent: str, yes: bool, author: str) -> None:
+def forget(layer: str, yes: bool, author: str) -> None:
     """Take all that was learned for a person or a place out of the ledger.
 
     For example: bt-agents profile forget person/anna. It cannot be undone. The scene layer
     forgets them as well.
     """
     if not yes:
-        whose = agent or "all agents"
-        click.confirm(f"forget what {whose} learned for {layer}, for ever?", abort=True)
+        click.confirm(f"forget what all agents learned for {layer}, for ever?", abort=True)
     with connect() as observer:
         asked: dict[str, Any] = {"action": "FORGET", "layer": layer, "author": author}
-        from_ledger = observer.ask("feedback/manage", agent=agent, **asked)
-        from_scene_layer = None
-        if not agent:
-            from_scene_layer = observer.ask("scene_layer/manage", find_s=1.0, **asked)
+        from_ledger = observer.ask("feedback/manage", **asked)
+        from_scene_layer = observer.ask("scene_layer/manage", find_s=1.0, **asked)
     if from_scene_layer is not None:
         click.echo(f"scene layer: {from_scene_layer.message}")
         if from_scene_layer.accepted and from_ledger is not None and not from_ledger.accepted:
