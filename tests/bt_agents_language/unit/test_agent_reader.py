@@ -168,10 +168,6 @@ def test_modifiers_carry_their_fields():
     assert repeat.children[0].fields == {"limit": Literal(value=90.0)}
 
 
-def test_invert_false_changes_nothing():
-    assert agent("say: x\ninvert: false").tree.kind == "say"
-
-
 def test_a_node_left_out_fails_only_below_a_selector():
     def otherwise(composite: str) -> object:
         tree = f"{composite}:\n  - say: x\n    when: scene.person\n    timeout: 1 s"

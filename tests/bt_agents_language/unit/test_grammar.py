@@ -108,7 +108,7 @@ def test_what_is_left_out_fails_below_a_selector_only():
 
 
 def test_a_switch_that_is_off_is_no_modifier():
-    assert tree("{say: x, once: false, succeed: false}").kind == "say"
+    assert tree("{say: x, once: false, succeed: false, invert: false}").kind == "say"
     assert problems("{say: x, once: 3}")[0].startswith("wrong-type: 'once': expected true")
 
 
