@@ -19,6 +19,7 @@ from std_msgs.msg import Header
 from bare import EVENTS, LATCHED, executor, spin
 from bt_agents_interfaces.msg import (
     AgentCard,
+    Heartbeat,
     HostCard,
     Run,
     Scene,
@@ -71,6 +72,8 @@ class StatusSource(Node):
         trees = [tree_of(name, nodes) for name in names]
         self._names = {"host": HOST, "host_instance": "one"}
         self._paths = [node.path for node in trees[0].nodes]
+        # A host without one is not watched.
+        self._heartbeat = self.create_publisher(Heartbeat, "agents/heartbeat", EVENTS)
         self._latched = [
             self.create_publisher(kind, topic, LATCHED)
             for kind, topic in (

@@ -225,10 +225,13 @@ def test_ctrl_c_ends_long_work_and_its_workers_soon(
 
 
 @pytest.mark.parametrize("home", ["{folder}", ""])
-def test_a_command_leaves_no_log_file_at_home_and_needs_no_home(home: str, tmp_path: Path) -> None:
+def test_a_command_leaves_no_log_file_at_home_and_needs_no_home(
+    home: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    runtime = tmp_path_factory.mktemp("runtime")
     done = subprocess.run(
         [sys.executable, "-m", "bt_agents_tools.cli", "sense", "age=3"],
-        env={**os.environ, "HOME": home.format(folder=tmp_path)},
+        env={**os.environ, "HOME": home.format(folder=tmp_path), "XDG_RUNTIME_DIR": str(runtime)},
         stderr=subprocess.PIPE,
         timeout=HANG_S,
         check=False,

@@ -39,7 +39,8 @@ def test_a_model_ranks_and_a_veto_outlives_the_market(
         assert "attentive_guide" in [one["name"] for one in told["characters"]]
         assert all(one["description"] for one in told["characters"])
 
-        assert "told to stop" in ask("veto", "professional_express", "--reason", "too quick")
+        said = ask("veto", "professional_express", "--reason", "too quick")
+        assert "stopping professional_express" in said
         server.reply = sends(b"no", 503)
         os.kill(node_of(up.process.pid, "marketplace_node.node"), signal.SIGKILL)
         up.until("marketplace is back")

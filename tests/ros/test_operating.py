@@ -103,7 +103,7 @@ def test_a_veto_stops_the_run_and_the_next_agent_takes_over(operator: OperatorCl
     answer = operator.operate(OperateMarket.Request.VETO, GUIDE)
 
     assert answer.accepted
-    assert "told to stop" in answer.message
+    assert "stopping attentive_guide" in answer.message
     assert operator.stage.until_event(Run.STARTED, count=2).agent == EXPRESS
 
 

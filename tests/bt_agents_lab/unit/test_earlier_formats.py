@@ -7,9 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.recorder.earlier_formats import present_name
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import read
@@ -21,12 +19,6 @@ RECORDED = Path(__file__).parents[2] / "recordings" / "journal_without_prefix_an
 """Of ``bt-agents up``: three runs, one of them stopped by a mood rule, and a marked moment."""
 
 OF_NOW = {f"/{topic.name}" for topic in TOPICS if topic.name.startswith(PREFIX)}
-
-
-def test_a_journal_of_before_is_done_again_and_equal() -> None:
-    result = CliRunner().invoke(replay, [str(RECORDED)])
-    assert result.output.endswith("everything is equal\n"), result.output
-    assert result.exit_code == 0
 
 
 def test_its_topics_have_the_names_of_now() -> None:
