@@ -27,13 +27,10 @@ from figures import as_json, table
 from measuring import Effort, Row
 
 BENCHMARKS = {
-    "ticking": "ticks of trees, beside stock py_trees and other engines",
-    "tracing": "what collecting status changes and recording a run cost",
+    "ticking": "ticks of trees, beside py_trees, BehaviorTree.CPP and bonsai-bt",
+    "tracing": "what collecting status changes costs",
     "reading": "agent files: reading, checking, building; hostile ones",
-    "expressions": "expressions, beside Python lambdas",
-    "ranking": "ranking of bids, beside numpy and plain Python",
-    "ledger": "durable changes of profiles, beside bare SQLite",
-    "sweep": "simulated experiments",
+    "ranking": "ranking of bids, beside plain Python",
     "executors": "hops between nodes by executor, idle cost",
     "rounds": "scene to first tick, bidding with many agents and hosts",
     "runs": "cancel, results of leaves, feedback, the full cycle",
@@ -58,7 +55,7 @@ FIGURES = Path(__file__).parents[1] / "build" / "benchmarks.json"
 
 COMPARED = (
     "py_trees", "numpy", "PyYAML", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp",
-    "behaviortreepy", "bonsai-bt", "bteng", "btreeny", "async-btree", "abtree",
+    "behaviortreepy", "bonsai-bt",
 )  # fmt: skip
 """Packages whose versions the figures depend on."""
 

@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -32,11 +30,9 @@ class Built:
     """A tree that an engine has built.
 
     Attributes:
-        tick: Ticks it once, or returns a coroutine that does.
+        tick: Ticks it once.
         means: The engine's words for a status.
         leaves: From the first to the last.
-        runner: Runs the coroutines; None when there are none.
-        resources: What is to be closed.
         ticked: How often so far.
         status: Returns the status in the engine's words, from what a tick has returned.
     """
@@ -44,41 +40,27 @@ class Built:
     tick: Callable[[], Any]
     means: dict[Any, Answer]
     leaves: list[Any]
-    runner: asyncio.Runner | None = None
-    resources: ExitStack = field(default_factory=ExitStack)
     ticked: int = 0
     status: Callable[[Any], Any] = lambda answer: answer
 
     def tick_once(self) -> Answer:
         """Tick and return the status."""
         self.ticked += 1
-        answer = self.tick() if self.runner is None else self.runner.run(_awaited(self.tick))
-        return self.means[self.status(answer)]
+        return self.means[self.status(self.tick())]
 
     def way(self, number: int) -> Way:
-        """Return a measurement of so many ticks back to back, in an event loop if need be."""
-        runner, sync = self.runner, timed(self.tick, number, time.thread_time)
+        """Return a measurement of so many ticks back to back."""
+        ticks = timed(self.tick, number, time.thread_time)
 
         def way() -> float:
             self.ticked += number
-            return sync() if runner is None else runner.run(_timed(self.tick, number))
+            return ticks()
 
         return way
 
     def counts(self) -> list[int]:
         """Return how often each leaf was ticked."""
         return [leaf.ticks for leaf in self.leaves]
-
-
-async def _awaited(tick: Callable[[], Any]) -> Any:
-    return await tick()
-
-
-async def _timed(tick: Callable[[], Any], number: int) -> float:
-    began = time.thread_time()
-    for _ in range(number):
-        await tick()
-    return (time.thread_time() - began) / number
 
 
 class _Leaf(Behaviour):

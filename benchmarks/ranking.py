@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long it takes to rank bids, beside numpy and plain Python."""
+"""How long it takes to rank bids, beside plain Python."""
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from marketplace_node.registry import HostEntry
@@ -18,25 +15,16 @@ from marketplace_node.round.ranking import decide, winning_row
 from marketplace_node.round.round_model import RoundModel
 from marketplace_node.strategies import STRATEGIES, round_rng
 from marketplace_node.strategies.arrays import Floats, Integers
-from marketplace_node.strategies.nearest import nearest
 from measuring import Effort, Row, in_turn, timed
 
 HIGHEST = 10.0
 PARAMETERS = 3
-MANY = (1_000, 10_000, 100_000)
-MANY_GOAL = {100_000: 0.08}
-FEW = (2, 3, 5, 10)
-FEW_GOAL = 1.2
 SORTED = ((10, 3), (100, 8), (1_000, 16), (10_000, 64))
 CLOSED = (3, 1_000)
 NUMBERS_A_TURN = 600_000
 """About so many numbers are compared in each measurement."""
 
-FINE = 20
-"""Times as many measurements as elsewhere, each so much shorter: the goal is near to 1."""
-
 OURS = "bt-agents"
-NUMPY = "numpy"
 PLAIN = "plain Python"
 
 
@@ -56,7 +44,7 @@ class Case:
 
 
 def measure(effort: Effort) -> Iterator[Row]:
-    """Compare who wins, then the whole order, then a whole decision.
+    """Compare the whole order, then a whole decision.
 
     Raises:
         RuntimeError: Somebody else wins than in plain Python, or distances differ in a digit.
@@ -64,10 +52,6 @@ def measure(effort: Effort) -> Iterator[Row]:
     for agents, parameters in SORTED[:-1] if effort.is_short else SORTED:
         if not equals_plain(case(agents, parameters)):
             raise RuntimeError(f"{agents} x {parameters}: not the order of the plain sum")
-    for agents in MANY:
-        yield _winner_of_many(agents, effort)
-    for agents in FEW:
-        yield _winner_of_few(agents, effort)
     for agents, parameters in SORTED[1:]:
         yield _order(agents, parameters, effort)
     for agents in CLOSED:
@@ -121,62 +105,6 @@ def equals_plain(of: Case) -> bool:
         and [bid.agent for bid in ranked] == agents
         and [bid.distance for bid in ranked] == [expected[0][index] for index in expected[1]]
         and winning_row(of.space, of.terms, of.table) == expected[1][0]
-    )
-
-
-def _winner_of_many(agents: int, effort: Effort) -> Row:
-    of = case(agents, PARAMETERS)
-    bids, scene = np.ascontiguousarray(of.table.vectors), np.array(of.terms.scene.vector)
-    number = _number(agents * PARAMETERS, effort)
-    found = in_turn(
-        {
-            OURS: timed(lambda: winning_row(of.space, of.terms, of.table), number),
-            NUMPY: timed(lambda: np.abs(bids - scene).sum(1).argmin(), number),
-        },
-        effort,
-    )
-    return Row(
-        case=f"winner of {agents:,} agents, {PARAMETERS} parameters",
-        side=OURS,
-        values=found[OURS],
-        floor="abs(M - s).sum(1).argmin()",
-        floor_values=found[NUMPY],
-        goal=MANY_GOAL.get(agents),
-        note="with the rule for ties, which the floor does not have; nothing is kept between two "
-        "rankings but the bids, stored parameter by parameter",
-    )
-
-
-def _winner_of_few(agents: int, effort: Effort) -> Row:
-    of = case(agents, PARAMETERS)
-    bids, scene = np.ascontiguousarray(of.table.vectors), np.array(of.terms.scene.vector)
-    rows, values = bids.tolist(), scene.tolist()
-    ours = of.table.vectors
-
-    def plainly() -> int:
-        return min(
-            range(agents),
-            key=lambda i: sum(abs(a - b) for a, b in zip(rows[i], values, strict=True)),
-        )
-
-    number = _number(agents * PARAMETERS * FINE, effort)
-    found = in_turn(
-        {
-            OURS: timed(lambda: nearest(ours, scene), number),
-            NUMPY: timed(lambda: np.abs(bids - scene).sum(1).argmin(), number),
-            PLAIN: timed(plainly, number),
-        },
-        effort if effort.is_short else replace(effort, repetitions=FINE * effort.repetitions),
-    )
-    faster = min((NUMPY, PLAIN), key=lambda name: statistics.median(found[name]))
-    return Row(
-        case=f"nearest of {agents} agents, {PARAMETERS} parameters",
-        side=OURS,
-        values=found[OURS],
-        floor=f"{faster}, the faster",
-        floor_values=found[faster],
-        goal=FEW_GOAL,
-        note="the search alone; it finds all that are equally near, the floors one of them",
     )
 
 

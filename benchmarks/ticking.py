@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a tick of the reference trees takes, beside stock py_trees and other engines."""
+"""How long a tick of reference trees takes, beside py_trees, BehaviorTree.CPP and bonsai-bt."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from engines import Built, only_leaves, ours, py_trees
 from measuring import Effort, Row, in_turn
-from peers import CPP, PEERS, NotTheirsError
+from peers import CPP, PEERS
 from reference_trees import TREES, Shape
 
 GOALS = {"a": 0.10, "b": 0.10, "c": 0.10, "d": 0.10, "e": 0.17, "f": 0.17}
@@ -34,23 +34,14 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 
 def _compared(case: str, shape: Shape, effort: Effort) -> Iterator[Row]:
-    built: dict[str, Built] = {}
     remarks = [f"{name} is not installed" for name, peer in PEERS.items() if not peer.is_installed]
-    for name, build in BUILDERS.items():
-        try:
-            built[name] = build(shape)
-        except NotTheirsError as error:
-            remarks.append(str(error))
+    built = {name: build(shape) for name, build in BUILDERS.items()}
     built[LEAVES] = only_leaves(shape)
-    try:
-        steps = _check_alike(case, built)
-        ways = {name: one.way(_number(one, effort)) for name, one in built.items()}
-        found = in_turn(ways, effort)
-        for name, one in built.items():
-            _check_counts(case, name, one, steps)
-    finally:
-        for one in built.values():
-            one.resources.close()
+    steps = _check_alike(case, built)
+    ways = {name: one.way(_number(one, effort)) for name, one in built.items()}
+    found = in_turn(ways, effort)
+    for name, one in built.items():
+        _check_counts(case, name, one, steps)
     stock = found.pop(STOCK)
     yield Row(
         case=case,

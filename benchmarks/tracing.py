@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What it costs to collect the status changes of a tick, and to record a run."""
+"""What it costs to collect the status changes of a tick."""
 
 from __future__ import annotations
 
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -16,15 +14,8 @@ from py_trees.trees import BehaviourTree
 from py_trees.visitors import SnapshotVisitor
 
 from bt_agents.engine.light_behaviour import LightBehaviour
-from bt_agents.engine.run import Run, StatusChange
-from bt_agents.engine.scripted_environment import ScriptedEnvironment
+from bt_agents.engine.run import StatusChange
 from bt_agents.engine.ticker import Ticker
-from bt_agents.recording.recorded_run import RecordingRun
-from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_language.files.agent_reader import read_agent
-from bt_agents_language.files.folder_reader import read_symbols
-from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.yaml.source import Source
 from engines import behaviours, light_behaviours
 from measuring import Effort, Row, in_turn, timed
 from reference_trees import RUNNING, SUCCESS, TREES, Shape, balanced, sequence
@@ -35,9 +26,6 @@ TRACED = 1.15
 LARGE = 3.0
 """Goal: of a tick of a large tree to that of a small one."""
 
-RECORDED = 1.02
-"""Goal: of a tick of a recorded run to that of one that is not."""
-
 EACH_S = 0.005
 """About how long each measurement takes [s]."""
 
@@ -46,34 +34,8 @@ FINE = 10
 
 SMALL_NODES, LARGE_NODES = 10, 5000
 
-TREES_FOLDER = Path(__file__).parents[1] / "trees"
-
-HEAD = """\
-format: 1
-agent: benchmark
-title: Benchmark
-description: Is ticked again and again.
-profile: {age: 3, familiarity: 3, mood: 3}
-tree:
-"""
-CHECKS = "    - check: scene.age >= 1\n" * 9
-LISTEN = "    - wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool}\n"
-WAIT = "    - wait: 1 h\n"
-RUNS = {
-    "ten leaves, the last waits for a message": f"  sequence:\n    memory: false\n    children:\n"
-    f"{CHECKS}{LISTEN}",
-    "one leaf waits for a message": f"  sequence:\n{CHECKS}{LISTEN}",
-    "one leaf waits for a time": f"  sequence:\n{CHECKS}{WAIT}",
-}
-"""Trees that run on: case → their part of the agent's file."""
-
-NEWS = "something new in each tick"
-REPEAT = "  repeat: forever\n  check: scene.age >= 1\n"
-
 BARE, TRACE, STOCK, VISITOR = "bare tick", "traced", "py_trees", "py_trees, SnapshotVisitor"
 SMALL, BIG, STOCK_SMALL, STOCK_BIG = "10 nodes", "5,000 nodes", "py_trees 10", "py_trees 5,000"
-PLAIN, NOTED = "not recorded", "recorded"
-
 
 BUILDERS = (light_behaviours, behaviours)
 """Ours and that of py_trees."""
@@ -88,9 +50,6 @@ def measure(effort: Effort) -> Iterator[Row]:
     case = "a, with a new message in each tick"
     yield from _traced(case, _talkative_light, _talkative, effort, None)
     yield from _large(effort)
-    for case, tree in RUNS.items():
-        yield _recorded(case, tree, effort, RECORDED)
-    yield _recorded(NEWS, REPEAT, effort, None)
 
 
 def _check_reported(case: str, shape: Shape) -> None:
@@ -169,84 +128,11 @@ def _large(effort: Effort) -> Iterator[Row]:
     yield _row(case, STOCK_BIG, STOCK_SMALL, found)
 
 
-def _recorded(case: str, tree: str, effort: Effort, goal: float | None) -> Row:
-    space, agent = _agent(tree)
-    lines: deque[str] = deque(maxlen=100)
-    plain, recorded = _plain(space, agent), _recording(space, agent, lines)
-    found = _in_turn({PLAIN: plain.tick, NOTED: recorded.tick}, effort)
-    if plain.result is not None or recorded.result is not None:
-        raise RuntimeError(f"the run of '{case}' has ended")
-    if (case == NEWS) != (f'"step":{recorded.ticks},' in lines[-1]):
-        raise RuntimeError(f"the last tick of '{case}' is noted without news, or news are not")
-    spent = "0.12 µs are the overridden tick and the look at the tunables, in any tree"
-    return _row(case, NOTED, PLAIN, found, goal, note=spent if goal else "")
-
-
 def _row(
-    case: str,
-    side: str,
-    floor: str,
-    found: Mapping[str, list[float]],
-    goal: float | None = None,
-    note: str = "",
+    case: str, side: str, floor: str, found: Mapping[str, list[float]], goal: float | None = None
 ) -> Row:
     return Row(
-        case=case,
-        side=side,
-        values=found[side],
-        floor=floor,
-        floor_values=found[floor],
-        goal=goal,
-        note=note,
-    )
-
-
-def _agent(tree: str) -> tuple[SceneSpace, AgentSpec]:
-    symbols = read_symbols(TREES_FOLDER)
-    return symbols.space, read_agent(Source("benchmark.yaml", HEAD + tree), symbols)
-
-
-class _World(ScriptedEnvironment):
-    """A world in which time goes by."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.clock = time.monotonic
-
-
-def _scene(space: SceneSpace) -> Scene:
-    values = tuple(SceneValue(name=name, value=3, origin=Origin.GIVEN) for name in space.names)
-    return Scene(scene_id="s", label="", person=True, values=values)
-
-
-def _plain(space: SceneSpace, agent: AgentSpec) -> Run:
-    scene = _scene(space)
-    return Run(
-        agent,
-        space=space,
-        scene=scene,
-        profile=agent.profile,
-        live=lambda: scene,
-        tunables={},
-        environment=_World(),
-        steady=time.monotonic,
-    )
-
-
-def _recording(space: SceneSpace, agent: AgentSpec, lines: deque[str]) -> Run:
-    scene = _scene(space)
-    return RecordingRun(
-        agent,
-        space=space,
-        scene=scene,
-        profile=agent.profile,
-        live=lambda: scene,
-        tunables={},
-        environment=_World(),
-        steady=time.monotonic,
-        seed=1,
-        sink=lambda _tick, line: lines.append(line),
-        most=sys.maxsize,
+        case=case, side=side, values=found[side], floor=floor, floor_values=found[floor], goal=goal
     )
 
 

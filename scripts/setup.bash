@@ -29,7 +29,8 @@ find_network_variables() {
   done
 }
 
-# Bring .venv up to date; "set_up dev" adds the tools that tests and checks need.
+# Bring .venv up to date; "set_up dev" adds the tools that tests and checks need, "set_up bench" also
+# what only benchmarks compare with.
 set_up() {
   # A parent process that runs on ROS wheels hands down the paths of its own environment.
   if [[ -n ${_ROS_WHEELS_BOOTSTRAP_COMPLETE-} ]]; then
@@ -51,7 +52,7 @@ set_up() {
 
 install_bt_agents() {
   # Inexact, as uv takes what the ROS wheels bring for packages that are too many.
-  local kind=$1 made_from works=yes packages=(--all-extras --inexact)
+  local kind=$1 made_from works=yes packages=(--all-extras --inexact) stamps=(run)
   made_from=$(describe_inputs)
   "$venv/bin/python" -I -S -c '' 2>/dev/null || works=no
   if [[ $works == yes && -e $venv/$kind.stamp && $(<"$venv/$kind.stamp") == "$made_from" ]]; then
@@ -68,13 +69,16 @@ install_bt_agents() {
   if [[ ! -e $venv/pyvenv.cfg ]]; then
     step "Creating .venv with $python" "$uv" venv --allow-existing --python "$python" "$venv"
   fi
-  if [[ $kind == dev ]]; then
-    packages+=(--group dev --group peers)
-  fi
+  case $kind in
+    dev) packages+=(--group dev) stamps+=(dev) ;;
+    bench) packages+=(--group dev --group bench) stamps+=(dev bench) ;;
+  esac
   step "Installing ROS 2" "$uv" sync --project "$root" --frozen --no-install-project "${packages[@]}"
   find_wheel
   step "Installing bt-agents" install_wheel
-  printf '%s\n' "$made_from" | tee "$venv/$kind.stamp" >"$venv/run.stamp"
+  for kind in "${stamps[@]}"; do
+    printf '%s\n' "$made_from" >"$venv/$kind.stamp"
+  done
 }
 
 # Install the wheel, and have Python take the modules of the checkout.
