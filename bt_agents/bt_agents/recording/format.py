@@ -52,7 +52,7 @@ from typing import Any
 from bt_agents_core.errors import Refused
 
 FORMAT = 2
-"""The format that is written."""
+"""The format that is written and read."""
 
 MOST_STEPS = 10_000_000
 """Most steps of a recording; more of them are a slip of the pen."""
@@ -100,12 +100,13 @@ def to_line(entry: Entry) -> str:
 
 
 def read_recording(lines: Iterable[str]) -> Recording:
-    """Return a recording of any format from its lines, in order.
+    """Return a recording from its lines, in order.
 
     What follows a missing line cannot be replayed and is left out.
 
     Raises:
-        Refused: ``BAD_RECORD``; the first line is missing, or one cannot be read.
+        Refused: ``BAD_RECORD``; the first line is missing or names another format, or a line
+            cannot be read.
     """
     head: Mapping[str, Any] | None = None
     entries: dict[int, Mapping[str, Any]] = {}
@@ -114,14 +115,12 @@ def read_recording(lines: Iterable[str]) -> Recording:
     for line in lines:
         entry = _parse(line)
         if head is None:
-            if entry.get("format") not in (1, FORMAT):
+            if entry.get("format") != FORMAT:
                 raise bad_recording(
-                    f"it begins with the format {entry.get('format')}, expected {FORMAT} or 1"
+                    f"it begins with the format {entry.get('format')!r:.40}, expected {FORMAT}"
                 )
             head = entry
             continue
-        if head["format"] == 1:
-            entry = _from_format_1(entry)
         if "stopped" in entry:
             stopped = str(entry["stopped"])
             continue
@@ -155,60 +154,6 @@ def _parse(line: str) -> Entry:
     if not isinstance(entry, dict):
         raise bad_recording(f"a line holds a {type(entry).__name__}, expected a mapping")
     return entry
-
-
-def _from_format_1(entry: Entry) -> Entry:
-    """Return an entry of format 1 in format 2."""
-    try:
-        return {_NEW_KEYS.get(key, key): _new_value(key, value) for key, value in entry.items()}
-    except (TypeError, ValueError, LookupError) as error:
-        raise bad_recording(f"{type(error).__name__}: {error}") from None
-
-
-def _new_value(key: str, value: Any) -> Any:
-    match key:
-        case "do":
-            return [_call_1(*call) for call in value]
-        case "goals":
-            return [
-                {"goal": goal, "field": field, "value": new}
-                | ({"after_cancel": True} if late else {})
-                for goal, field, new, late in value
-            ]
-        case "inbox":
-            return [{"inbox": inbox, "message": message} for inbox, message in value]
-        case "plugins":
-            return [
-                ({"path": path, "status": status} if status else {"path": path})
-                | {"message": message}
-                for path, status, message in value
-            ]
-        case "out":
-            return [_request_1(*request) for request in value]
-        case _:
-            return value
-
-
-def _call_1(what: str, *how: Any) -> Entry:
-    if what == "hurry":
-        [settle_s] = how
-        return {"call": "shorten_settling", "settle_s": settle_s}
-    reason, clean_up = how
-    return {"call": what, "reason": reason, "clean_up": clean_up}
-
-
-def _request_1(kind: str, name: str, fields: Any, error: list[str] | None = None) -> Entry:
-    request = {"kind": kind, "name": name, "fields": fields}
-    if error is None:
-        return request
-    code, *texts = error
-    if code:
-        return request | {"error": {"code": code, "reason": texts[0]}}
-    return request | {"error": {"type": texts[0], "message": texts[1]}}
-
-
-_NEW_KEYS = {"turn": "step", "do": "calls", "inbox": "messages", "out": "requests"}
-"""Key of format 1 → key of format 2, where they differ."""
 
 
 def _to_plain(value: object) -> object:

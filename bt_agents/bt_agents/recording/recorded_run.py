@@ -223,7 +223,7 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
         tunables=environment.tunables,
         environment=environment,
         steady=environment.steady,
-        limits=_limits(head["limits"]),
+        limits=RunLimits(**head["limits"]),
         random=Random(head["seed"]),
         stopwatch=lambda: 0.0,
         plugins=environment.plugin,
@@ -256,11 +256,6 @@ def _replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterato
         )
         if run.result is not None:
             return
-
-
-def _limits(fields: Mapping[str, float]) -> RunLimits:
-    """Return the limits of a run; those of earlier versions had that of the clean-up, too."""
-    return RunLimits(**{key: value for key, value in fields.items() if key != "clean_up_s"})
 
 
 def _cancellation(fields: Mapping[str, Any] | None) -> Cancellation | None:

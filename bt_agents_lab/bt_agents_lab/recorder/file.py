@@ -18,8 +18,11 @@ from mcap.writer import Writer
 from bt_agents_core.errors import Refused
 from bt_agents_core.private_files import make_private_folder, open_private
 
-LIBRARY = "bt-agents"
-"""Name of the writer in the header of a file."""
+PROGRAM = "bt-agents"
+"""Begins the name of the writer in the header of each journal, of any format."""
+
+LIBRARY = f"{PROGRAM} journal 2"
+"""Name of the writer in the header of a file, with the format of its messages."""
 
 QOS = "offered_qos_profiles"
 """Key in the metadata of a channel by which ``ros2 bag play`` publishes as was published."""

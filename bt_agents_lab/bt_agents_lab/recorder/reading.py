@@ -25,8 +25,7 @@ from mcap_ros2.decoder import DecoderFactory
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.text import join_first
 from bt_agents_lab.recorder.bag import COMPRESSED, RecordedFiles, recorded_files
-from bt_agents_lab.recorder.earlier_formats import present_fields, present_name
-from bt_agents_lab.recorder.file import LIBRARY
+from bt_agents_lab.recorder.file import LIBRARY, PROGRAM
 from bt_agents_ros.system_topics import HOST, TOPICS
 
 MOST_UNPACKED = 1 << 26
@@ -56,7 +55,6 @@ class JournalEntry:
     """One message of a journal.
 
     Attributes:
-        topic: Its name as it is now, also where an earlier version recorded it.
         type: ``package/msg/Name``.
         sent_ns: When it was sent; in a bag that does not say so, when it was received [ns since
             1970].
@@ -73,14 +71,13 @@ class JournalEntry:
     decoder: Callable[[bytes], Any]
 
     def decode(self) -> Any:
-        """Return the message with its fields of now as attributes.
+        """Return the message with its fields as attributes.
 
         Raises:
             BtAgentsError: The message or the definition of its type cannot be read.
         """
         try:
-            message = self.decoder(self.data)
-            return present_fields(message) if self.type.startswith(_OWN_PACKAGE) else message
+            return self.decoder(self.data)
         except BtAgentsError:
             raise
         except Exception as error:
@@ -177,8 +174,8 @@ class JournalReader:
         The others are counted as often as they are there.
 
         Raises:
-            Refused: ``SEVERAL_SYSTEMS``; they were recorded together, and none of them is in the
-                namespace.
+            Refused: ``OTHER_FORMAT``, or ``SEVERAL_SYSTEMS``: they were recorded together, and
+                none of them is in the namespace.
         """
         seen: set[int] = set()
         found = []
@@ -203,7 +200,11 @@ class JournalReader:
         return sorted(found, key=lambda entry: entry.sent_ns)
 
     def stored(self, path: Path) -> Iterator[StoredMessage]:
-        """Yield the messages of one of the files as they are stored, duplicates too."""
+        """Yield the messages of one of the files as they are stored, duplicates too.
+
+        Raises:
+            Refused: ``OTHER_FORMAT``.
+        """
         with path.open("rb") as file:
             schemas, channels = _summary(file) if not _is_packed(path) else ({}, {})
             unknown = 0
@@ -244,7 +245,7 @@ class JournalReader:
         sequences: dict[int, int] = {}
         for one in self.stored(path):
             yield JournalEntry(
-                topic=present_name(one.channel.topic, one.schema.name),
+                topic=one.channel.topic,
                 type=one.schema.name,
                 # Recorders that do not know when a message was sent write 0.
                 sent_ns=one.message.publish_time or one.message.log_time,
@@ -257,7 +258,17 @@ class JournalReader:
         self.counted.setdefault(one.topic, Counted()).add(one.sent_ns, one.lost)
 
     def _note_foreign(self, path: Path, library: str) -> None:
-        """Note that another program has written a file, which is told once."""
+        """Note that another program has written a file, once.
+
+        Raises:
+            Refused: ``OTHER_FORMAT``; another version of this one has.
+        """
+        if library.startswith(PROGRAM):
+            raise Refused(
+                "OTHER_FORMAT",
+                f"{path} is a journal of the format {library[:40]!a}, this version reads "
+                f"'{LIBRARY}'; read it with the version that recorded it, or move it away",
+            )
         if self.is_counted:
             self.hints.append(
                 f"{path} was written by {library or 'another program'}: it does not tell which "
@@ -379,14 +390,11 @@ def _namespace_of(topic: str, type_name: str) -> str:
 def _lost_before(message: Message, sequences: dict[int, int]) -> int:
     """Return how many messages of the same topic are missing before one.
 
-    Each file counts the messages of every topic from 1. In files of earlier versions, which
-    several starts of a journal have written, each start counts from 1. ``sequences`` holds the
-    number of the last message by channel.
+    Each file counts the messages of every topic from 1. ``sequences`` holds the number of the
+    last message by channel.
     """
     before = sequences.get(message.channel_id, 0)
     sequences[message.channel_id] = message.sequence
-    if message.sequence <= before:
-        before = 0
     return max(message.sequence - before - 1, 0)
 
 

@@ -50,6 +50,8 @@ def replay_decisions(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
             yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:
             yield not_recorded(KIND, where, str(error))
+        except AttributeError as error:
+            yield not_recorded(KIND, where, f"another version recorded it, without {error.name}")
 
 
 def _by_any_rules(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
@@ -99,8 +101,7 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
         if difference:
             return compared(KIND, where, difference)
     # Whom its call left out, and why, stands in the explanation.
-    everybody = one.format > 1 and one.excluded == ()
-    text = _reason_difference(auction, terms, ranked, space) if everybody else ""
+    text = _reason_difference(auction, terms, ranked, space) if one.excluded == () else ""
     return compared(KIND, where, text)
 
 
@@ -132,8 +133,6 @@ def _difference(one: Round, ranked: Ranked, scene: Scene) -> str:
         margin = ranked.bids[1].score - ranked.bids[0].score
     if not _same(auction.margin, margin):
         return _differs("the margin", auction.margin, margin)
-    if one.format == 1:
-        return ""
     names = list(ranked.change.names) if ranked.change else []
     values = list(ranked.change.values) if ranked.change else []
     if list(auction.change_names) != names or list(auction.change_values) != values:

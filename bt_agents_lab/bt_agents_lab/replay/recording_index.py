@@ -12,16 +12,13 @@ from typing import Any
 from bt_agents.host.reload.source_bundle import MARKET
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.scene import scene_name
-from bt_agents_core.stop_cause import StopCause, StoppedBy
+from bt_agents_core.stop_cause import StopCause
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_lab.replay.market_rules import Rules, rules_of_market
 from bt_agents_lab.replay.texts import ParsedTexts, TextFiles
 from marketplace_node.outcomes import RunEventKind, RunOutcome
 
 _TYPES = "bt_agents_interfaces/msg/"
-
-_SHADOW_1 = "shadow."
-_EARLIER_RUNS_1 = "market.earlier_runs"
 
 NO_TEXTS = "there is no scene.yaml, as no host has sent its texts before"
 """Why a round cannot be decided again whose ``parsed`` is unknown."""
@@ -70,15 +67,11 @@ class Round:
         vetoed: Agents that could not bid.
         ran: Agents whose run has begun after it; more than one where the host was lost.
         run_events: Messages about these runs, in order.
-        format: Format of its message, see :func:`_migrate_options`. In format 1 the change by
-            which the runner-up would have won, and the sentence about it, come from another
-            search, so they are not compared.
     """
 
     auction: Any
     runs: int | None
     parsed: ParsedTexts | None
-    format: int
     possible_rules: tuple[Rules, ...] = ((),)
     excluded: tuple[str, ...] | None = None
     pinned: str = ""
@@ -249,8 +242,7 @@ class _Indexer:
                 if entry.type in _OF_RUNS:
                     self._mark_gap(entry.topic, self._run_of(message), entry.lost > 0)
             except (BtAgentsError, AttributeError, ValueError, LookupError, TypeError) as error:
-                reason = error.reason if isinstance(error, Refused) else str(error)
-                problem = f"a message on {entry.topic} cannot be read: {reason}"
+                problem = f"a message on {entry.topic} cannot be read: {_reason(error)}"
                 if problem not in recording.problems:
                     recording.problems.append(problem)
         for run in recording.runs.values():
@@ -321,7 +313,7 @@ class _Indexer:
         one = self._rounds.get((message.epoch, message.round))
         ran = one.ran if one is not None else []
         if one is not None:
-            one.run_events.append(_with_stopper(message))
+            one.run_events.append(message)
         if message.event == RunEventKind.STARTED:
             self._begun[message.epoch] += 1
             ran.append(message.agent)
@@ -333,7 +325,6 @@ class _Indexer:
     def _auction(self, message: Any) -> None:
         if message.preview:
             return
-        written = _migrate_options(message)
         epoch = message.epoch
         if message.round == 1:
             self._whole.add(epoch)
@@ -343,7 +334,6 @@ class _Indexer:
             auction=message,
             runs=self._begun[epoch] if epoch in self._whole else None,
             parsed=self._parse(),
-            format=written,
             excluded=call.excluded if call is not None else None,
             pinned=call.pinned if call is not None else "",
             vetoed=call.vetoed if call is not None else (),
@@ -398,29 +388,17 @@ class _Indexer:
         return self.recording.runs.setdefault(key, RecordedRun(key=key))
 
 
-def _with_stopper(run: Any) -> Any:
-    """Return an event of a run, which says who stopped it also where its format did not."""
-    if not hasattr(run, "stopped_by"):
-        run.stopped_by, run.stop_reason = StoppedBy.NOT_SAID, ""
-    return run
-
-
-def _migrate_options(auction: Any) -> int:
-    """Give an auction of format 1 the fields of format 2; return the format it was written in.
-
-    In format 1, which knows no ``earlier_runs``, the options of the shadow strategy and the count
-    of earlier runs stand with the options of the strategy, under names of their own.
-    """
-    if hasattr(auction, "earlier_runs"):
-        return 2
-    given = dict(zip(auction.option_names, auction.option_values, strict=True))
-    auction.earlier_runs = int(given.pop(_EARLIER_RUNS_1, 0.0))
-    shadow = {name: value for name, value in given.items() if name.startswith(_SHADOW_1)}
-    own = {name: value for name, value in given.items() if name not in shadow}
-    auction.option_names, auction.option_values = list(own), list(own.values())
-    auction.shadow_option_names = [name.removeprefix(_SHADOW_1) for name in shadow]
-    auction.shadow_option_values = list(shadow.values())
-    return 1
+def _reason(error: Exception) -> str:
+    match error:
+        case Refused():
+            return error.reason
+        case AttributeError():
+            return (
+                f"it has no '{error.name}', as messages of another version; replay it with the "
+                "version that recorded it"
+            )
+        case _:
+            return str(error)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,9 +39,8 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
         person_id=message.person_id,
         place=message.place,
         persons=message.persons,
-        # Journals of before have neither.
-        visits=getattr(message, "visits", 0),
-        remembered=facts(values_of(getattr(message, "remembered", ()))),
+        visits=message.visits,
+        remembered=facts(values_of(message.remembered)),
         stamp=message.header.stamp.sec + message.header.stamp.nanosec * 1e-9,
     )
 

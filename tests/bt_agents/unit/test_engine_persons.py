@@ -195,13 +195,3 @@ def test_a_run_with_a_person_replays_equal() -> None:
         assert json.loads(json.dumps(step.requests)) == step.recorded_requests
         assert len(step.changes) == step.recorded_changes
     assert steps[-1].result == one.run.result
-
-
-def test_a_recording_of_before_persons_had_names_is_read() -> None:
-    one, lines = recorded(replace(ANNA, visits=0, person_id=""))
-    one.tick(3, 0.1)
-    head = json.loads(lines[0])
-    for fields in (head["scene"], head["live"]):
-        del fields["visits"], fields["remembered"]
-    steps = list(replay(read_recording([json.dumps(head), *lines[1:]]), one.spec, SPACE))
-    assert [len(step.changes) for step in steps] == [step.recorded_changes for step in steps]

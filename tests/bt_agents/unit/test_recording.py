@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import py_trees
@@ -23,7 +22,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.stop_cause import Cancellation
 from bt_agents_language.model.specs import NodeSpec, Reference, Text
-from tree_harness import SPACE, Stage, agent
+from tree_harness import SPACE, Stage
 
 
 class Recorded(Stage):
@@ -192,15 +191,6 @@ def test_who_stopped_a_run_and_when_that_was_known_come_back() -> None:
     )
 
 
-def test_limits_of_an_earlier_version_are_read() -> None:
-    stage = Recorded("say: hello")
-    stage.tick()
-    head = json.loads(stage.lines[0])
-    head["limits"] = {"clean_up_s": 3.0, "settle_s": 1.0}
-    stage.lines[0] = json.dumps(head)
-    assert stage.again()[-1].result == stage.run.result
-
-
 HEAD = json.dumps({"format": 2})
 
 
@@ -210,8 +200,8 @@ HEAD = json.dumps({"format": 2})
         ([], "it is empty"),
         (["{"], "a line is no JSON"),
         (["[1]"], "a line holds a list, expected a mapping"),
-        (['{"format": 3}'], "it begins with the format 3, expected 2 or 1"),
-        (['{"step": 1}'], "it begins with the format None, expected 2 or 1"),
+        (['{"format": 3}'], "it begins with the format 3, expected 2"),
+        (['{"step": 1}'], "it begins with the format None, expected 2"),
         ([HEAD, "{}"], "an entry has the step None"),
         (
             [HEAD, '{"step": 2, "quiet": 1}', '{"step": 1}'],
@@ -254,51 +244,6 @@ def test_a_record_with_a_broken_entry_is_refused_in_words(what: str) -> None:
     lines = [json.dumps(entry) for entry in (head, *entries)]
     with pytest.raises(Refused, match="the recording of a run cannot be replayed"):
         list(replay(read_recording(lines), stage.spec, SPACE))
-
-
-RECORDED = Path(__file__).parents[2] / "recordings"
-
-FORMAT_1_HEAD = """\
-on_cancel: {say: sorry}
-tunables:
-  patience: {default: 1, min: 0, max: 9, description: d}
-"""
-FORMAT_1_TREE = """
-sequence:
-  - {say: hello, timeout: 5 s}
-  - wait_for: {topic: t, type: std_msgs/msg/Float64, until: msg.data > patience}
-  - give_feedback: {kind: positive, reason: polite}
-  - publish: {topic: beep, type: std_msgs/msg/String, message: {data: x}}
-    on_failure: {log: "refused, mood ${live.mood}"}
-  - parallel: [{say: on and on}, {wait: 1 h}]
-"""
-
-
-def test_a_recording_of_format_1_is_replayed_equal_to_the_run_that_it_was_made_of() -> None:
-    lines = (RECORDED / "format_1.jsonl").read_text().splitlines()
-    assert json.loads(lines[0])["format"] == 1
-    recording = read_recording(lines)
-    assert recording.complete
-    steps = list(replay(recording, agent(FORMAT_1_TREE, FORMAT_1_HEAD), SPACE))
-    changes = [[c.path, c.name, c.status.name, c.message] for s in steps for c in s.changes]
-    assert changes == json.loads((RECORDED / "format_1.changes.json").read_text())
-    for step in steps:
-        assert json.dumps(step.requests) == json.dumps(step.recorded_requests)
-    last = steps[-1]
-    assert last.result is not None
-    assert last.recorded_end == {
-        **json.loads(json.dumps(asdict(last.result), default=lambda outcome: outcome.value))
-    }
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [{"goals": [[0, "state"]]}, {"do": [["cancel"]]}, {"out": [["action"]]}, {"inbox": 3}],
-    ids=str,
-)
-def test_a_broken_entry_of_format_1_is_refused_in_words(entry: dict[str, Any]) -> None:
-    with pytest.raises(Refused, match="the recording of a run cannot be replayed"):
-        read_recording([json.dumps({"format": 1}), json.dumps({"turn": 1, **entry})])
 
 
 def test_the_local_time_is_recorded_when_it_changes() -> None:

@@ -197,7 +197,6 @@ def test_all_that_is_decided_is_decided_again(
                 auction=message,
                 runs=runs + 1 - runs // 2,
                 parsed=PARSED,
-                format=2,
                 possible_rules=((), RULES),
                 excluded=(),
             )

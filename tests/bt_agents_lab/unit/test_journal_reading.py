@@ -19,12 +19,12 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 from rclpy.serialization import serialize_message
 
-from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.msg import RunRecord, Scene
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
-from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
+from bt_agents_lab.recorder.file import LIBRARY, JournalFile, RecordedMessage
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import read
 from journal_fixture import morning, topic_of
@@ -88,6 +88,21 @@ def test_what_is_not_asked_for_is_counted_and_not_kept(tmp_path: Path) -> None:
     assert (recording.first_ns, recording.last_ns) == (1, 20_000)
 
 
+def headed(library: str) -> bytes:
+    """Return an empty file by a writer."""
+    builder = RecordBuilder()
+    Header(profile="ros2", library=library).write(builder)
+    return MCAP0_MAGIC + bytes(builder.end())
+
+
+@pytest.mark.parametrize("library", ["bt-agents", "bt-agents journal 1", "bt-agents journal 3"])
+def test_a_journal_of_another_format_is_refused(tmp_path: Path, library: str) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(headed(library))
+    with pytest.raises(Refused, match=rf"OTHER_FORMAT.*'{library}'.*'{LIBRARY}'"):
+        JournalReader([path]).entries()
+
+
 def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
     """Return a file with one chunk of some bytes that says how many it holds."""
     chunk = Chunk(
@@ -99,7 +114,7 @@ def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
         uncompressed_size=said,
     )
     builder = RecordBuilder()
-    Header(profile="ros2", library="bt-agents").write(builder)
+    Header(profile="ros2", library=LIBRARY).write(builder)
     chunk.write(builder)
     return MCAP0_MAGIC + bytes(builder.end())
 

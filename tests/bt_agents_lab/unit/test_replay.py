@@ -7,7 +7,6 @@ import copy
 import json
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -27,17 +26,14 @@ from bt_agents_interfaces.msg import (
 from bt_agents_lab.cli.journal import journal, recorded_rounds
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
-from bt_agents_lab.recorder.reading import JournalEntry
 from bt_agents_lab.replay import decisions, replay_learning, trees
 from bt_agents_lab.replay.decisions import replay_decisions
 from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict
-from bt_agents_lab.replay.recording_index import index_entries
 from bt_agents_lab.replay.replay_learning import replay_feedback
-from bt_agents_lab.replay.scenes import scene_of
 from bt_agents_lab.replay.trees import replay_runs
 from hostile_texts import HOSTILE
 from journal_fixture import NAN, Town, index_of, morning
-from tree_harness import SPACE, scene
+from tree_harness import scene
 
 STRATEGIES = {
     "manhattan": {},
@@ -440,79 +436,3 @@ def test_a_file_that_is_no_journal_is_refused_with_a_reason(tmp_path: Path) -> N
         assert "nothing can be read of the journal" in str(result.exception)
     missing = CliRunner().invoke(replay, [str(tmp_path / "b.mcap")])
     assert "no journal" in str(missing.exception)
-
-
-def of_format_1(auction: Auction) -> SimpleNamespace:
-    """Return an auction as it was recorded when it had no fields for these options."""
-    newer = ("earlier_runs", "shadow_option_names", "shadow_option_values")
-    names = (name for name in auction.get_fields_and_field_types() if name not in newer)
-    old = SimpleNamespace(**{name: getattr(auction, name) for name in names})
-    old.option_names = ["temperature", "shadow.epsilon", "market.earlier_runs"]
-    old.option_values = [2.0, 0.1, 3.0]
-    old.change_names, old.change_values = ["age", "mood"], [1.0, 2.0]
-    old.explanation = "If age had been 1, somebody else would have won."
-    return old
-
-
-def test_a_round_of_format_1_is_decided_again_with_what_its_options_said(tmp_path: Path) -> None:
-    made = Town(tmp_path / "trees", "softmax", {"temperature": 2.0}, shadow="epsilon_greedy")
-    made.round(scene("s1", age=4, familiarity=2, mood=3))
-    messages = [
-        of_format_1(sent.message) if isinstance(sent.message, Auction) else sent.message
-        for sent in made.published
-    ]
-    recording = index_entries(
-        JournalEntry(
-            topic=sent.topic,
-            type=f"bt_agents_interfaces/msg/{type(sent.message).__name__}",
-            sent_ns=number,
-            lost=0,
-            data=b"",
-            decoder=lambda _, message=message: message,
-        )
-        for number, (sent, message) in enumerate(zip(made.published, messages, strict=True), 1)
-    )
-
-    assert recording.problems == []
-    [one] = recording.rounds
-    assert (one.format, one.earlier) == (1, 3)
-    assert dict(zip(one.auction.option_names, one.auction.option_values, strict=True)) == {
-        "temperature": 2.0
-    }
-    assert list(one.auction.shadow_option_names) == ["epsilon"]
-    [finding] = replay_decisions(recording.rounds)
-    assert (finding.verdict, finding.text) == (ReplayVerdict.EQUAL, "")
-
-
-def as_before(message: Any, *newer: str) -> SimpleNamespace:
-    """Return a message as it was recorded when it had no such fields."""
-    names = message.get_fields_and_field_types()
-    return SimpleNamespace(**{name: getattr(message, name) for name in names if name not in newer})
-
-
-def test_a_round_from_before_persons_were_known_by_name_is_decided_again(tmp_path: Path) -> None:
-    made = Town(tmp_path / "trees", "softmax", {"temperature": 2.0})
-    made.round(scene("s1", age=4, familiarity=2, mood=3))
-    messages = []
-    for sent in made.published:
-        message: Any = sent.message
-        if isinstance(message, Auction):
-            message = as_before(message, "scene")
-            message.scene = as_before(sent.message.scene, "visits", "remembered")
-        messages.append(message)
-    recording = index_entries(
-        JournalEntry(
-            topic=sent.topic,
-            type=f"bt_agents_interfaces/msg/{type(sent.message).__name__}",
-            sent_ns=number,
-            lost=0,
-            data=b"",
-            decoder=lambda _, message=message: message,
-        )
-        for number, (sent, message) in enumerate(zip(made.published, messages, strict=True), 1)
-    )
-    assert recording.problems == []
-    [finding] = replay_decisions(recording.rounds)
-    assert (finding.verdict, finding.text) == (ReplayVerdict.EQUAL, "")
-    old = scene_of(recording.rounds[0].auction.scene, SPACE)
-    assert (old.visits, old.remembered) == (0, {})
