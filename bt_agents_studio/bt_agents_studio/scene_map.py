@@ -37,6 +37,10 @@ class Axis:
         return tuple(float(one) for one in np.linspace(self.minimum, self.maximum, count))
 
 
+_DISTANCES = frozenset({"manhattan", "weighted_manhattan", "euclidean"})
+"""Strategies whose score is the distance alone."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MapBid:
     """Bid of an agent; without weights every parameter counts 1.
@@ -59,7 +63,7 @@ def is_computed(strategy: str) -> bool:
     spec = STRATEGIES.get(strategy)
     if spec is None:
         return False
-    return spec.sum is not None or (spec.counts and not spec.draws and spec.lines is not None)
+    return strategy in _DISTANCES or (spec.counts and not spec.draws and spec.lines is not None)
 
 
 def computed_map(
@@ -106,7 +110,7 @@ def computed_map(
         idle=np.zeros(len(bids)),
     )
     spec = STRATEGIES[strategy]
-    measure = spec.score if spec.sum is not None else manhattan
+    measure = spec.score if strategy in _DISTANCES else manhattan
     distance = measure(field, {}, np.random.default_rng(0)).distance
     scores = distance - np.asarray([bid.bonus for bid in bids])
     best = order(scores, [bid.last_run for bid in bids], [bid.agent for bid in bids], tie_break)

@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import SceneSpace
+from bt_agents_core.scene import MAX_WEIGHT, SceneSpace
 from marketplace_node.formatting import shown
 from marketplace_node.outcomes import AuctionOutcome
 from marketplace_node.registry import HostEntry
-from marketplace_node.round.bid_table import BidColumns, BidRows
 from marketplace_node.round.decision import (
+    AcceptedBid,
     Bids,
     ClosedBy,
     Decision,
@@ -33,7 +34,7 @@ class Auction:
         self._space = space
         self._asked = {entry.host: entry for entry in asked}
         self._answered: set[str] = set()
-        self._accepted = BidColumns(space)
+        self._accepted: list[AcceptedBid] = []
         self._excluded_by_operators = frozenset(
             refused.agent for refused in terms.operator_exclusions
         )
@@ -48,8 +49,7 @@ class Auction:
     @property
     def accepted(self) -> tuple[RankedBid, ...]:
         """The bids accepted so far, by Manhattan distance."""
-        table = self._accepted.table()
-        return nearest(self._space, self.terms, table) if len(table) else ()
+        return nearest(self._space, self.terms, self._accepted)
 
     def take(self, bids: Bids) -> None:
         """Take one message; whatever is wrong with it is recorded, never raised."""
@@ -60,15 +60,16 @@ class Auction:
         except Refused as refused:
             self._refuse(bids, bids.agents[0] if len(bids.agents) == 1 else "", refused)
             return
-        rows = BidRows(self._space, bids)
-        if rows.all_fine and self._is_everybody(bids, entry):
-            self._take_all(bids, entry, rows)
-            return
-        named = set(bids.agents)
-        if rows.all_fine and self._may_all_bid(bids, entry, named):
-            self._take_all(bids, entry, rows)
-        else:
-            named = self._take_each(bids, entry, rows)
+        named: set[str] = set()
+        for row, agent in enumerate(bids.agents):
+            if agent in self._excluded_by_operators:
+                continue
+            try:
+                self._check_agent(agent, entry, named)
+                self._accepted.append(self._checked(bids, row, entry))
+            except Refused as refused:
+                self._refuse(bids, agent, refused)
+            named.add(agent)
         unmet_of = bids.unmet or ("",) * len(bids.declined)
         declined = zip(bids.declined, bids.decline_reasons, unmet_of, strict=True)
         for agent, reason, unmet in declined:
@@ -104,7 +105,7 @@ class Auction:
             external: As in :func:`decide`.
         """
         try:
-            ranked = decide(self._space, self.terms, self._accepted.table(), external=external)
+            ranked = decide(self._space, self.terms, self._accepted, external=external)
         except Exception as error:
             # Whatever a strategy of somebody else does, no round stays open for ever.
             reason = shown(str(error))
@@ -171,53 +172,6 @@ class Auction:
                 "are not met, expected none or one each",
             )
 
-    def _is_everybody(self, bids: Bids, entry: HostEntry) -> bool:
-        """Return whether all agents of a host bid, in the order in which they are registered."""
-        return (
-            bids.agents == tuple(entry.agents)
-            and bids.agent_ids == tuple(entry.agents.values())
-            and not (self._may_be_silent or bids.declined)
-        )
-
-    def _may_all_bid(self, bids: Bids, entry: HostEntry, named: set[str]) -> bool:
-        """Return whether there is nothing wrong with who bids, the vectors aside."""
-        return (
-            len(named) == len(bids.agents)
-            and named <= entry.agents.keys()
-            and named.isdisjoint(self._may_be_silent)
-            and bids.agent_ids == tuple([entry.agents[agent] for agent in bids.agents])
-        )
-
-    def _take_all(self, bids: Bids, entry: HostEntry, rows: BidRows) -> None:
-        self._accepted.add(
-            bids.agents, bids.agent_ids, entry.host, entry.instance, rows.vectors, rows.weights
-        )
-
-    def _take_each(self, bids: Bids, entry: HostEntry, rows: BidRows) -> set[str]:
-        """Take the bids that are in order and refuse the others; return who has bid."""
-        named: set[str] = set()
-        taken: list[int] = []
-        for row, (agent, agent_id) in enumerate(zip(bids.agents, bids.agent_ids, strict=True)):
-            if agent in self._excluded_by_operators:
-                continue
-            try:
-                self._check_agent(agent, entry, named)
-                self._check_bid(agent, agent_id, entry)
-                rows.check(row, agent)
-                taken.append(row)
-            except Refused as refused:
-                self._refuse(bids, agent, refused)
-            named.add(agent)
-        self._accepted.add(
-            [bids.agents[row] for row in taken],
-            [bids.agent_ids[row] for row in taken],
-            entry.host,
-            entry.instance,
-            rows.vectors[taken],
-            None if rows.weights is None else rows.weights[taken],
-        )
-        return named
-
     def _check_agent(self, agent: str, entry: HostEntry, named: set[str]) -> None:
         if agent not in entry.agents:
             raise Refused(
@@ -227,13 +181,38 @@ class Auction:
         if agent in named:
             raise Refused("DUPLICATE", f"'{agent}' is named twice; the first one counts")
 
-    def _check_bid(self, agent: str, agent_id: int, entry: HostEntry) -> None:
+    def _checked(self, bids: Bids, row: int, entry: HostEntry) -> AcceptedBid:
+        """Return the bid in one row of an answer of the right lengths.
+
+        Raises:
+            Refused: ``EXCLUDED``, ``WRONG_ID``, ``BAD_WEIGHT``, or as in
+                :meth:`SceneSpace.vector`.
+        """
+        agent, agent_id, width = bids.agents[row], bids.agent_ids[row], len(self._space)
         if agent in self.terms.excluded:
             raise Refused("EXCLUDED", f"'{agent}' may not bid: {self.terms.excluded[agent]}")
         if agent_id != entry.agents[agent]:
             raise Refused(
                 "WRONG_ID", f"'{agent}' bids with id {agent_id}, expected {entry.agents[agent]}"
             )
+        cells = slice(row * width, (row + 1) * width)
+        vector = self._space.vector(bids.vectors[cells], what=f"bid of {agent}")
+        weights = tuple(bids.weights[cells])
+        for name, weight in zip(self._space.names, weights, strict=False):
+            if not (math.isfinite(weight) and 0.0 <= weight <= MAX_WEIGHT):
+                raise Refused(
+                    "BAD_WEIGHT",
+                    f"bid of {agent}: the weight of {name} is {weight:g}, expected 0 to "
+                    f"{MAX_WEIGHT:g}",
+                )
+        return AcceptedBid(
+            agent=agent,
+            agent_id=agent_id,
+            host=entry.host,
+            instance=entry.instance,
+            vector=vector,
+            weights=weights,
+        )
 
     def _refuse(self, bids: Bids, agent: str, refused: Refused) -> None:
         self._record(bids, agent, RoundKind.REFUSED, refused.code, refused.reason)

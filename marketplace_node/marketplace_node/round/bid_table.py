@@ -1,23 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bids as arrays: those of one host as they are checked, and all that a round accepts."""
+"""Bids that a round accepts, as arrays."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from bt_agents_core.errors import Refused
-from bt_agents_core.scene import MAX_WEIGHT, SceneSpace, Vector
-from marketplace_node.round.decision import AcceptedBid, Bids, Terms
+from bt_agents_core.scene import SceneSpace, Vector
+from marketplace_node.round.decision import AcceptedBid, Terms
 from marketplace_node.strategies import RoundArrays
 from marketplace_node.strategies.arrays import Floats
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,8 +20,8 @@ class BidTable:
 
     Attributes:
         instances: The starts of the hosts.
-        vectors: [N, n], stored parameter by parameter, as they are added up.
-        weights: [N, n], stored alike; None when no agent states any.
+        vectors: [N, n].
+        weights: [N, n]; None when no agent states any.
     """
 
     agents: tuple[str, ...]
@@ -80,125 +74,9 @@ class BidTable:
 
 
 def _rows(rows: Sequence[Vector], space: SceneSpace) -> Floats:
-    return np.array(rows, dtype=np.float64, order="F").reshape((len(rows), len(space)), order="F")
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(space))
 
 
 def weights_of(space: SceneSpace) -> tuple[float, ...]:
     """Return the weights that ``scene.yaml`` gives the parameters."""
     return tuple(parameter.weight for parameter in space.parameters)
-
-
-class BidColumns:
-    """Builder of a bid table, which takes all bids of a host at once."""
-
-    def __init__(self, space: SceneSpace) -> None:
-        self._weights = np.array(weights_of(space))
-        self._agents: list[str] = []
-        self._agent_ids: list[int] = []
-        self._hosts: list[str] = []
-        self._instances: list[str] = []
-        self._vectors: list[Floats] = [np.empty((0, len(space)))]
-        self._stated: list[Floats] = [np.empty((0, len(space)))]
-        self._any_stated = False
-
-    def add(
-        self,
-        agents: Sequence[str],
-        agent_ids: Sequence[int],
-        host: str,
-        instance: str,
-        vectors: Floats,
-        weights: Floats | None,
-    ) -> None:
-        """Add bids of one host: k names and ids, vectors [k, n] and weights [k, n] or None."""
-        self._agents += agents
-        self._agent_ids += agent_ids
-        self._hosts += [host] * len(agents)
-        self._instances += [instance] * len(agents)
-        self._vectors.append(vectors)
-        self._stated.append(
-            np.broadcast_to(self._weights, vectors.shape) if weights is None else weights
-        )
-        self._any_stated |= weights is not None
-
-    def table(self) -> BidTable:
-        """Return all bids, in the order of their names."""
-        places = None
-        if sorted(self._agents) != self._agents:
-            places = sorted(range(len(self._agents)), key=self._agents.__getitem__)
-        return BidTable(
-            agents=_in_order(self._agents, places),
-            agent_ids=_in_order(self._agent_ids, places),
-            hosts=_in_order(self._hosts, places),
-            instances=_in_order(self._instances, places),
-            vectors=_by_parameter(self._vectors, places),
-            weights=_by_parameter(self._stated, places) if self._any_stated else None,
-        )
-
-
-def _in_order(values: list[T], places: list[int] | None) -> tuple[T, ...]:
-    return tuple(values if places is None else [values[place] for place in places])
-
-
-def _by_parameter(blocks: Sequence[Floats], places: list[int] | None) -> Floats:
-    rows = np.concatenate(blocks)
-    return np.asfortranarray(rows if places is None else rows[places])
-
-
-class BidRows:
-    """Vectors and weights of one host's answer, one row an agent, checked all at once.
-
-    The lengths of the answer have to be right.
-
-    Attributes:
-        vectors: [k, n]; a row counts only when :meth:`check` has passed.
-        weights: The same for weights; None when the host states none.
-    """
-
-    def __init__(self, space: SceneSpace, bids: Bids) -> None:
-        self._space = space
-        self._bids = bids
-        shape = (len(bids.agents), len(space))
-        low = [parameter.minimum for parameter in space.parameters]
-        high = [parameter.maximum for parameter in space.parameters]
-        self.vectors, self._fine = _within(bids.vectors, shape, low, high)
-        self.weights: Floats | None = None
-        if len(bids.weights):
-            self.weights, fine = _within(bids.weights, shape, [0.0], [MAX_WEIGHT])
-            self._fine &= fine
-
-    @property
-    def all_fine(self) -> bool:
-        """True when every row is valid."""
-        return bool(self._fine.all())
-
-    def check(self, row: int, agent: str) -> None:
-        """Check the row of one agent.
-
-        Raises:
-            Refused: As :meth:`SceneSpace.vector`, or ``BAD_WEIGHT``.
-        """
-        if self._fine[row]:
-            return
-        width = len(self._space)
-        cells = slice(row * width, (row + 1) * width)
-        self.vectors[row] = self._space.vector(self._bids.vectors[cells], what=f"bid of {agent}")
-        for name, weight in zip(self._space.names, self._bids.weights[cells], strict=False):
-            if not (math.isfinite(weight) and 0.0 <= weight <= MAX_WEIGHT):
-                raise Refused(
-                    "BAD_WEIGHT",
-                    f"bid of {agent}: the weight of {name} is {weight:g}, expected 0 to "
-                    f"{MAX_WEIGHT:g}",
-                )
-
-
-def _within(
-    values: Sequence[float], shape: tuple[int, int], low: list[float], high: list[float]
-) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Return the values [k, n] and which rows are numbers within the limits, [k]."""
-    try:
-        table = np.array(values, dtype=np.float64).reshape(shape)
-    except (TypeError, ValueError, OverflowError):
-        return np.full(shape, math.nan), np.zeros(shape[0], dtype=np.bool_)
-    fine: npt.NDArray[np.bool_] = np.all((table >= low) & (table <= high), axis=1)
-    return table, fine

@@ -188,7 +188,7 @@ class Ranked:
     """Ranking of the accepted bids, and its reasons.
 
     Attributes:
-        bids: Best first; what comes after the first may be put in order only when it is looked at.
+        bids: Best first.
         bidders: The names of all, in alphabetical order.
         by: Name of the strategy that ranked; ``manhattan`` where that of the terms could not.
         fallback: Why the strategy could not rank and ``manhattan`` did; empty when it could.
@@ -201,7 +201,7 @@ class Ranked:
         find_change: Searches for ``change``.
     """
 
-    bids: Sequence[RankedBid] = ()
+    bids: tuple[RankedBid, ...] = ()
     bidders: Sequence[str] = ()
     by: str = ""
     fallback: str = ""
@@ -250,7 +250,7 @@ class Decision:
     stopped: str = ""
 
     @property
-    def ranking(self) -> Sequence[RankedBid]:
+    def ranking(self) -> tuple[RankedBid, ...]:
         """Accepted bids; the best first."""
         return self.ranked.bids
 

@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
-from typing import NamedTuple, overload
-
-import numpy as np
+from typing import NamedTuple
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
@@ -16,7 +13,6 @@ from marketplace_node.round.bid_table import BidTable, weights_of
 from marketplace_node.round.counterfactual import smallest_change
 from marketplace_node.round.decision import (
     AcceptedBid,
-    Counterfactual,
     External,
     Ranked,
     RankedBid,
@@ -25,23 +21,16 @@ from marketplace_node.round.decision import (
 )
 from marketplace_node.round.round_model import RoundModel, Scored
 from marketplace_node.strategies import STRATEGIES, StrategySpec
-from marketplace_node.strategies.arrays import Integers, Sum
-from marketplace_node.strategies.nearest import MANHATTAN, weighted_distance
-from marketplace_node.strategies.nearest import nearest as nearest_rows
+from marketplace_node.strategies.arrays import Integers
 
 FALLBACK = "manhattan"
 """What ranks when the strategy cannot."""
-
-FEW = 60
-"""Up to so many numbers, bids are ranked one by one, which is faster than arrays."""
-
-_MODEST = 1e100
 
 
 def decide(
     space: SceneSpace,
     terms: Terms,
-    bids: Sequence[AcceptedBid] | BidTable,
+    bids: Sequence[AcceptedBid],
     *,
     external: External | None = None,
 ) -> Ranked:
@@ -53,12 +42,9 @@ def decide(
     Raises:
         Refused: ``UNKNOWN_STRATEGY``: no strategy, or shadow, of that name is installed.
     """
-    table = bids if isinstance(bids, BidTable) else BidTable.of(bids, space)
-    if not len(table):
+    if not bids:
         return Ranked()
-    spec = _spec(terms.strategy)
-    if spec.sum is not None and external is None and _is_modest(space):
-        return _lazily_ranked(space, terms, table, spec, spec.sum)
+    table = BidTable.of(bids, space)
     model = _model(space, terms, table, external)
     fallback = external.failure if external is not None else ""
     try:
@@ -70,11 +56,7 @@ def decide(
     places = model.order(scored.scores.score)
     shadow = _shadow(model)
     return Ranked(
-        bids=LazyRanking(
-            _ranked(space, terms, table, scored, places[:1])[0],
-            len(table),
-            partial(_ranked, space, terms, table, scored, places),
-        ),
+        bids=_ranked(space, terms, table, scored, places),
         bidders=table.agents,
         by=FALLBACK if fallback else model.spec.name,
         fallback=fallback,
@@ -87,86 +69,14 @@ def decide(
     )
 
 
-def nearest(space: SceneSpace, terms: Terms, table: BidTable) -> tuple[RankedBid, ...]:
+def nearest(space: SceneSpace, terms: Terms, bids: Sequence[AcceptedBid]) -> tuple[RankedBid, ...]:
     """Return the bids ranked by their Manhattan distance, whatever the strategy of the round."""
+    if not bids:
+        return ()
+    table = BidTable.of(bids, space)
     model = _model(space, replace(terms, strategy=FALLBACK), table, None)
     scored = model.score()
     return _ranked(space, terms, table, scored, model.order(scored.scores.score))
-
-
-def _lazily_ranked(
-    space: SceneSpace, terms: Terms, table: BidTable, spec: StrategySpec, distance: Sum
-) -> Ranked:
-    """Rank the winner eagerly and the others lazily."""
-
-    @cache
-    def rest() -> tuple[RoundModel, Scored, Integers]:
-        model = _model(space, terms, table, None)
-        scored = model.score()
-        return model, scored, model.order(scored.scores.score)
-
-    def change() -> Counterfactual | None:
-        model, _, places = rest()
-        return smallest_change(model, places, space)
-
-    def ranked() -> tuple[RankedBid, ...]:
-        if table.vectors.size > FEW:
-            return _ranked(space, terms, table, *rest()[1:])
-        bids = [_bid(space, terms, table, distance, row) for row in range(len(table))]
-        by_run = terms.tie_break == "least_recently_run"
-        return tuple(sorted(bids, key=lambda bid: (bid.score, bid.last_run if by_run else 0)))
-
-    best = winning_row(space, terms, table, distance)
-    shadow = _shadow(_model(space, terms, table, None)) if terms.shadow else _Shadow()
-    return Ranked(
-        bids=LazyRanking(_bid(space, terms, table, distance, best), len(table), ranked),
-        bidders=table.agents,
-        by=spec.name,
-        shadow_winner=shadow.winner,
-        shadow_failure=shadow.failure,
-        undecided=shadow.undecided,
-        find_change=change,
-    )
-
-
-def _is_modest(space: SceneSpace) -> bool:
-    """Return whether any distance within the ranges is a finite number."""
-    return all(max(-one.minimum, one.maximum) < _MODEST for one in space.parameters)
-
-
-def winning_row(
-    space: SceneSpace, terms: Terms, table: BidTable, distance: Sum = MANHATTAN
-) -> int:
-    """Return the row of the bid that wins: the nearest one, of equals as the terms say."""
-    weights = weights_of(space) if table.weights is None else table.weights
-    rows = nearest_rows(
-        table.vectors, np.array(space.compared(terms.scene).vector), distance, weights
-    )
-    if len(rows) == 1 or terms.tie_break != "least_recently_run":
-        return rows[0]
-    return min(rows, key=lambda row: terms.last_run.get(table.agents[row], 0))
-
-
-def _bid(space: SceneSpace, terms: Terms, table: BidTable, distance: Sum, row: int) -> RankedBid:
-    vector = tuple(table.vectors[row].tolist())
-    stated = weights_of(space) if table.weights is None else tuple(table.weights[row].tolist())
-    scene = space.compared(terms.scene).vector
-    total, parts = weighted_distance(vector, scene, distance, stated)
-    agent = table.agents[row]
-    return RankedBid(
-        agent=agent,
-        agent_id=table.agent_ids[row],
-        host=table.hosts[row],
-        instance=table.instances[row],
-        vector=vector,
-        distance=total,
-        contributions=parts,
-        weights=() if set(stated) == {1.0} else stated,
-        bonus=0.0,
-        score=total,
-        runs=terms.runs.get(agent, 0),
-        last_run=terms.last_run.get(agent, 0),
-    )
 
 
 def _spec(name: str) -> StrategySpec:
@@ -263,45 +173,3 @@ def _shadow(model: RoundModel) -> _Shadow:
         return _Shadow(failure=refused.reason)
     winner = model.table.agents[int(shadow.order(scored.scores.score)[0])]
     return _Shadow(winner=winner, undecided=scored.undecided)
-
-
-class LazyRanking(Sequence[RankedBid]):
-    """Ranking whose winner is computed eagerly and the rest lazily.
-
-    Args:
-        best: The first.
-        count: How many there are.
-        rank: Returns all of them; asked once, when another than the first is looked at.
-    """
-
-    def __init__(
-        self, best: RankedBid, count: int, rank: Callable[[], tuple[RankedBid, ...]]
-    ) -> None:
-        self._best = best
-        self._count = count
-        self._rank = rank
-
-    def __len__(self) -> int:
-        return self._count
-
-    @overload
-    def __getitem__(self, index: int) -> RankedBid: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> tuple[RankedBid, ...]: ...
-
-    def __getitem__(self, index: int | slice) -> RankedBid | tuple[RankedBid, ...]:
-        return self._best if index == 0 else self._all[index]
-
-    def __iter__(self) -> Iterator[RankedBid]:
-        return iter(self._all)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Sequence) and self._all == tuple(other)
-
-    def __repr__(self) -> str:
-        return repr(self._all)
-
-    @cached_property
-    def _all(self) -> tuple[RankedBid, ...]:
-        return self._rank()

@@ -26,9 +26,6 @@ from marketplace_node.strategies import (
 )
 from marketplace_node.strategies.arrays import Floats, Integers
 
-_UNUSED = round_rng("")
-"""For strategies that surely draw nothing, as to seed one takes longer than to rank a few."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
@@ -61,7 +58,7 @@ class RoundModel:
         Raises:
             Refused: ``STRATEGY_FAILED``; see :func:`scored`.
         """
-        scores = scored(self.spec, self.field, self.options, self._random_source())
+        scores = scored(self.spec, self.field, self.options, round_rng(self.seed))
         applied = self._applied_rules()
         agents, why = self._first(applied)
         places = [self.table.agents.index(agent) for agent in agents]
@@ -86,7 +83,7 @@ class RoundModel:
             Refused: ``STRATEGY_FAILED``.
         """
         field = replace(self.field, scene=scenes)
-        same = _SameForAll(self._random_source())
+        same = _SameForAll(round_rng(self.seed))
         scores = scored(self.spec, field, self.options, same).score
         return self.order(scores)[:, 0]
 
@@ -101,7 +98,7 @@ class RoundModel:
         count, width = self.field.bids.shape
         with _guarded(self.spec):
             lines = self.spec.lines(
-                self.field, self.spec.values(self.options), self._random_source()
+                self.field, self.spec.values(self.options), round_rng(self.seed)
             )
             weights = np.asarray(lines.weights, dtype=np.float64)
             by_bid = (width,) if weights.ndim == 1 else (count, width)
@@ -110,9 +107,6 @@ class RoundModel:
                 weights=_checked("weights of lines", weights, by_bid),
                 offsets=_checked("offsets of lines", lines.offsets, (count,)),
             )
-
-    def _random_source(self) -> np.random.Generator:
-        return _UNUSED if self.spec.sum is not None else round_rng(self.seed)
 
     def _applied_rules(self) -> AppliedRules:
         if self.spec.name != RULES:

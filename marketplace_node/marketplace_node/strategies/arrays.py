@@ -119,19 +119,6 @@ Score = Callable[[RoundArrays, Mapping[str, float], RandomSource], Scores]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sum:
-    """Distance that is a sum of ``|bid - scene|`` over the parameters.
-
-    Attributes:
-        weighted: True when each is multiplied by its weight.
-        squared: True when each is squared, and the distance is the root of the sum.
-    """
-
-    weighted: bool = False
-    squared: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
 class StrategySpec:
     """Strategy with its name, function, options and properties.
 
@@ -144,8 +131,6 @@ class StrategySpec:
         counts: True when it looks at how many runs there have been in all.
         lines: The same for one round as a function of the scene, where it is made of straight
             lines; lets the smallest change of a scene be found exactly. None elsewhere.
-        sum: What the score is, where it is the distance alone and that a sum; lets the nearest
-            bid be found without the others. None elsewhere.
     """
 
     name: str
@@ -155,7 +140,6 @@ class StrategySpec:
     draws: bool = False
     counts: bool = False
     lines: Callable[[RoundArrays, Mapping[str, float], RandomSource], LinearScores] | None = None
-    sum: Sum | None = None
 
     def values(self, given: Mapping[str, float]) -> dict[str, float]:
         """Return the value of every option: as given, else the default."""

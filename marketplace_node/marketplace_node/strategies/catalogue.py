@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from marketplace_node.strategies import exploration
-from marketplace_node.strategies.arrays import Option, StrategySpec, Sum
+from marketplace_node.strategies.arrays import Option, StrategySpec
 from marketplace_node.strategies.distances import (
     euclidean,
     expected_manhattan,
@@ -23,7 +23,6 @@ from marketplace_node.strategies.exploration import (
     thompson,
     ucb,
 )
-from marketplace_node.strategies.nearest import MANHATTAN
 
 _OWN = (
     StrategySpec(
@@ -31,21 +30,18 @@ _OWN = (
         description="The nearest bid wins: the sum of the differences, as in the paper.",
         score=manhattan,
         lines=manhattan_lines,
-        sum=MANHATTAN,
     ),
     StrategySpec(
         name="weighted_manhattan",
         description="As manhattan, but parameters count by their weight.",
         score=weighted_manhattan,
         lines=weighted_lines,
-        sum=Sum(weighted=True),
     ),
     StrategySpec(
         name="euclidean",
         description="The nearest bid by the straight line wins; one big difference counts more "
         "than some small ones.",
         score=euclidean,
-        sum=Sum(squared=True),
     ),
     StrategySpec(
         name="expected_manhattan",

@@ -102,7 +102,7 @@ def test_the_search_scores_so_much_and_no_more(
     strategy: str, agents: int, width: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     of = case(agents, width)
-    ranked = decide(of.space, replace(of.terms, strategy=strategy, seed="a/1"), of.table)
+    ranked = decide(of.space, replace(of.terms, strategy=strategy, seed="a/1"), of.bids)
     scored: list[int] = []
 
     def counted(spec: StrategySpec, field: RoundArrays, *rest: Any) -> Scores:
