@@ -12,7 +12,7 @@ from typing import Any
 
 from markdown_table import markdown_table
 
-from bt_agents_ros.system_topics import HOST, TOPICS
+from bt_agents_ros.system_topics import ACTIONS, HOST, SERVICES, TOPICS
 
 ROOT = Path(__file__).parents[1]
 
@@ -50,8 +50,8 @@ which order: [the ROS graph](ros.md). Sensors, and the topics, services and acti
 use, are named by the files of a trees folder, and so are not here."""
 
 _ROLES = """\
-`watch`, `operate` and `author` are the roles of the command line: [who may do what](security.md).
-What listens may listen only while it needs to."""
+`watch`, `operate` and `author` are the roles of the command line, each of which may do what those
+before it may: [who may do what](security.md). What listens may listen only while it needs to."""
 
 _PARAMETERS = """\
 As the nodes describe them; `ros2 param describe /marketplace bid_deadline` says the same. How to
@@ -162,22 +162,22 @@ def _topics() -> Iterator[tuple[str, ...]]:
 
 
 def _services(nodes: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    callers = _users("calls")
+    callers = {one.name: one.callers for one in SERVICES}
     for name, node in nodes.items():
         served = node.get_service_names_and_types_by_node(node.get_name(), node.get_namespace())
         for path, kinds in sorted(served):
             service = _relative(path, node, name)
             last = service.rpartition("/")[2]
             if last not in _OF_ROS and "/_action/" not in path:
-                yield _code(service), _code(kinds[0]), _code(name), _codes(callers(service))
+                yield _code(service), _code(kinds[0]), _code(name), _callers(callers[service])
 
 
 def _actions(nodes: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    callers = _users("sends_goals")
+    callers = {one.name: one.callers for one in ACTIONS}
     for name, node in nodes.items():
         for path, kinds in sorted(_actions_of(node)):
             action = _relative(path, node, name)
-            yield _code(action), _code(kinds[0]), _code(name), _codes(callers(action))
+            yield _code(action), _code(kinds[0]), _code(name), _callers(callers[action])
 
 
 def _actions_of(node: Any) -> Any:
@@ -187,14 +187,8 @@ def _actions_of(node: Any) -> Any:
     return get_action_server_names_and_types_by_node(node, node.get_name(), node.get_namespace())
 
 
-def _users(right: str) -> Any:
-    """Return what says which nodes and roles have a right to a name."""
-    from bt_agents_language.files.folder_reader import read_trees
-    from bt_agents_ros.installed import InstalledInterfaces
-    from bt_agents_tools.security.access_table import access_table
-
-    table = access_table(read_trees(ROOT / "trees", InstalledInterfaces()), hosts=(HOST,))
-    return lambda name: {access.name for access in table if name in getattr(access, right)}
+def _callers(names: Collection[str]) -> str:
+    return _codes(names) or "agents, by their skills"
 
 
 def _relative(path: str, node: Any, name: str) -> str:

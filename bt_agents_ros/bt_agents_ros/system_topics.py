@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of the system: the one table of their types, their QoS, who publishes and who listens.
+"""Topics, services and actions of the system: the one table of their types and their users.
 
 What stands below no node's own name is below :data:`PREFIX`, so that nothing else on a robot, of
 which ``scene`` or ``feedback`` may be names too, is taken for it.
@@ -119,6 +119,81 @@ TOPICS = (
     _topic(f"{HOST}/tunings", "Tunings", "FACT", HOST, _SHOWN),
 )
 """All of them; sensors and what skills use stand in the files of the authors."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SystemService:
+    """A service or an action of a node of the system.
+
+    Attributes:
+        name: Relative.
+        type: ``package/srv/Name`` or ``package/action/Name``.
+        server: Name of the node.
+        callers: Names of nodes, and of roles of the command line, each of which may do what those
+            before it may; agents call what their skills name.
+    """
+
+    name: str
+    type: str
+    server: str
+    callers: frozenset[str]
+
+
+def _service(name: str, kind: str, server: str, callers: str = "") -> SystemService:
+    return SystemService(
+        name=name,
+        type=f"{kind if '/' in kind else f'{_OWN_PACKAGE}/{kind}'}".replace("/", "/srv/"),
+        server=server,
+        callers=frozenset(callers.split()),
+    )
+
+
+def _action(name: str, kind: str, server: str, callers: str = "") -> SystemService:
+    return SystemService(
+        name=name,
+        type=f"{_OWN_PACKAGE}/action/{kind}",
+        server=server,
+        callers=frozenset(callers.split()),
+    )
+
+
+_READ, _DESCRIBE = "rcl_interfaces/GetParameters", "rcl_interfaces/DescribeParameters"
+_SET = "rcl_interfaces/SetParametersAtomically"
+
+SERVICES = (
+    _service("bt_agents/select", "SelectAgent", "selector", "marketplace"),
+    _service("feedback/collect", "CollectFeedback", "feedback", "marketplace"),
+    _service("feedback/give", "GiveFeedback", "feedback", f"{HOST} operate studio"),
+    _service("feedback/manage", "ManageProfiles", "feedback", "author studio"),
+    _service("journal/record", "Record", "journal", "operate studio"),
+    _service("marketplace/cancel", "CancelRun", "marketplace", "feedback operate studio"),
+    _service("marketplace/describe_parameters", _DESCRIBE, "marketplace", "watch"),
+    _service("marketplace/get_parameters", _READ, "marketplace", "watch"),
+    _service("marketplace/operate", "OperateMarket", "marketplace", "operate studio"),
+    _service("marketplace/preview", "PreviewAuction", "marketplace", "operate studio"),
+    _service("marketplace/register", "RegisterHost", "marketplace", HOST),
+    _service("marketplace/set_parameters_atomically", _SET, "marketplace", "operate"),
+    _service("scene_layer/analyze", "Analyze", "scene_layer", "operate studio"),
+    _service("scene_layer/manage", "ManageProfiles", "scene_layer", "author"),
+    _service("scene_layer/remember", "Remember", "scene_layer", HOST),
+    _service("set_light", "SetLight", "robot"),
+    _service(f"{HOST}/control", "ControlRun", HOST, "operate studio"),
+    _service(f"{HOST}/get_parameters", _READ, HOST, "studio watch"),
+    _service(f"{HOST}/reload", "ReloadAgents", HOST, "author"),
+    _service(f"{HOST}/roll_back", "RollBack", HOST, "author"),
+    _service(f"{HOST}/set_profile", "SetProfile", HOST, "feedback"),
+    _service(f"{HOST}/tune", "Tune", HOST, "author studio"),
+    _service(f"{HOST}/versions", "ListVersions", HOST, "watch"),
+)
+"""All of them but those that every node of ROS has."""
+
+ACTIONS = (
+    _action("ask", "Ask", "robot"),
+    _action("drive", "Drive", "robot"),
+    _action("say", "Say", "robot"),
+    _action("show", "Show", "robot"),
+    _action(f"{HOST}/run", "RunAgent", HOST, "marketplace"),
+)
 
 
 def published_by(name: str) -> tuple[SystemTopic, ...]:

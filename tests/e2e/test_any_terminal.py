@@ -51,7 +51,7 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "rehearse": (GUIDE,),
     "roll-back": ("attentive_guide",),
     "schema": (str(TREES),),
-    "security": ("policies", str(TREES), "--output", "policies"),
+    "security": (str(TREES), "--output", "policy.xml"),
     "sense": ("mood=2",),
     "show": (GUIDE,),
     "test": (str(TREES),),

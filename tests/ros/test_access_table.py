@@ -16,10 +16,9 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_robot.robot import RobotNode
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
-from bt_agents_ros.system_topics import HOST, TOPICS
+from bt_agents_ros.system_topics import HOST, SERVICES, TOPICS
 from bt_agents_studio.node import StudioNode
-from bt_agents_tools.security.access_table import ROLES, access_table
-from bt_agents_tools.security.dds_policies import dds_topics
+from bt_agents_tools.security_policy import ROLES, Rights, rights_of
 from checkout import ROOT
 from feedback_node.ledger import Ledger
 from marketplace_node.external_ranking.openai_protocol import Endpoint
@@ -65,6 +64,26 @@ def used_by(node: Any, name: str) -> tuple[set[str], set[str]]:
     return written, read
 
 
+def allowed_by(rights: Rights) -> tuple[set[str], set[str]]:
+    """Return the DDS topics that may be written and read."""
+    full = {
+        right: {f"/{one.removeprefix('/')}" for one in names} for right, names in rights.items()
+    }
+    written = {f"rt{one}" for one in full["publish"]}
+    read = {f"rt{one}" for one in full["subscribe"]}
+    for actions, services, topics in (("execute", "reply", written), ("call", "request", read)):
+        for one in full[actions]:
+            full[services] |= {
+                f"{one}/_action/{name}" for name in ("send_goal", "get_result", "cancel_goal")
+            }
+            topics |= {f"rt{one}/_action/{name}" for name in ("feedback", "status")}
+    written |= {f"rr{one}Reply" for one in full["reply"]}
+    written |= {f"rq{one}Request" for one in full["request"]}
+    read |= {f"rq{one}Request" for one in full["reply"]}
+    read |= {f"rr{one}Reply" for one in full["request"]}
+    return written, read
+
+
 def test_every_endpoint_of_every_node_is_in_the_table_with_its_type_and_qos_and_nothing_else(
     ros: Any, tmp_path: Path
 ) -> None:
@@ -92,23 +111,26 @@ def test_every_endpoint_of_every_node_is_in_the_table_with_its_type_and_qos_and_
 
     def differences() -> list[tuple[str, str, str]]:
         found = []
-        for access in access_table(trees):
-            if access.name in ROLES:
+        for name, rights in rights_of(trees, ("agents",)).items():
+            if name in ROLES:
                 continue
-            for allowed, used in zip(
-                dds_topics(access), used_by(ros.node, access.name), strict=True
-            ):
-                found += [(access.name, "not allowed", one) for one in used - allowed]
+            for allowed, used in zip(allowed_by(rights), used_by(ros.node, name), strict=True):
+                found += [(name, "not allowed", one) for one in used - allowed]
                 found += [
-                    (access.name, "not used", one)
-                    for one in allowed - used - {"ros_discovery_info"}
-                    if (access.name, one) not in SPARED and not used_when_needed(access.name, one)
+                    (name, "not used", one)
+                    for one in allowed - used
+                    if (name, one) not in SPARED and not used_when_needed(name, one)
                 ]
         return found
 
     def other_forms() -> list[tuple[str, str, str]]:
-        """Topics of the graph whose type or QoS is another than that of the table."""
-        found = []
+        """What the graph has in another type or QoS than the table."""
+        types = dict(ros.node.get_service_names_and_types())
+        found = [
+            (one.server, "another type", one.name)
+            for one in SERVICES
+            if types.get(f"/{one.name.replace(HOST, 'agents')}") != [one.type]
+        ]
         for topic in TOPICS:
             name = f"/{topic.name.removeprefix('/').replace(HOST, 'agents')}"
             wanted = qos.PROFILES[topic.profile]

@@ -32,7 +32,7 @@ WITHOUT_TABLE = {
     *("profile recover", "profile reset", "profile undo", "publish", "rehearse", "reload"),
     *("record mark", "record start", "record stop"),
     *("replay", "roll-back", "scene", "schema", "sense", "show", "test", "trigger", "unpin"),
-    *("security policies", "security tls", "studio", "up", "veto", "visit", "watch"),
+    *("security", "studio", "up", "veto", "visit", "watch"),
     *("pause", "resume", "step"),
 }
 """Commands whose output is no table: words, a document, a picture, a file.

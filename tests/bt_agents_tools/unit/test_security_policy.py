@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The policy for DDS security, as the command line writes it."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+from xml.etree import ElementTree as Xml
+
+import pytest
+from click.testing import CliRunner
+
+from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_tools.cli.commands.security import security
+from bt_agents_tools.security_policy import ROLES, Rights, policy_xml, rights_of
+from checkout import ROOT
+
+CALLED = re.compile(r'\.ask\(\s*f?"([^"]+)"')
+HOSTS = ("agents", "more")
+
+
+@pytest.fixture(scope="module")
+def trees() -> Trees:
+    return read_trees(ROOT / "trees", InstalledInterfaces())
+
+
+@pytest.fixture(scope="module")
+def table(trees: Trees) -> dict[str, Rights]:
+    return rights_of(trees, HOSTS)
+
+
+def test_each_role_may_do_what_those_before_it_may(table: dict[str, Rights]) -> None:
+    for less, more in itertools.pairwise(ROLES):
+        assert all(table[less][right] <= table[more][right] for right in table[less])
+        assert table[less] != table[more]
+
+
+def test_whoever_watches_changes_nothing(table: dict[str, Rights]) -> None:
+    watch = table["watch"]
+    assert watch["publish"] == {"/parameter_events", "/rosout"}
+    assert watch["reply"] == {"_bt_agents_observer/get_type_description"}
+    assert not watch["execute"] | watch["call"]
+    assert watch["request"] == {
+        *("marketplace/describe_parameters", "marketplace/get_parameters"),
+        *(f"{host}/{name}" for host in HOSTS for name in ("get_parameters", "versions")),
+    }
+
+
+@pytest.mark.parametrize(
+    ("right", "name", "who"),
+    [
+        ("request", "feedback/manage", {"author", "studio"}),
+        ("request", "agents/set_profile", {"feedback"}),
+        ("call", "agents/run", {"marketplace"}),
+        ("publish", "bt_agents/bids", {"agents", "more"}),
+        ("publish", "agents/heartbeat", {"agents"}),
+        ("reply", "agents/tune", {"agents"}),
+        ("request", "marketplace/cancel", {"feedback", "operate", "author", "studio"}),
+        ("publish", "marketplace/heartbeat", {"marketplace"}),
+        ("subscribe", "more/heartbeat", {"marketplace", "robot", "studio", *ROLES}),
+    ],
+)
+def test_only_these_have_a_right(
+    table: dict[str, Rights], right: str, name: str, who: set[str]
+) -> None:
+    assert {one for one, rights in table.items() if name in rights[right]} == who
+
+
+def test_authors_may_call_every_commands_service(table: dict[str, Rights]) -> None:
+    sources = (ROOT / "bt_agents_tools" / "bt_agents_tools").rglob("*.py")
+    called = {name for path in sources for name in CALLED.findall(path.read_text())}
+    assert len(called) > 8
+    named = {re.sub(r"\{[^}]*\}", "agents", name) for name in called}
+    assert named - table["author"]["request"] == set()
+
+
+def test_a_policy_has_the_form_of_sros2(trees: Trees, table: dict[str, Rights]) -> None:
+    root = Xml.fromstring(policy_xml(trees, HOSTS, "/robot1"))
+    assert (root.tag, root.get("version")) == ("policy", "0.2.0")
+    enclaves = root.findall("enclaves/enclave")
+    assert [one.get("path") for one in enclaves] == [f"/bt_agents/{name}" for name in table]
+    entries = {"topics": "topic", "services": "service", "actions": "action"}
+    rights = {"topics": {"publish", "subscribe"}, "services": {"reply", "request"}}
+    rights["actions"] = {"execute", "call"}
+    for enclave in enclaves:
+        [profile] = enclave.findall("profiles/profile")
+        assert profile.get("ns") == "/robot1"
+        assert profile.get("node")
+        for group in profile:
+            assert set(group.attrib) < rights[group.tag]
+            assert set(group.attrib.values()) == {"ALLOW"}
+            assert {one.tag for one in group} == {entries[group.tag]}
+            for one in group:
+                name = (one.text or "").removesuffix("_streams/*")
+                assert name.startswith("/")
+                assert not set(name) & set("*~{")
+
+
+def test_the_command_writes_the_policy(tmp_path: Path) -> None:
+    file = tmp_path / "policy.xml"
+    run = CliRunner().invoke(security, [str(ROOT / "trees"), "-o", str(file)])
+    assert run.exit_code == 0, run.output
+    assert 'path="/bt_agents/author"' in file.read_text()
