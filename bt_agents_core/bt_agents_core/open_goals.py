@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.ros_names import LONGEST_NAME
+from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 from bt_agents_core.text import printable_line
 
 MOST_OPEN_GOALS = 100
@@ -18,7 +17,6 @@ TAKEOVER_S = 3.0
 """Time for the goals of a host that is gone to end after they were cancelled [s]."""
 
 _LONGEST_PATH = 200
-_ACTION = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
 _ID_BYTES = 16
 _SHOWN = 5
 
@@ -43,7 +41,7 @@ class OpenGoal:
     def __post_init__(self) -> None:
         """Check the name and the id, which may come from outside."""
         object.__setattr__(self, "path", printable_line(self.path[:_LONGEST_PATH]))
-        if len(self.action) > LONGEST_NAME or not _ACTION.fullmatch(self.action):
+        if not is_full_name(self.action):
             found = printable_line(self.action[:LONGEST_NAME])
             raise Refused(
                 "BAD_GOAL",

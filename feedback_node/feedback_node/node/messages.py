@@ -5,12 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from rclpy.exceptions import NameValidationException
-from rclpy.validate_full_topic_name import validate_full_topic_name
-
 from bt_agents_core.errors import Refused
-from bt_agents_core.ros_names import LONGEST_NAME
+from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import quote
 from bt_agents_interfaces.msg import (
     AgentCard,
     Feedback,
@@ -46,12 +44,10 @@ def card_from_msg(message: HostCard, space: SceneSpace, sender: str = "") -> Lea
     Raises:
         Refused: ``BAD_NAME`` when the host's name is none.
     """
-    try:
-        validate_full_topic_name(set_profile_name(message.host), is_service=True)
-    except NameValidationException as error:
+    if not is_full_name(message.host):
         raise Refused(
-            "BAD_NAME", f"card of '{message.host}': {error}; expected a full name like /agents"
-        ) from None
+            "BAD_NAME", f"card of {quote(message.host)}: expected a full name like /agents"
+        )
     return LearningCard(
         host=message.host,
         instance=message.host_instance,
