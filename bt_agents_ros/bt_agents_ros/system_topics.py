@@ -12,6 +12,9 @@ from dataclasses import dataclass
 HOST = "{host}"
 """Stands for the name of each host in names of topics and nodes."""
 
+NODES = ("marketplace", "scene_layer", "feedback", HOST, "robot", "selector", "journal", "studio")
+"""Names of the nodes of the system."""
+
 PREFIX = "bt_agents/"
 """Begins the names of topics and services that belong to no node alone."""
 

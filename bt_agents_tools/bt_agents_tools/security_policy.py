@@ -11,12 +11,10 @@ from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.specs import iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.node_type import Resources
-from bt_agents_ros.system_topics import ACTIONS, HOST, SERVICES, TOPICS
+from bt_agents_ros.system_topics import ACTIONS, HOST, NODES, SERVICES, TOPICS
 
 OBSERVER = "_bt_agents_observer"
 """Name of the node of every command of the command line."""
-
-NODES = ("marketplace", "scene_layer", "feedback", HOST, "robot", "selector", "journal", "studio")
 
 ROLES = ("watch", "operate", "author")
 """Roles of the command line; each may do what those before it may."""

@@ -12,23 +12,13 @@ import yaml
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import printable_line, quote
 from bt_agents_language.diagnostics.collection import nearest
+from bt_agents_ros.system_topics import NODES
 from bt_agents_tools.launcher.components import HOST
 
 _MAX_BYTES = 1_000_000
 _VALUES = "ros__parameters"
 _MAX_NESTED = 16
-_NODES = (
-    HOST,
-    "feedback",
-    "fleet",
-    "journal",
-    "marketplace",
-    "robot",
-    "scene_layer",
-    "selector",
-    "studio",
-    "visitors",
-)
+_NODES = {*(name.format(host=HOST) for name in NODES), "fleet", "visitors"}
 
 
 def checked_params(
