@@ -107,8 +107,11 @@ def decorated(node: YamlNode, key: str, value: Data) -> YamlNode:
 
 
 def can_be_skipped(node: YamlNode) -> bool:
-    """Return whether a node has a decorator that can skip it."""
-    return any(key in node.decorators for key in _SKIPPING)
+    """Return whether a decorator can skip a node, or each child of a sequence or selector."""
+    if any(key in node.decorators for key in _SKIPPING):
+        return True
+    composite = node.key in ("sequence", "selector") and bool(node.children)
+    return composite and all(map(can_be_skipped, node.children))
 
 
 def with_comments(node: YamlNode, comments: Iterable[str]) -> YamlNode:
