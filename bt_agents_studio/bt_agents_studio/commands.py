@@ -26,6 +26,8 @@ from bt_agents_tools.launcher.supervisor import set_discovery
 
 _PERIOD_S = 0.05
 _FIND_S = 3.0
+_PAST_S = 1.0
+"""Time in which what has happened before is received, each topic for itself [s]."""
 
 
 @click.command()
@@ -130,6 +132,7 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
     began = time.monotonic()
     end = began + seconds if seconds is not None else float("inf")
     told = False
+    lines: list[LogRecord] = []
     try:
         while not interrupt and time.monotonic() < end:
             time.sleep(_PERIOD_S)
@@ -143,18 +146,26 @@ def watch(directory: str, as_json: bool, seconds: float | None) -> None:
             if message is not None and as_json:
                 click.echo(encode(message))
             elif isinstance(message, Snapshot | Delta):
-                _print_lines(message)
+                lines += _log_records(message)
+            if time.monotonic() - began > _PAST_S:
+                _print_lines(lines)
     finally:
         thread.stop()
+        _print_lines(lines)
 
 
-def _print_lines(message: Snapshot | Delta) -> None:
+def _log_records(message: Snapshot | Delta) -> list[LogRecord]:
     if isinstance(message, Snapshot):
         values = list(message.entries.get("log", {}).values())
     else:
         values = [value for collection, _, value in message.changes if collection == "log"]
-    for record in values:
-        if isinstance(record, LogRecord):
-            moment = time.strftime("%H:%M:%S", time.localtime(record.at_s))
-            who = f"{record.agent}: " if record.agent else ""
-            click.echo(f"{moment} {record.kind:>8}  {who}{record.text}")
+    return [value for value in values if isinstance(value, LogRecord)]
+
+
+def _print_lines(records: list[LogRecord]) -> None:
+    """Print records by their times, and forget them."""
+    for record in sorted(records, key=lambda one: one.at_s):
+        moment = time.strftime("%H:%M:%S", time.localtime(record.at_s))
+        who = f"{record.agent}: " if record.agent else ""
+        click.echo(f"{moment} {record.kind:>8}  {who}{record.text}")
+    records.clear()

@@ -11,6 +11,7 @@ from typing import Any
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.health import Health
 from bt_agents_core.scene import Origin
+from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.stop_cause import StoppedBy
 from bt_agents_core.text import ellipsize, printable_line
 from bt_agents_studio.records import (
@@ -105,6 +106,7 @@ class Projection:
     def __init__(self, store: Store, mood: str = "") -> None:
         self._store = store
         self._mood = mood
+        self._names = SceneLabels()
         self._lines = 0
         self._moods = 0
         self._heard: dict[str, float] = {}
@@ -187,9 +189,10 @@ class Projection:
 
     def _scene(self, message: Any, at_s: float) -> None:
         record = _scene(message)
+        self._names.add(message)
         if not self._is_running():
             self._store.put("scene", "", record)
-        self._log(at_s, "scene", text=record.label or record.scene_id)
+        self._log(at_s, "scene", text=self._names.name_of(record.scene_id))
 
     def _is_running(self) -> bool:
         runs = (self._store.get("runs", agent) for agent in self._store.keys("runs"))
@@ -205,6 +208,7 @@ class Projection:
 
     def _auction(self, message: Any, at_s: float) -> None:
         record = round_record(message)
+        self._names.add(message.scene)
         self._store.put("rounds", f"{record.epoch}/{record.round}", record)
         if not record.preview:
             self._log(at_s, "market", agent=record.winner, text=record.reason)
@@ -687,7 +691,7 @@ class Projection:
 
     def _log(self, at_s: float, kind: str, *, text: str, agent: str = "", path: str = "") -> None:
         self._lines += 1
-        text = ellipsize(text, _LONGEST_LINE)
+        text = ellipsize(self._names.with_names(text), _LONGEST_LINE)
         record = LogRecord(at_s=at_s, kind=kind, agent=agent, path=path, text=text)
         self._store.put("log", str(self._lines), record)
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.markup import escape
 
+from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
-from bt_agents_tools.cli.formatting import SceneLabels, code_text, fitted_console, print_line
+from bt_agents_tools.cli.formatting import code_text, fitted_console, print_line
 from bt_agents_tools.cli.table import Column, TableForm, print_json, print_table
 from marketplace_node.outcomes import AuctionOutcome, RunEventKind, RunOutcome
 

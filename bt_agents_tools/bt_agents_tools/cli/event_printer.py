@@ -17,12 +17,12 @@ from bt_agents_core.log_budget import LogBudget
 from bt_agents_core.node_name import filled_name
 from bt_agents_core.ros_names import LONGEST_NAME
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.stop_cause import StopCause, StoppedBy, stopper
 from bt_agents_core.text import ellipsize, format_known, join_first
 from bt_agents_tools.cli.formatting import (
     KINDS,
     OUTCOMES,
-    SceneLabels,
     code_text,
     constant_text,
     counted,

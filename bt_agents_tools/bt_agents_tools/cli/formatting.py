@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formatting of messages for people: constants, counts, names of scenes, wrapped lines."""
+"""Formatting of messages for people: constants, counts, times, wrapped lines."""
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -12,16 +11,12 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.text import Text
 
-from bt_agents_core.scene import first_id, scene_name, unawarded_id
-from bt_agents_core.text import ellipsize
 from bt_agents_tools.cli.table import TableForm
 
 STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
 OUTCOMES = ("SUCCEEDED", "FAILED", "CANCELLED", "LOST")
 KINDS = ("DIRECT", "POSITIVE", "NEGATIVE", "SET")
 
-_LONGEST_LABEL = 200
-_MOST_LABELS = 1_000
 _NARROWEST = 20
 _WIDEST = 10_000
 
@@ -40,36 +35,6 @@ def code_text(code: str) -> str:
 def counted(number: int, what: str) -> str:
     """Return a number with its noun: ``1 agent``, ``2 agents``."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-class SceneLabels:
-    """Names of the last scenes for people: the label, else the values, instead of the id."""
-
-    def __init__(self) -> None:
-        self._names: dict[str, str] = {}
-
-    def add(self, scene: Any) -> None:
-        """Store the name of a scene, as ``Scene.msg`` has it."""
-        if len(scene.scene_id) > _LONGEST_LABEL:
-            return  # the market takes none with such an id
-        name = ellipsize(scene_name(scene), _LONGEST_LABEL)
-        self._names[scene.scene_id] = name
-        self._names.setdefault(first_id(scene.scene_id), name)
-        while len(self._names) > _MOST_LABELS:
-            del self._names[next(iter(self._names))]
-
-    def name_of(self, scene_id: str) -> str:
-        """Return the name of a scene; else of the one as announced; its id when none is known.
-
-        A follow-up round is for a scene of its own, which may have another name.
-        """
-        announced = first_id(scene_id)
-        ids = (scene_id, announced, unawarded_id(announced))
-        return next(filter(None, map(self._names.get, ids)), scene_id)
-
-    def with_names(self, text: str) -> str:
-        """Return a text for people with names in place of quoted ids."""
-        return re.sub(r"'([^']*)'", lambda match: f"'{self.name_of(match[1])}'", text)
 
 
 def node_names(received: Iterable[Sequence[Any]], agent: str) -> dict[str, str]:

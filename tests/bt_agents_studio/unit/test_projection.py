@@ -62,6 +62,12 @@ def shown() -> Shown:
     return one
 
 
+def test_the_log_names_scenes_in_words(shown: Shown) -> None:
+    shown.take(Scene(scene_id="scene-7", label="a child", person=True))
+    shown.take(Run(**RUN, event=Run.ENDED, message="scene 'scene-7' was cancelled"))
+    assert shown.log[-2:] == ["a child", "ended: scene 'a child' was cancelled"]
+
+
 def time_left(seconds: float, path: str = "tree/0.ask") -> Countdown:
     return Countdown(path=path, kind="retry", unit=Countdown.TIME, remaining_s=seconds)
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
+from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_interfaces.msg import Auction, Run, Scene
 from bt_agents_ros.messages import to_time
 from bt_agents_tools.cli.decisions import show_decision, stop_texts
-from bt_agents_tools.cli.formatting import SceneLabels
 from market_harness import scene
 from marketplace_node.effects import PublishAuction
 from marketplace_node.node.messages import auction_to_msg

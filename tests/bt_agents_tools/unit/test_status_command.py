@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_interfaces.msg import (
     AgentCard,
     HostCard,
@@ -19,7 +20,7 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_ros.messages import header_at, to_time
 from bt_agents_tools.cli.commands.status import market_text, shown_agents
-from bt_agents_tools.cli.formatting import SceneLabels, node_names, since_text
+from bt_agents_tools.cli.formatting import node_names, since_text
 
 SINCE_S = time.mktime((2026, 5, 4, 10, 11, 12, 0, 0, -1))
 

@@ -14,6 +14,7 @@ from rich.markup import escape
 
 from bt_agents.host.reload.host_card_diff import degraded_reason, problem_text
 from bt_agents.host.run_control import pause_text
+from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_core.text import format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import (
@@ -28,7 +29,6 @@ from bt_agents_tools.cli.decisions import (
 )
 from bt_agents_tools.cli.formatting import (
     STATES,
-    SceneLabels,
     constant_text,
     counted,
     fitted_console,

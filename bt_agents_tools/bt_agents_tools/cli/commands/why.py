@@ -12,6 +12,7 @@ import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.optional_packages import journal_needs
+from bt_agents_core.scene_labels import SceneLabels
 from bt_agents_tools.cli.connection import NoSystemError, connect
 from bt_agents_tools.cli.decisions import (
     SOON_S,
@@ -24,7 +25,6 @@ from bt_agents_tools.cli.decisions import (
     show_decision,
     stop_texts,
 )
-from bt_agents_tools.cli.formatting import SceneLabels
 from bt_agents_tools.cli.table import TableForm, table_options
 from bt_agents_tools.cli.trees_choice import kept_state, state_option
 
