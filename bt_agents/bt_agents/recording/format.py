@@ -36,10 +36,6 @@ before: ``format``, ``agent``, ``host``, ``version``, ``file``, ``seed``, ``limi
 ``end``      how the run has ended
 ``stopped``  why nothing more is recorded
 ============ =====================================================================================
-
-Format 1 had lists by position instead of keys inside of the lists, and other names for ``step``
-(``turn``), ``calls`` (``do``), ``messages`` (``inbox``) and ``requests`` (``out``). It is read as
-format 2.
 """
 
 from __future__ import annotations
