@@ -18,7 +18,7 @@ from marketplace_node.round.decision import Decision, UndecidedRule
 
 
 class State(IntEnum):
-    """State of the market; the numbers are those of ``MarketStatus.msg``."""
+    """State of the market; the numbers match ``MarketStatus.msg``."""
 
     IDLE = 0
     BIDDING = 1
@@ -30,7 +30,7 @@ class State(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class RunGoal:
-    """Identity of an award: an agent gets at most one goal a round."""
+    """Identity of an award: an agent gets at most one goal per round."""
 
     round: int
     agent: str
@@ -40,23 +40,23 @@ class RunGoal:
 
 
 class Effect:
-    """Something that the market wants done; each kind is a class of its own."""
+    """Base of the effects: something that the market wants done."""
 
 
 Execute = Callable[[list[Effect]], None]
-"""Executes the effects with which the market answers an event."""
+"""Executes the effects that the market returns for an event."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Connect(Effect):
-    """Reach a host that is new, was restarted or has moved its interfaces."""
+    """Connect to a host that is new, was restarted or has moved its interfaces."""
 
     entry: HostEntry
 
 
 @dataclass(frozen=True, kw_only=True)
 class Disconnect(Effect):
-    """Reach a host no more, as it is forgotten."""
+    """Disconnect from a host that the market has forgotten."""
 
     host: str
 
@@ -74,7 +74,7 @@ class OpenCall(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class RequestRanking(Effect):
-    """Request an external ranking of bids, to be reported; fields as in ``SelectAgent.srv``."""
+    """Request an external ranking of bids; fields as in ``SelectAgent.srv``."""
 
     round: int
     scene: Scene
@@ -96,18 +96,18 @@ class PublishAuction(Effect):
 
     @cached_property
     def reason(self) -> str:
-        """The decision on one line; made when it is first asked for."""
+        """The decision on one line; formatted on first access."""
         return self.reason_fn()
 
     @cached_property
     def explanation(self) -> str:
-        """The decision in plain sentences, one a line; made when it is first asked for."""
+        """The decision in plain sentences, one per line; formatted on first access."""
         return self.explanation_fn()
 
 
 @dataclass(frozen=True, kw_only=True)
 class PreviewEnded(Effect):
-    """Answer the request for a preview with its outcome, or why there is none."""
+    """Answer a preview request with its outcome, or with the reason why there is none."""
 
     number: int
     outcome: PublishAuction | Refused
@@ -123,21 +123,21 @@ class SendGoal(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class CancelGoal(Effect):
-    """Cancel a goal, or drop it when it has not been sent yet."""
+    """Cancel a goal, or drop it if it has not been sent yet."""
 
     goal: RunGoal
 
 
 @dataclass(frozen=True, kw_only=True)
 class CancelAll(Effect):
-    """Cancel whatever runs at a host, as none of it is known."""
+    """Cancel everything that runs at a host, because the market knows none of it."""
 
     host: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class CancelOpenGoals(Effect):
-    """Cancel what a start of a host has left open at servers, then report ``goals_cancelled``."""
+    """Cancel the goals that a start of a host left open, then report ``goals_cancelled``."""
 
     host: str
     instance: str
@@ -165,10 +165,10 @@ class AnnounceRun(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class EarlierRun(AnnounceRun):
-    """End of a run of an earlier market as its host reports it.
+    """End of a run of an earlier market, as its host reports it.
 
     Attributes:
-        epoch: That market.
+        epoch: The earlier market.
         age_s: Time since the run ended [s].
     """
 
@@ -178,7 +178,7 @@ class EarlierRun(AnnounceRun):
 
     @property
     def cut_off(self) -> bool:
-        """True when nobody wanted its end: its market was lost, or its host was."""
+        """True when the run ended because its market or its host was lost."""
         lost = self.outcome is RunOutcome.LOST
         cancelled = self.outcome is RunOutcome.CANCELLED
         return lost or (cancelled and self.stop_cause == StopCause.MARKET_LOST)
@@ -186,7 +186,7 @@ class EarlierRun(AnnounceRun):
 
 @dataclass(frozen=True, kw_only=True)
 class AnnounceEarlierRun(Effect):
-    """Publish the end of a run of an earlier market that is not announced yet."""
+    """Publish the end of a run of an earlier market that was not announced yet."""
 
     run: EarlierRun
 
@@ -228,10 +228,10 @@ class StatusChanged(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneEnded(Effect):
-    """Publish the one end of a scene; fields as in ``SceneEnd.msg``.
+    """Publish the end of a scene, once per scene; fields as in ``SceneEnd.msg``.
 
     Attributes:
-        epoch: The market that has ended it; empty for this one.
+        epoch: The market that ended it; empty for this one.
     """
 
     scene_id: str
@@ -247,7 +247,7 @@ class StoreOverrides(Effect):
     """Store pins, vetoes and counts for :meth:`Market.restore_overrides` of a later start.
 
     Attributes:
-        at_once: Whether an operator is about to hear that it counts.
+        at_once: Whether an operator is about to get the answer that the change is in force.
     """
 
     text: str
@@ -256,13 +256,13 @@ class StoreOverrides(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Note(Effect):
-    """Log a warning that may be throttled."""
+    """Log a warning, rate limited."""
 
     message: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm(Effect):
-    """Log a warning that occurs once, without the rate limit of notes."""
+    """Log a one-time warning, without the rate limit of notes."""
 
     message: str

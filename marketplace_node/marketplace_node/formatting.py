@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formatting of numbers, lists and foreign texts for people."""
+"""Formats numbers, lists and texts from outside for people."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ ALL_DIGITS = 6
 """Digits of all other numbers."""
 
 FEW = DIGITS
-"""Digits of numbers of which more would tell people nothing, as where chance is part of them."""
+"""Digits of numbers whose further digits mean nothing to people, for example random ones."""
 
 _LONGEST_LINE = 300  # characters
 
 
 def distance(value: float, digits: int = ALL_DIGITS) -> str:
-    """Return a number that shows that it is no count: ``2.0``."""
+    """Return a number with a decimal point, so it does not look like a count: ``2.0``."""
     text = format_number(value, digits)
     return text if set(text) & set(".e") else f"{text}.0"
 
 
 def percent(share: float) -> str:
-    """Return a share of 1 in percent; what is not all and not nothing is never shown so."""
+    """Return a share of 1 in percent; only exactly 0 and 1 become 0 % and 100 %."""
     if 0.0 < share < 0.01:
         return "less than 1 %"
     if 0.99 < share < 1.0:
@@ -30,5 +30,5 @@ def percent(share: float) -> str:
 
 
 def shown(text: str) -> str:
-    """Return words from outside as one line that is not too long."""
+    """Return a text from outside as one line of limited length."""
     return ellipsize(printable_line(text), _LONGEST_LINE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals that the starts of hosts have open, and what becomes of them when their host is gone."""
+"""Open goals of each start of a host, and their cancellation once the host is gone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bt_agents_core.open_goals import OpenGoal, name_goals
 from marketplace_node.effects import CancelOpenGoals
 
 MOST_STARTS = 200
-"""Starts of hosts whose open goals are known; the oldest that was never registered makes room."""
+"""Most starts of hosts that are tracked; the oldest that never registered makes room."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,12 +24,12 @@ class StoredGoals:
 
 @dataclass(eq=False, kw_only=True)
 class _Start:
-    """One start of a host, and what it has open.
+    """One start of a host with its open goals.
 
     Attributes:
-        was_live: Whether it was ever alive at this market.
-        awaited_until: Until when it may register, steady time [s], if only an earlier market knew
-            it; None for all others.
+        was_live: Whether it was ever alive in this market.
+        awaited_until: When its time to register ends, steady time [s], if only an earlier market
+            knew it; None for all others.
     """
 
     goals: tuple[OpenGoal, ...]
@@ -38,17 +38,17 @@ class _Start:
 
     @property
     def was_registered(self) -> bool:
-        """True if it was alive at this market, or registered at an earlier one."""
+        """True if it was alive in this market or registered with an earlier one."""
         return self.was_live or self.awaited_until is not None
 
 
 @dataclass(eq=False)
 class GoalTakeover:
-    """State machine of the goals of all hosts; nobody acts before those of the dead have ended.
+    """State machine of the open goals of all hosts; no run starts before those of dead hosts end.
 
-    A start that was never registered at this market is none of its business: it may be winding up
-    a run of an earlier one. One that was registered at that one has some time to register here;
-    then it counts as dead.
+    It ignores a start that never registered with this market: that start may be finishing a run
+    of an earlier market. A start that was registered with the earlier market has some time to
+    register with this one; after that it counts as dead.
     """
 
     _open: dict[tuple[str, str], _Start] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class GoalTakeover:
     _unconfirmed: list[str] = field(default_factory=list)
 
     def store(self, host: str, instance: str, goals: tuple[OpenGoal, ...]) -> None:
-        """Store what a start of a host has open now."""
+        """Store the goals that a start of a host has open now."""
         start = self._open.get((host, instance))
         if not goals:
             self._open.pop((host, instance), None)
@@ -67,7 +67,7 @@ class GoalTakeover:
 
     @property
     def stored(self) -> tuple[StoredGoals, ...]:
-        """What a later start of the market has to know; also what is being cancelled."""
+        """What a later start of the market must know, including goals that are being cancelled."""
         starts = [(key, start.goals) for key, start in self._open.items() if start.was_registered]
         return tuple(
             StoredGoals(host=host, instance=instance, goals=goals)
@@ -75,13 +75,13 @@ class GoalTakeover:
         )
 
     def restore(self, stored: Iterable[StoredGoals], until: float) -> None:
-        """Take over what an earlier market had stored; who is silent until then counts as dead."""
+        """Restore what an earlier market stored; hosts silent until ``until`` count as dead."""
         for one in stored:
             if one.goals and self._has_room():
                 self._open[one.host, one.instance] = _Start(goals=one.goals, awaited_until=until)
 
     def extend_after_stall(self, lasted_s: float) -> None:
-        """Wait longer for hosts: the market itself has not listened for so long [s]."""
+        """Wait longer for hosts, because the market itself was stalled for ``lasted_s`` [s]."""
         for start in self._open.values():
             if start.awaited_until is not None:
                 start.awaited_until += lasted_s
@@ -89,7 +89,7 @@ class GoalTakeover:
     def lost(
         self, is_live: Callable[[str, str], bool], within_s: float, now: float
     ) -> list[CancelOpenGoals]:
-        """Return the cancellations of the goals whose host is gone since it was last asked."""
+        """Return the cancellations for hosts that are gone since the last call."""
         effects = []
         for (host, instance), start in list(self._open.items()):
             if is_live(host, instance):
@@ -101,9 +101,9 @@ class GoalTakeover:
         return effects
 
     def lose(self, host: str, instance: str, within_s: float) -> list[CancelOpenGoals]:
-        """Return the cancellation of the goals of a start whose run is given up, if it has any."""
+        """Return the cancellation of the goals of a start whose run is given up, if any."""
         if (host, instance) in self._ending:
-            # What it has sent since is cancelled when that has ended.
+            # Goals that it has sent since are cancelled once this cancellation has ended.
             return []
         start = self._open.pop((host, instance), None)
         if start is None:
@@ -114,7 +114,7 @@ class GoalTakeover:
         ]
 
     def ended(self, host: str, instance: str, unconfirmed: tuple[OpenGoal, ...]) -> str:
-        """Handle the end of a cancellation; return in words what is not confirmed, if anything."""
+        """Handle the end of a cancellation; return in words which ends are unconfirmed, if any."""
         if self._ending.pop((host, instance), None) is None or not unconfirmed:
             return ""
         self._unconfirmed.append(f"{name_goals(unconfirmed)} of {host}")
@@ -124,11 +124,11 @@ class GoalTakeover:
         )
 
     def orphans(self, host: str, instance: str) -> tuple[str, ...]:
-        """Return the nodes whose goals are being cancelled, by their paths."""
+        """Return the paths of the nodes whose goals are being cancelled."""
         return tuple(goal.path for goal in self._ending.get((host, instance), ()))
 
     def obstacle(self) -> str:
-        """Return why nobody may begin to act; empty when everything has ended."""
+        """Return why no run may start; empty when all goals have ended."""
         for (host, _), goals in self._ending.items():
             return f"goals of {host} are being cancelled: {name_goals(goals)}"
         for (host, _), start in self._open.items():
@@ -137,7 +137,7 @@ class GoalTakeover:
         return ""
 
     def take_unconfirmed(self) -> str:
-        """Return once what may go on beside the next run; empty for nothing."""
+        """Return, once, which goals may still run during the next run; empty for none."""
         taken, self._unconfirmed = self._unconfirmed, []
         return f"not confirmed to have ended: {'; '.join(taken)}" if taken else ""
 

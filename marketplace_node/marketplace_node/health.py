@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the market: its hosts, and the scenes in line."""
+"""Health of the market: its hosts and its queue of scenes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def hosts_health(agents: Mapping[str, int], absent: Mapping[str, str]) -> PartHe
 
     Args:
         agents: Host → number of its agents.
-        absent: Host → why it cannot be asked, for each that cannot.
+        absent: Host → why it cannot be asked, for each host that cannot.
     """
     values = {host: absent.get(host) or f"{number} agents" for host, number in agents.items()}
     if not agents:
@@ -30,7 +30,7 @@ def hosts_health(agents: Mapping[str, int], absent: Mapping[str, str]) -> PartHe
 
 
 def queue_health(queued: int, awaited: Collection[str]) -> PartHealth:
-    """Return the health of the line of scenes; ``awaited`` are the hosts that they wait for."""
+    """Return the health of the queue; ``awaited`` are the hosts that its scenes wait for."""
     level, message = Health.OK, f"scenes in line: {queued}"
     if awaited:
         level, message = Health.WARN, f"{message}, for {join_first(awaited)}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Market as a state machine: events in, effects out, at most one interaction under way."""
+"""Market as a state machine: events in, effects out, at most one current interaction."""
 
 from __future__ import annotations
 
@@ -55,24 +55,24 @@ from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
 
 _Stored: TypeAlias = tuple[tuple[StoredScene, ...], int, tuple[StoredGoals, ...], tuple[str, ...]]
-"""Stored scenes, how many were taken so far, open goals, and the hosts that are alive."""
+"""Stored scenes, number of scenes taken so far, open goals, and live hosts."""
 
 
 class Market:
     """State machine of one marketplace, from its start to its end.
 
-    Every method that reports an event takes the steady time ``now`` [s] and returns what is to be
-    done, in order. Events of an old round, run or host change nothing.
+    Every method that reports an event takes the steady time ``now`` [s] and returns the effects to
+    execute, in order. Events of an old round, run or host change nothing.
 
     Args:
         space: The scene parameters.
         epoch: Name of this instance of the market; unique over restarts.
         settings: Replaceable by :meth:`configure`.
-        rules: Of the strategy ``rules``.
-        new_key: Returns another award key each time, which nobody can guess.
+        rules: Rules of the strategy ``rules``.
+        new_key: Returns a new, unguessable award key on each call.
 
     Attributes:
-        late_bids: How many answers came after their round was closed.
+        late_bids: Number of answers that came after their round was closed.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class Market:
 
     @property
     def state(self) -> State:
-        """State of the interaction under way; ``IDLE`` without one."""
+        """State of the current interaction; ``IDLE`` without one."""
         return self._interaction.state if self._interaction else State.IDLE
 
     @property
@@ -116,18 +116,18 @@ class Market:
 
     @property
     def due(self) -> float:
-        """When the next deadline passes, steady time [s]; infinite for none."""
+        """The next deadline, steady time [s]; infinite for none."""
         due = self._interaction.due if self._interaction else math.inf
         return min([due, *(open_round.due for open_round in self._open_rounds())])
 
     def configure(self, settings: Settings, now: float) -> list[Effect]:
-        """Replace the settings; deadlines that are already set stay."""
+        """Replace the settings; deadlines already set stay."""
         self._market_state.settings = settings
         self._market_state.registry.lease_s = settings.host_lease_s
         return self._settle(now)
 
     def shut_down(self, reason: str, now: float) -> list[Effect]:
-        """Take no more scenes, give up those that wait and stop the running tree."""
+        """Take no more scenes, end the queued ones and stop the running tree."""
         self._admission.close(reason, now)
         self._previews.give_up(SHUTTING_DOWN, reason)
         self._ask_again(math.inf)
@@ -137,15 +137,15 @@ class Market:
         return self._settle(now)
 
     def scene(self, scene: Scene, now: float) -> list[Effect]:
-        """Take a new scene: start an interaction, let it wait, or refuse it."""
+        """Take a new scene: start an interaction, queue it, or refuse it."""
         self._admission.take(scene, self._interaction)
         return self._settle(now)
 
     def malformed(self, scene_id: str, refused: Refused, now: float) -> list[Effect]:
-        """End a scene that could not be read; ``scene_id`` as far as it was found.
+        """End a scene that could not be read; ``scene_id`` is empty if it was not found.
 
-        Nobody can wait for the end of a scene without an id, so none is announced: a flood of them
-        would push the ends of others out of the history that the middleware keeps.
+        No program can wait for the end of a scene without an id, so that end is not announced: a
+        flood of such ends would push others out of the history of the middleware.
         """
         if scene_id:
             self._admission.refuse(scene_id, refused.code, refused.reason)
@@ -154,14 +154,14 @@ class Market:
         return self._settle(now)
 
     def unreported(self, host: str, runs: Iterable[EarlierRun], now: float) -> list[Effect]:
-        """Take ended runs of an earlier market that a registered host reports."""
+        """Take the ended runs of an earlier market that a registered host reports."""
         self._inherited.take(host, runs, now, obstacle=self._admission.closed_reason)
         return self._settle(now)
 
     def register(
         self, registration: Registration, now: float
     ) -> tuple[RegistrationAnswer, list[Effect]]:
-        """Enter a host; ``Connect`` follows when it has to be reached anew."""
+        """Register a host; returns ``Connect`` if it needs a new connection."""
         registry = self._market_state.registry
         before = registry.get(registration.host)
         if before is None and (dead := registry.replaceable(now)):
@@ -191,7 +191,7 @@ class Market:
         now: float,
         participant: str = "",
     ) -> list[Effect]:
-        """Take the heartbeat of a host with the run that it is busy with; round 0 means none."""
+        """Take the heartbeat of a host, which names its current run; round 0 means none."""
         try:
             is_known = self._market_state.registry.heartbeat(host, instance, now, participant)
         except Refused as refused:
@@ -208,7 +208,7 @@ class Market:
     def open_goals(
         self, host: str, instance: str, goals: tuple[OpenGoal, ...], now: float
     ) -> list[Effect]:
-        """Take what a start of a host has open at servers."""
+        """Take the list of goals that a start of a host has open at servers."""
         self._market_state.takeover.store(host, instance, goals)
         self._market_state.take_over_goals(now)
         return self._settle(now)
@@ -216,14 +216,14 @@ class Market:
     def goals_cancelled(
         self, host: str, instance: str, unconfirmed: tuple[OpenGoal, ...], now: float
     ) -> list[Effect]:
-        """What a start of a host has left open has ended, but for what is not confirmed."""
+        """Handle the end of a cancellation; ``unconfirmed`` goals may still run."""
         message = self._market_state.takeover.ended(host, instance, unconfirmed)
         if message:
             self._market_state.effects.append(Alarm(message=message))
         return self._settle(now)
 
     def extend_after_stall(self, since: float, now: float) -> list[Effect]:
-        """Renew leases and move deadlines: the market itself has not listened since ``since``."""
+        """Renew leases and move deadlines, because the market was stalled since ``since``."""
         self._market_state.extend_after_stall(since, now)
         self._inherited.extend_after_stall(now - since)
         self._admission.extend_after_stall(now - since)
@@ -234,14 +234,14 @@ class Market:
         return self._settle(now)
 
     def called(self, round_number: int, now: float) -> list[Effect]:
-        """Start the clock of the round, as its call for bids is published."""
+        """Start the clock of a round: its call for bids is published."""
         for open_round in self._open_rounds():
             if open_round.number == round_number:
                 open_round.called(now)
         return self._settle(now)
 
     def bids(self, bids: Bids, now: float) -> list[Effect]:
-        """Take a host's answer, unchecked."""
+        """Take a host's unchecked answer."""
         rounds = self._open_rounds()
         named = next((r for r in rounds if r.number == bids.round), None)
         real = [r for r in rounds if r.number <= PREVIEWS]
@@ -253,7 +253,7 @@ class Market:
             self.late_bids += 1
             self._note(f"LATE: bids of {bids.host} for round {bids.round}, which is closed")
         elif real and real[0].takes_bids:
-            # What belongs to no open round is recorded with the first one.
+            # An answer that belongs to no open round is recorded in the first one.
             real[0].take(bids)
         else:
             try:
@@ -264,7 +264,7 @@ class Market:
         return self._settle(now)
 
     def ranked(self, round_number: int, external: External, now: float) -> list[Effect]:
-        """Take the ranking of a program outside, or why there is none; a late one is noted."""
+        """Take an external ranking, or the reason why there is none; a late one is only logged."""
         if not any(r.number == round_number and r.ranked(external) for r in self._open_rounds()):
             self._note(f"LATE: a ranking from outside for round {round_number}, which is closed")
         elif self._interaction is not None:
@@ -276,7 +276,7 @@ class Market:
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``NO_SCENE``, or as in :class:`OperatorOverrides` and
-                for scenes that come in; nothing is changed then.
+                for new scenes; nothing is changed.
         """
         message = self._operator_commands.take(command, self._interaction, now)
         if command.action is not OperatorAction.AWARD:
@@ -284,7 +284,7 @@ class Market:
         return message, self._settle(now)
 
     def restore_overrides(self, text: str, now: float) -> tuple[str, list[Effect]]:
-        """Take over pins, vetoes and counts that an earlier market had stored, before any scene.
+        """Restore pins, vetoes and counts that an earlier market stored, before any scene.
 
         Returns:
             The pins and vetoes in words, empty for none, and the effects.
@@ -296,15 +296,15 @@ class Market:
         return self._market_state.overrides.intervention(""), self._settle(now)
 
     def restore_scenes(self, text: str, away_s: float, now: float) -> tuple[int, list[Effect]]:
-        """Take over what an earlier market had stored, before any scene or host.
+        """Restore the scenes and goals that an earlier market stored, before any scene or host.
 
         Args:
-            text: What it has stored.
-            away_s: For how long there was no market [s].
+            text: The stored text.
+            away_s: How long there was no market [s].
             now: Steady time [s].
 
         Returns:
-            How many scenes there were, and the effects.
+            The number of scenes, and the effects.
 
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
@@ -346,9 +346,9 @@ class Market:
                 )
 
     def preview(self, scene: Scene | None, strategy: str, now: float) -> tuple[int, list[Effect]]:
-        """Ask who would win; ``PreviewEnded`` with the number that is returned follows.
+        """Open a preview of who would win; ``PreviewEnded`` with the returned number follows.
 
-        Without a scene it is about the last one, without a strategy it is by the one in force.
+        Without a scene it uses the last one, without a strategy the one in force.
 
         Raises:
             Refused: ``NO_SCENE``, ``SHUTTING_DOWN``, ``UNKNOWN_STRATEGY`` or ``BUSY``.
@@ -359,47 +359,47 @@ class Market:
         return number, self._settle(now)
 
     def goal_accepted(self, goal: RunGoal, now: float) -> list[Effect]:
-        """The host has taken the goal; one that nobody waits for any more is cancelled."""
+        """Handle the acceptance of a goal; one that is no longer awaited is cancelled."""
         if self._interaction is None or not self._interaction.accepted(goal, now):
             late = f"it took the run of round {goal.round} too late"
             self._market_state.give_up(goal, late, now, runs=True)
         return self._settle(now)
 
     def goal_refused(self, goal: RunGoal, reason: str, now: float) -> list[Effect]:
-        """The host does not take the goal, or it could not be sent."""
+        """Handle a goal that the host refused, or that could not be sent."""
         if self._interaction is not None:
             self._interaction.refused(goal, reason, now)
         return self._settle(now)
 
     def run_ended(self, goal: RunGoal, end: RunEnd, now: float) -> list[Effect]:
-        """The host reports the end of a run."""
+        """Handle the end of a run, as its host reports it."""
         if self._interaction is None or not self._interaction.ended(goal, end, now):
             self._market_state.ended(goal)
         return self._settle(now)
 
     def collected(self, round_number: int, message: str, now: float) -> list[Effect]:
-        """The feedback service has answered, or will not answer; ``message`` says which."""
+        """Handle the answer of the feedback service, or its absence; ``message`` says which."""
         if self._interaction is not None and round_number == self._interaction.round:
             self._interaction.collected(message)
         return self._settle(now)
 
     def feedback_deferred(self, round_number: int, now: float) -> list[Effect]:
-        """The feedback service is away; it is asked until it has answered, without the market."""
+        """Stop waiting for the feedback service, which is away and is asked until it answers."""
         return self.collected(round_number, FEEDBACK_DEFERRED, now)
 
     def cancel(
         self, epoch: str, round_number: int, stop: StopRequest, now: float
     ) -> tuple[bool, str, list[Effect]]:
-        """Stop the interaction under way.
+        """Stop the current interaction.
 
         Args:
             epoch: Market of the run; empty for this one.
-            round_number: Round of the run; 0 for whatever runs, and for the scenes that wait.
-            stop: Why, and whether to ask again.
+            round_number: Round of the run; 0 for any run and all queued scenes.
+            stop: The reason, and whether to ask again.
             now: Steady time [s].
 
         Returns:
-            Whether it is done, the answer in words, and the effects.
+            Whether the request is carried out, the answer in words, and the effects.
         """
         current = self._interaction.round if self._interaction else self._last_round
         if epoch not in ("", self.epoch):
@@ -419,7 +419,7 @@ class Market:
         return accepted, message, self._settle(now)
 
     def tick(self, now: float) -> list[Effect]:
-        """Act on leases and deadlines that have passed."""
+        """Act on expired leases and deadlines."""
         self._ask_again(now)
         self._inherited.tick(now)
         if self._interaction is not None:
@@ -450,11 +450,11 @@ class Market:
         self._market_state.effects.append(Note(message=message))
 
     def _settle(self, now: float, *, confirms: bool = False) -> list[Effect]:
-        """End what is over, begin what waits, report a changed state, hand over the effects.
+        """End what is over, begin what waits, report a changed state, return the effects.
 
         Args:
             now: Steady time [s].
-            confirms: Whether to store that all ends so far were announced.
+            confirms: Whether to store that all previous ends were announced.
         """
         self._admission.start(now)
         self._previews.update(now)
@@ -472,7 +472,7 @@ class Market:
         changed = stored != self._stored
         if changed or (confirms and self._has_stored_ends):
             self._stored = stored
-            # With the scenes that they end, so that neither is there without the other.
+            # Ends are stored together with the removal of their scenes, so neither can be lost.
             ends = tuple(
                 replace(effect, epoch=effect.epoch or self.epoch)
                 for effect in effects
@@ -480,7 +480,7 @@ class Market:
             )
             run_ends = tuple(run for effect in effects if (run := self._run_end(effect)))
             self._has_stored_ends = bool(ends or run_ends)
-            # First, so that whoever hears of an end does not hear of it from the next start, too.
+            # Stored before the ends are announced, so the next start does not contradict them.
             scenes, _, open_goals, hosts = stored
             store = StoreScenes(
                 scenes=scenes,
@@ -502,7 +502,7 @@ class Market:
         return effects
 
     def _run_end(self, effect: Effect) -> EarlierRun | None:
-        """Return the end of a run that an effect announces, as a later market would."""
+        """Return the run end that an effect announces, in the form for a later market."""
         match effect:
             case AnnounceEarlierRun():
                 return effect.run
@@ -512,7 +512,7 @@ class Market:
                 return None
 
     def _stored_scenes(self) -> tuple[tuple[StoredScene, ...], int]:
-        """Return the scenes without an end, next first, and how many were taken so far."""
+        """Return the scenes without an end, next first, and the number taken so far."""
         interaction = self._interaction
         under_way = [(interaction.origin, interaction.last_run)] if interaction else []
         queued = [(scene, None) for scene in self._admission.scenes]
@@ -544,7 +544,7 @@ class Market:
         self._market_state.effects.append(interaction.over)
 
     def health(self, now: float) -> tuple[PartHealth, ...]:
-        """Return the health of the hosts, and of the line of scenes."""
+        """Return the health of the hosts and of the queue."""
         queued = len(self._admission)
         awaited = self._admission.awaited_hosts(now) if queued else None
         return self._market_state.health(now), queue_health(queued, tuple(awaited or ()))
@@ -579,7 +579,7 @@ class Market:
 
 
 def _waiting_text(awaited: Mapping[str, str]) -> str:
-    """Return which hosts scenes wait for, as text; none means those that are still to register."""
+    """Return in words which hosts scenes wait for; empty means hosts that have yet to register."""
     if not awaited:
         return "waiting for hosts to register"
     return f"waiting for {join_first(f'{host} ({why})' for host, why in awaited.items())}"

@@ -32,10 +32,10 @@ from marketplace_node.settings import RULES, Settings
 from marketplace_node.statistics import MarketStatistics, counts
 
 PREVIEWS = 2**31
-"""Numbers of rounds that only foretell begin after this one, so that no other is counted."""
+"""Numbers of previews begin after this one, so they do not consume numbers of real rounds."""
 
 _CANCEL_AGAIN_S = 1.0
-_CONFIRMED_S = 0.3  # a heartbeat of a run may come after its end
+_CONFIRMED_S = 0.3  # the heartbeat of a run may arrive after its end
 _OF_ANOTHER = "it still runs a tree for another market"
 
 
@@ -46,9 +46,9 @@ class _OrphanRun:
     Attributes:
         instance: The start of its host.
         reason: Why its host is not free.
-        goal: None when it is not known.
-        blocks: True when its host is not to be asked, as it surely is not free.
-        running_since: When the host first reported it, steady time [s]; None while it does not.
+        goal: Its goal; None when unknown.
+        blocks: True when its host must not be asked, because it is certainly not free.
+        running_since: When the host first reported it, steady time [s]; None before.
         cancelled_at: When it was last cancelled, steady time [s]; None before.
     """
 
@@ -66,11 +66,11 @@ class MarketState:
     Attributes:
         epoch: Name of this instance of the market.
         effects: Pending effects, in order.
-        rounds: How many rounds there have been; the number of the last one.
-        previews: How many rounds there have been that only foretold.
-        last_scene: The scene that was taken last; None before the first.
+        rounds: Number of rounds so far, which is the number of the last one.
+        previews: Number of previews so far.
+        last_scene: The latest scene; None before the first.
         takeover: Goals that hosts have open at servers.
-        earlier_hosts: Hosts that were alive when the earlier market was last; empty for unknown.
+        earlier_hosts: Hosts that were alive at the end of the earlier market; empty for unknown.
     """
 
     def __init__(
@@ -109,16 +109,16 @@ class MarketState:
         preview: str | None = None,
         drawn: int = 0,
     ) -> Terms:
-        """Count a new round and return what is fixed in it.
+        """Count a new round and return its fixed terms.
 
         Args:
             scene: What the bids are for.
             now: Steady time [s].
-            follows: The round this one continues, 0 for none.
+            follows: The round that this one continues; 0 for none.
             excluded: Agents that may not bid, with the reason.
-            preview: Strategy of a round that only foretells the next one, and so draws the same
-                chance; None for a real round.
-            drawn: Number of the round whose chance it draws; 0 for the chance of its own.
+            preview: Strategy of a preview of the next round, which uses the same random draw;
+                None for a real round.
+            drawn: Number of the round whose random draw it reuses; 0 for a draw of its own.
         """
         if preview is None:
             self.rounds += 1
@@ -129,7 +129,7 @@ class MarketState:
             number, drawn = PREVIEWS + self.previews, self.rounds + 1
         settings = self.settings
         strategy = settings.strategy if preview is None else preview
-        # An award is for the first run; when that is lost, anybody may take over.
+        # An award by an operator covers the first run; if that is lost, any agent may take over.
         awarded = "" if follows else scene.scene_id
         return Terms(
             epoch=self.epoch,
@@ -155,7 +155,7 @@ class MarketState:
         )
 
     def outcome(self, decision: Decision, reason_fn: Callable[[], str]) -> PublishAuction:
-        """Return a decision as it is published, with the statistics of this moment."""
+        """Return a decision in its published form, with the current statistics."""
         return PublishAuction(
             decision=decision,
             reason_fn=reason_fn,
@@ -165,13 +165,13 @@ class MarketState:
         )
 
     def publish(self, decision: Decision, reason_fn: Callable[[], str]) -> None:
-        """Count a decision and have it published, with the line that ``reason_fn`` formats."""
+        """Count a decision and publish it with the line that ``reason_fn`` formats."""
         self.record.take(decision)
         self._take_undecided(decision)
         self.effects.append(self.outcome(decision, reason_fn))
 
     def _take_undecided(self, decision: Decision) -> None:
-        """Store the rules that could not be decided, where a round has looked at them."""
+        """Store the undecided rules, if the round has evaluated rules."""
         looked_at = RULES in (decision.terms.strategy, decision.terms.shadow)
         if not looked_at or not decision.ranked.bidders:
             return
@@ -180,12 +180,12 @@ class MarketState:
         self.effects += [Alarm(message=one.message) for one in new]
 
     def undecided(self) -> tuple[UndecidedRule, ...]:
-        """Return the rules that could not be decided when they were last looked at, if any is."""
+        """Return the rules that were undecided when they were last evaluated."""
         in_force = RULES in (self.settings.strategy, self.settings.shadow_strategy)
         return self._undecided if in_force else ()
 
     def starved(self) -> tuple[str, ...]:
-        """Return the registered agents that bid again and again and never run."""
+        """Return the registered agents that bid repeatedly and never run."""
         starved = self.record.starvation.starved(self.settings.starvation_rounds)
         if not starved:
             return ()
@@ -196,14 +196,14 @@ class MarketState:
         return known[2]
 
     def count_run(self, agent: str, decision: Decision) -> None:
-        """Count and store a run of an agent, be it the winner or the next who took it."""
+        """Count and store a run of an agent: the winner, or the next one that accepted."""
         self.record.count_run(agent, decision.ranked.bidders)
         newly_starved = self.record.starvation.newly_starved(self.settings.starvation_rounds)
         self.effects += [Alarm(message=one) for one in newly_starved]
         self.store()
 
     def store(self, *, at_once: bool = False) -> None:
-        """Store what outlives this start of the market, at once for an operator who waits."""
+        """Store what outlives this start of the market; at once if an operator waits for it."""
         stored = {
             **self.overrides.to_dict(),
             "runs": self.record.runs,
@@ -214,7 +214,7 @@ class MarketState:
         self.effects.append(StoreOverrides(text=text, at_once=at_once))
 
     def restore(self, text: str) -> None:
-        """Take over what an earlier start of the market has stored.
+        """Restore what an earlier start of the market stored.
 
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
@@ -232,7 +232,7 @@ class MarketState:
         self.record.restore(*found)
 
     def asked(self, excluded: Collection[str], now: float) -> list[HostEntry]:
-        """Return the hosts to ask: those that are free and have an agent that may bid."""
+        """Return the hosts to ask: free ones with an agent that may bid."""
         unasked, names = self._unasked(now), set(excluded)
         return [
             entry
@@ -265,14 +265,15 @@ class MarketState:
         return self._blocked(entry.host)
 
     def unheard(self, host: str) -> None:
-        """Ask a host that has left a call or a goal unanswered only after its next heartbeat."""
+        """Do not ask a host that left a call or goal unanswered before its next heartbeat."""
         self._unheard.add(host)
 
     def expected(self, now: float) -> dict[str, str]:
         """Return the hosts that cannot be asked but soon may be, with the reason.
 
-        A host that is gone is expected back for ``host_wait_s``, and the tree of one that is not
-        free to end within ``cancel_deadline_s``. With a ``host_wait_s`` of 0 none is.
+        A host that is gone is expected back within ``host_wait_s``; the tree of a busy host is
+        expected to end within ``cancel_deadline_s``. With a ``host_wait_s`` of 0 no host is
+        expected.
         """
         expected: dict[str, str] = {}
         if self.settings.host_wait_s == 0:
@@ -297,7 +298,7 @@ class MarketState:
         but: Collection[tuple[str, str]],
         now: float,
     ) -> bool:
-        """Return whether a host can be asked about a scene, other than some with an instance."""
+        """Return whether a host outside ``but`` can be asked about a scene."""
         return any(
             (entry.host, entry.instance) not in but
             and not self._absence(entry, now)
@@ -322,17 +323,16 @@ class MarketState:
         return f"{goal.host} is not free: {reason}" if reason else ""
 
     def hold(self, host: str, now: float) -> str:
-        """Return why nothing may begin at a host yet, as somebody else still has the robot.
+        """Return why no run may start at a host yet; empty when one may.
 
-        That is no obstacle for ever: a tree that does not stop is waited for as long as for a
-        run that was told to stop, and of a host without a heartbeat only the goals that it has
-        left behind.
+        The wait is bounded: a tree that does not stop holds others up no longer than
+        ``cancel_deadline_s``, and a host without a heartbeat only by the goals that it left open.
         """
         self.take_over_goals(now)
         return self.takeover.obstacle() or self._other_host_busy(host, now)
 
     def take_over_goals(self, now: float) -> None:
-        """Cancel what hosts that are gone have left open."""
+        """Cancel the goals that lost hosts left open."""
         self.effects += self.takeover.lost(
             lambda host, instance: self.registry.is_live(host, instance, now),
             self.settings.takeover_deadline_s,
@@ -340,7 +340,7 @@ class MarketState:
         )
 
     def lose_goals(self, goal: RunGoal) -> tuple[str, ...]:
-        """Cancel what a lost run has left open; return the nodes whose goals may go on."""
+        """Cancel the goals that a lost run left open; return the nodes that sent them."""
         self.effects += self.takeover.lose(
             goal.host, goal.instance, self.settings.takeover_deadline_s
         )
@@ -358,9 +358,9 @@ class MarketState:
         return ""
 
     def give_up(self, goal: RunGoal, reason: str, now: float, *, runs: bool) -> None:
-        """Cancel a goal that nobody waits for, and keep off its host until the tree has ended.
+        """Cancel a goal that is no longer awaited, and block its host until the tree has ended.
 
-        ``reason`` says why the host is not free; ``runs`` is True when it has taken the goal.
+        ``reason`` says why the host is not free; ``runs`` is True when it has accepted the goal.
         """
         entry = self.registry.get(goal.host)
         if entry is not None and entry.instance == goal.instance:
@@ -374,24 +374,24 @@ class MarketState:
         self.effects.append(CancelGoal(goal=goal))
 
     def ended(self, goal: RunGoal) -> None:
-        """Free the host of a goal that was given up and has ended after all."""
+        """Free the host of a given-up goal that has ended."""
         orphan = self._orphans.get(goal.host)
         if orphan is not None and orphan.goal == goal:
             del self._orphans[goal.host]
 
     def free(self, host: str) -> None:
-        """Free a host, as it was started anew."""
+        """Free a host."""
         self._orphans.pop(host, None)
         self._unheard.discard(host)
 
     def forget(self, host: str) -> None:
-        """Forget a host, and reach it no more."""
+        """Forget a host and disconnect from it."""
         self.registry.remove(host)
         self.free(host)
         self.effects.append(Disconnect(host=host))
 
     def extend_after_stall(self, since: float, now: float) -> None:
-        """Renew leases and move deadlines, as nobody has listened since ``since``."""
+        """Renew leases and move deadlines, because the market was stalled since ``since``."""
         self.registry.extend_after_stall(since, now)
         self.takeover.extend_after_stall(now - since)
         for orphan in self._orphans.values():
@@ -401,7 +401,7 @@ class MarketState:
     def heartbeat(
         self, host: str, epoch: str, round_number: int, award: RunGoal | None, now: float
     ) -> None:
-        """Compare what a host is busy with to what it should be; round 0 means nothing."""
+        """Compare the run that a host reports with its award; round 0 means no run."""
         self._unheard.discard(host)
         of_this = epoch == self.epoch
         awarded = award is not None and (award.host, award.round) == (host, round_number)
@@ -419,7 +419,7 @@ class MarketState:
         if orphan.running_since is None:
             orphan.running_since = now
         if not of_this:
-            # Its host stops it, as it misses the heartbeat of that market.
+            # Its host stops it by itself, because the heartbeat of that market is missing.
             orphan.reason, orphan.goal, orphan.blocks = _OF_ANOTHER, None, True
         elif _is_due(orphan, now):
             orphan.blocks, orphan.cancelled_at = True, now

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operator overrides: the pinned agent, vetoed agents, and awards of scenes."""
+"""Operator overrides: the pinned agent, the vetoed agents, and awards of scenes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOT_AWARDED = "NOT_AWARDED"
 
 
 class OperatorAction(IntEnum):
-    """Action of an operator; the numbers are those of ``OperateMarket.srv``."""
+    """Action of an operator; the numbers match ``OperateMarket.srv``."""
 
     PIN = 0
     UNPIN = 1
@@ -32,7 +32,7 @@ class OperatorAction(IntEnum):
 class OperatorCommand:
     """Command of an operator; fields as in ``OperateMarket.srv``.
 
-    ``scene`` is that of ``AWARD``; None means the last scene.
+    ``scene`` is the scene of ``AWARD``; None means the last one.
     """
 
     action: OperatorAction
@@ -43,12 +43,12 @@ class OperatorCommand:
 
     @property
     def who(self) -> str:
-        """Author of the command, or ``the operator``."""
+        """Author of the command, else ``the operator``."""
         return self.author or "the operator"
 
     @property
     def because(self) -> str:
-        """The reason as the end of a sentence; empty without one."""
+        """The reason as the end of a sentence; empty without a reason."""
         return f": {self.reason}" if self.reason else ""
 
 
@@ -59,7 +59,7 @@ class _ActiveOverride:
 
 
 class OperatorOverrides:
-    """Overrides by operators that are in force."""
+    """The operator overrides in force."""
 
     def __init__(self) -> None:
         self._pin: _ActiveOverride | None = None
@@ -68,12 +68,12 @@ class OperatorOverrides:
 
     @property
     def pinned(self) -> str:
-        """The one agent that may bid; empty for all."""
+        """The only agent that may bid; empty for all."""
         return self._pin.agent if self._pin else ""
 
     @property
     def vetoed(self) -> tuple[str, ...]:
-        """The agents that may not bid, by name."""
+        """The vetoed agents, sorted by name."""
         return tuple(sorted(self._vetoes))
 
     def to_dict(self) -> dict[str, Any]:
@@ -82,11 +82,11 @@ class OperatorOverrides:
         return {"pinned": pin, "vetoed": dict(self._vetoes)}
 
     def restore(self, stored: Mapping[str, Any]) -> None:
-        """Take pins and vetoes of an earlier market over, instead of those in force.
+        """Replace the pins and vetoes in force by those of an earlier market.
 
         Raises:
-            KeyError, TypeError, AttributeError: It is not what :meth:`to_dict` gives; nothing is
-                changed.
+            KeyError, TypeError, AttributeError: ``stored`` has not the form of :meth:`to_dict`;
+                nothing is changed.
         """
         pin, vetoes = stored["pinned"], stored["vetoed"]
         active = None
@@ -98,7 +98,7 @@ class OperatorOverrides:
         self._pin, self._vetoes = active, texts
 
     def veto_of(self, agent: str) -> str:
-        """Return the text of the veto of an agent; empty without one."""
+        """Return the veto of an agent as text; empty without one."""
         return self._vetoes.get(agent, "")
 
     def pin(self, command: OperatorCommand) -> str:
@@ -125,7 +125,7 @@ class OperatorOverrides:
         return f"{agent} is not pinned any more: all agents may bid from the next round on"
 
     def veto(self, command: OperatorCommand) -> str:
-        """Let an agent bid no more; return the answer for the operator."""
+        """Exclude an agent from bidding; return the answer for the operator."""
         self._vetoes[command.agent] = f"{command.who} vetoes {command.agent}{command.because}"
         also = f"; it is pinned, too, so nobody may bid: unpin {command.agent}"
         return f"{command.agent} may not bid" + (also if command.agent == self.pinned else "")
@@ -143,7 +143,7 @@ class OperatorOverrides:
         return f"{command.agent} may bid again from the next round on"
 
     def check_award(self, command: OperatorCommand) -> None:
-        """Check that the run for a scene may be given to an agent.
+        """Check that an agent may be awarded the run for a scene.
 
         Raises:
             Refused: ``VETOED``, or ``NOT_PINNED`` while another agent is pinned.
@@ -157,19 +157,19 @@ class OperatorOverrides:
             )
 
     def award(self, command: OperatorCommand, scene_id: str) -> None:
-        """Give the run for a scene that waits to one agent."""
+        """Award the run for a queued scene to one agent."""
         self._awards[scene_id] = _ActiveOverride(
             agent=command.agent,
             text=f"{command.who} gives the run to {command.agent}{command.because}",
         )
 
     def award_of(self, scene_id: str) -> tuple[str, str] | None:
-        """Return the agent that a scene is awarded to and the order in words; None for none."""
+        """Return the agent that a scene is awarded to, and the order in words; None for none."""
         award = self._awards.get(scene_id)
         return (award.agent, award.text) if award is not None else None
 
     def restore_award(self, scene_id: str, agent: str, text: str) -> None:
-        """Take the award of a scene over from an earlier market."""
+        """Restore the award of a scene from an earlier market."""
         self._awards[scene_id] = _ActiveOverride(agent=agent, text=text)
 
     def forget(self, scene_id: str) -> None:
@@ -177,17 +177,17 @@ class OperatorOverrides:
         self._awards.pop(scene_id, None)
 
     def intervention(self, scene_id: str) -> str:
-        """Return the text of the overrides that apply to a round; may be empty."""
+        """Return the overrides that apply to a round as text; empty for none."""
         award = self._awards.get(scene_id)
         active = [one.text for one in (award, self._pin) if one is not None]
         return "; ".join([*active, *(self._vetoes[agent] for agent in self.vetoed)])
 
     def may_bid(self, agent: str, scene_id: str) -> bool:
-        """Return whether no override keeps an agent from bidding for a scene."""
+        """Return whether the overrides let an agent bid for a scene."""
         return not any(self._exclusions(agent, self._awards.get(scene_id)))
 
     def excluded(self, hosts: Iterable[HostEntry], scene_id: str) -> tuple[RefusedBid, ...]:
-        """Return the agents of some hosts that may not bid in a round, with the reason."""
+        """Return the agents of these hosts that may not bid in a round, with the reason."""
         award = self._awards.get(scene_id)
         if award is None and self._pin is None and not self._vetoes:
             return ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Means of operators: commands, and previews that show who would win without a run."""
+"""Commands of operators, and previews that show the winner without a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from marketplace_node.operator_overrides import VETOED, OperatorAction, Operator
 from marketplace_node.settings import check_strategy
 
 MOST_PREVIEWS = 8
-"""As many previews may be under way at once."""
+"""Most previews open at a time."""
 
 
 class OperatorCommands:
@@ -36,7 +36,7 @@ class OperatorCommands:
         """Execute a command; return the answer for the operator.
 
         Raises:
-            Refused: Nothing is changed.
+            Refused: The command is invalid; nothing is changed.
         """
         overrides = self._market_state.overrides
         if command.action is OperatorAction.UNPIN:
@@ -56,7 +56,7 @@ class OperatorCommands:
                 return self._award(command, interaction)
 
     def scene(self, scene: Scene | None) -> Scene:
-        """Return a scene, or the one that was taken last.
+        """Return the given scene, else the last one.
 
         Raises:
             Refused: ``NO_SCENE``.
@@ -69,7 +69,7 @@ class OperatorCommands:
         return found
 
     def _stop(self, command: OperatorCommand, interaction: Interaction | None, now: float) -> str:
-        """Stop the agent if it has the run and ask the others; return the end of the answer."""
+        """Stop the agent if it runs and ask the others; return the end of the answer."""
         goal = interaction.goal if interaction is not None else None
         if interaction is None or goal is None or goal.agent != command.agent:
             return ""
@@ -112,14 +112,14 @@ def _runs_on(agent: str, interaction: Interaction | None) -> str:
 
 
 class Previews:
-    """Open previews, each of which ends once."""
+    """The open previews; each ends exactly once."""
 
     def __init__(self, market_state: MarketState) -> None:
         self._market_state = market_state
         self.open_rounds: list[OpenRound] = []
 
     def ask(self, scene: Scene, strategy: str, now: float) -> int:
-        """Open a preview and return its number; ``strategy`` is empty for the one in force.
+        """Open a preview and return its number; an empty ``strategy`` means the one in force.
 
         Raises:
             Refused: ``UNKNOWN_STRATEGY`` or ``BUSY``.

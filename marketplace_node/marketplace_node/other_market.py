@@ -1,28 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Detection of another marketplace of the same name, of which the younger one gives way."""
+"""Detection of another marketplace of the same name; the younger one gives way."""
 
 from __future__ import annotations
 
 LISTEN_S = 0.3
-"""Time for which a market that starts listens for another one, three heartbeats [s]."""
+"""Time for which a starting market listens for another one: three heartbeats [s]."""
 
 LEAVE_S = 1.5
-"""Time that another market, which may just be ending, has to fall silent [s]."""
+"""Time that another market has to fall silent, because it may just be ending [s]."""
 
 _MOST = 10
-"""Other markets whose last heartbeat is remembered."""
+"""Most other markets whose last heartbeat is remembered."""
 
 _AS_OLD = 3
-"""Heartbeats by which two counts may differ on their way; markets closer than that are as old."""
+"""Counts that differ by no more heartbeats than this, due to delays, mean an equal age."""
 
 
 class StartCheck:
-    """Check that no other market is alive, before one starts; times are steady [s].
+    """Check before a start that no other market is alive; times are steady [s].
 
-    A market that was killed sends no heartbeats, whatever else the graph still shows of it.
+    A killed market sends no heartbeats, even while the graph still shows its node.
 
     Attributes:
-        alive: Epoch of the market that was heard last; empty for none.
+        alive: Epoch of the last market heard; empty for none.
     """
 
     def __init__(self, now: float) -> None:
@@ -31,36 +31,36 @@ class StartCheck:
         self._limit = now + LEAVE_S
 
     def on_heartbeat(self, epoch: str, now: float) -> None:
-        """Handle a heartbeat, which is another market's, as this one has not started."""
+        """Handle a heartbeat of another market; this one has not started yet."""
         self.alive = epoch
         self._quiet_at = now + LISTEN_S
 
     def is_over(self, now: float, *, is_on_graph: bool) -> bool:
-        """Return whether enough was listened.
+        """Return whether the check has listened long enough.
 
-        While the graph shows another market, its heartbeat may not be connected yet.
+        While the graph shows another market, its heartbeat may still be connecting.
         """
         if is_on_graph and not self.alive:
             return now >= self._limit
         return now >= min(self._quiet_at, self._limit)
 
     def is_refused(self, now: float) -> bool:
-        """Return whether another market was still heard at the end."""
+        """Return whether another market was still alive at the end."""
         return bool(self.alive) and now < self._quiet_at
 
 
 class OtherMarket:
-    """Watch over the heartbeats on the topic of one market, for those of another."""
+    """Watches the heartbeat topic of one market for heartbeats of another."""
 
     def __init__(self, epoch: str) -> None:
         self._epoch = epoch
         self._last: dict[str, int] = {}
 
     def gives_way(self, epoch: str, sequence: int, own_sequence: int) -> bool:
-        """Handle a heartbeat; return whether this market has to end, as the other is older.
+        """Handle a heartbeat; return whether this market must end, because the other is older.
 
-        Heartbeats count up from the start of a market. The first one of another market may be its
-        last, so the second one counts.
+        Heartbeats count up from the start of a market. The first heartbeat of another market may
+        be its last, so the second one decides.
         """
         if epoch == self._epoch:
             return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outcomes of rounds and of runs, which programs that only show them load without the market."""
+"""Outcomes of rounds and runs, separate so that viewers need not load the market."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class AuctionOutcome(IntEnum):
-    """Outcome of a round; the numbers are those of ``Auction.msg``."""
+    """Outcome of a round; the numbers match ``Auction.msg``."""
 
     AWARDED = 1
     NO_BIDS = 2
@@ -16,7 +16,7 @@ class AuctionOutcome(IntEnum):
 
 
 class RunEventKind(IntEnum):
-    """Event in the life of a run; the numbers are those of ``Run.msg``."""
+    """Event in the life of a run; the numbers match ``Run.msg``."""
 
     STARTED = 1
     CANCELLING = 2
@@ -25,7 +25,7 @@ class RunEventKind(IntEnum):
 
 
 class RunOutcome(IntEnum):
-    """Outcome of a run; the numbers are those of ``Run.msg``."""
+    """Outcome of a run; the numbers match ``Run.msg``."""
 
     NONE = 0
     SUCCEEDED = 1

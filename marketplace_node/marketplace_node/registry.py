@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Registry of hosts and their agents, with the lease by which a host is alive."""
+"""Registry of hosts and their agents, with the lease that keeps a host alive."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 MOST_HOSTS = 100
-"""Hosts that are known; a new one takes the place of the one that is gone for longest."""
+"""Most registered hosts; a new one replaces the one that has been gone for longest."""
 
 MOST_AGENTS = 10_000
-"""Agents that one host may register; more would keep the market from its heartbeats."""
+"""Most agents of one host; more would delay the heartbeats of the market."""
 
 SILENCE_S = 0.3
-"""A host has more than one heartbeat in this time [s]."""
+"""Time in which a host sends more than one heartbeat [s]."""
 
 FIRST_HEARTBEAT_S = 3.0
-"""A start of a host that was never heard is alive for so long beyond its lease [s].
+"""Extra lease of a start of a host until its first heartbeat [s].
 
-The middleware takes its time to connect the market to the heartbeat of a host that is new.
+The middleware needs time to connect the market to the heartbeat of a new host.
 """
 
 AWARD_KEY_BYTES = 16
@@ -35,11 +35,11 @@ AWARD_KEY_BYTES = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Registration:
-    """Request of a host to enter its agents; fields as in ``RegisterHost.srv``.
+    """Request of a host to register its agents; fields as in ``RegisterHost.srv``.
 
     Attributes:
-        participant: The process it is from, as the middleware says; empty where it does not.
-        earlier_instance: Start of the host that is over; it counts only from its own process.
+        participant: The sending process, as the middleware reports it; empty if unknown.
+        earlier_instance: Ended start of the host; it counts only from the same process.
     """
 
     host: str
@@ -57,8 +57,8 @@ class HostEntry:
     """Registered host; ``agents`` maps each of its agents to its id.
 
     Attributes:
-        participant: The process that has registered it, which alone speaks for it.
-        award_key: Secret of the market and this host, by which the host knows its goals.
+        participant: The process that registered it; only this process may speak for it.
+        award_key: Shared secret by which the host recognises goals of the market.
     """
 
     host: str
@@ -70,7 +70,7 @@ class HostEntry:
     award_key: bytes = field(default=b"", repr=False)
 
     def check_sender(self, participant: str) -> None:
-        """Check that what is sent in the name of this host is from its process.
+        """Check that a message in the name of this host is from its process.
 
         Raises:
             Refused: ``OTHER_PARTICIPANT``.
@@ -98,10 +98,10 @@ class RegistrationAnswer:
 class Registry:
     """Registry of hosts by name, with unique agents.
 
-    Ids count from 1, and none is given twice. An agent keeps its own as long as a host that is
-    registered, dead or alive, has the agent in its list. A host is alive for ``lease_s`` after its
-    last heartbeat or registration [s]; see :data:`FIRST_HEARTBEAT_S` for one without any heartbeat
-    yet. Each start of a host gets an award key from ``new_key``.
+    Ids count from 1 and are never reused. An agent keeps its id as long as a registered host, dead
+    or alive, lists the agent. A host is alive for ``lease_s`` [s] after its last heartbeat or
+    registration; see :data:`FIRST_HEARTBEAT_S` for a host without a heartbeat yet. Each start of a
+    host gets an award key from ``new_key``.
     """
 
     def __init__(
@@ -113,14 +113,14 @@ class Registry:
         self._entries: dict[str, HostEntry] = {}
         self._seen: dict[str, float] = {}
         self._heartbeat_of: dict[str, str] = {}
-        # The last heartbeat, or when this process could hear again; not renewed as a lease is.
+        # Last heartbeat, or the end of a stall of this process; not renewed like a lease.
         self._heard: dict[str, float] = {}
         self._back_since: dict[str, float] = {}
         self._last_id = 0
         self._agents: dict[str, HostEntry] | None = None
 
     def register(self, registration: Registration, now: float) -> RegistrationAnswer:
-        """Enter, refresh or replace a host, or refuse it without any change."""
+        """Add, refresh or replace a host, or refuse it without any change."""
         try:
             self._check_host(registration, now)
         except Refused as refused:
@@ -181,14 +181,14 @@ class Registry:
         )
 
     def replaceable(self, now: float) -> str:
-        """Return the host to forget before another one can be entered; empty for none."""
+        """Return the host to forget before another one can be added; empty for none."""
         if len(self._entries) < MOST_HOSTS:
             return ""
         longest = min(self._entries.values(), key=lambda entry: self._seen[entry.host])
         return "" if self.is_live(longest.host, longest.instance, now) else longest.host
 
     def remove(self, host: str) -> None:
-        """Forget a host, and the ids of its agents."""
+        """Forget a host and the ids of its agents."""
         self._entries.pop(host, None)
         self._agents = None
         self._seen.pop(host, None)
@@ -213,9 +213,9 @@ class Registry:
         return True
 
     def extend_after_stall(self, since: float, now: float) -> None:
-        """Renew the leases valid at ``since``, as nobody has listened to heartbeats after it.
+        """Renew the leases valid at ``since``, because heartbeats after it were not read.
 
-        A host that was gone by then has not been gone any longer.
+        For a host that was gone by then, the stall does not count as absence.
         """
         for host, seen in self._seen.items():
             valid = since - seen < self.lease_s
@@ -225,13 +225,13 @@ class Registry:
                 self._heard[host] = now
 
     def gone_s(self, host: str, now: float) -> float:
-        """Return for how long the lease of a registered host has run out [s]; 0 or less if not."""
+        """Return how long ago the lease of a host expired [s]; 0 or less while it is valid."""
         return now - self._seen[host] - self.lease_s
 
     def was_silent(self, host: str, since: float, now: float) -> bool:
-        """Return whether a host had no heartbeats for a while that ended after a time, or lasts.
+        """Return whether a host was silent for a while that ended after ``since`` or still lasts.
 
-        That is :data:`SILENCE_S`, or all the time when that is shorter.
+        The while is :data:`SILENCE_S`, or the whole time since ``since`` if that is shorter.
         """
         entry = self._entries.get(host)
         if entry is None or self._heartbeat_of.get(host) != entry.instance:
@@ -240,11 +240,11 @@ class Registry:
         return is_silent or self._back_since.get(host, -math.inf) >= since
 
     def entries(self) -> tuple[HostEntry, ...]:
-        """Return all registered hosts, dead or alive, in the order of their registration."""
+        """Return all registered hosts, dead or alive, in order of registration."""
         return tuple(self._entries.values())
 
     def get(self, host: str) -> HostEntry | None:
-        """Return the entry of a host, None when it is not registered."""
+        """Return the entry of a host; None when it is not registered."""
         return self._entries.get(host)
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the market, checked as a whole before they count."""
+"""Settings of the market, checked as a whole before they come into force."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ON_NEW_SCENE: Final = ("queue", "reject", "preempt")
 MAX_QUEUE: Final = 100
 
 EXTERNAL: Final = "external"
-"""The strategy that asks a program outside."""
+"""The strategy that asks an external program."""
 
 RULES: Final = "rules"
 """The strategy that reads ``market.yaml``."""
@@ -35,18 +35,18 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "preempt_margin": (0.0, 100.0),
     "starvation_rounds": (0, 1_000_000),
 }
-"""Allowed range of each number; durations, whose names end with ``_s``, in seconds."""
+"""Allowed range of each number; names of durations end with ``_s``, in seconds."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Settings of one moment; immutable. The parameters of the node say what each of them means.
+    """Immutable settings; the parameters of the node describe what each setting means.
 
     Attributes:
-        options: What is set about strategies, by names like ``softmax.temperature``; what is not
-            named has its default.
-        host_wait_s: How long scenes in line wait for a host whose lease has run out [s].
-        cancel_deadline_s: Longer than what a host needs for clean-up and open goals together [s].
+        options: Options of strategies, by names like ``softmax.temperature``; missing ones have
+            their default.
+        host_wait_s: How long queued scenes wait for a host whose lease has expired [s].
+        cancel_deadline_s: Longer than a host needs for clean-up and open goals together [s].
 
     Raises:
         Refused: ``UNKNOWN_STRATEGY``, ``UNKNOWN_OPTION``, ``UNKNOWN_CHOICE``, ``NO_SHADOW`` or
@@ -118,10 +118,10 @@ def all_options() -> Iterator[tuple[str, Option]]:
 
 
 def check_strategy(name: str, what: str = "strategy") -> None:
-    """Check that there is a strategy of a name.
+    """Check that a strategy of this name exists.
 
     Raises:
-        Refused: ``UNKNOWN_STRATEGY``, with the list.
+        Refused: ``UNKNOWN_STRATEGY``, with the list of strategies.
     """
     if name not in STRATEGIES:
         raise Refused(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Statistics of a market: runs, rounds in which the shadow disagrees, and starved agents."""
+"""Statistics of a market: runs, disagreements with the shadow, and starved agents."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from marketplace_node.round.decision import Decision
 
 
 class MarketStatistics:
-    """Counters over the rounds of a market, and its runs with those of earlier starts.
+    """Counters over the rounds of a market, and over its runs including those of earlier starts.
 
     Attributes:
-        shadow_rounds: Awarded rounds that the strategies in force, the one that ranks and its
-            shadow, have both ranked.
-        shadow_disagreements: In how many of these they had another winner.
-        runs: How often each agent has run that ever did.
+        shadow_rounds: Awarded rounds that both the strategy and the shadow in force have ranked.
+        shadow_disagreements: Those of them in which the two had different winners.
+        runs: Number of runs of each agent that has run.
         last_run: Number of the last run of each, from 1.
-        earlier_runs: How many runs there were before this start.
+        earlier_runs: Number of runs before this start.
     """
 
     def __init__(self) -> None:
@@ -32,7 +31,7 @@ class MarketStatistics:
         self._compared = ("", "")
 
     def take(self, decision: Decision) -> None:
-        """Count a decision; one that only foretells is not to be counted."""
+        """Count a decision; do not call it for previews."""
         winner, terms = decision.winner, decision.terms
         if winner is None or decision.outcome is not AuctionOutcome.AWARDED:
             return
@@ -44,7 +43,7 @@ class MarketStatistics:
             self.shadow_disagreements += decision.ranked.shadow_winner != winner.agent
 
     def count_run(self, agent: str, bidders: Iterable[str]) -> None:
-        """Count a run of an agent, be it the best of those that bid or the next who took it."""
+        """Count a run of an agent: the best bidder, or the next one that accepted."""
         self.runs[agent] += 1
         self.last_run[agent] = self.runs.total()
         self.starvation.ran(agent, bidders)
@@ -52,16 +51,16 @@ class MarketStatistics:
     def restore(
         self, runs: Mapping[str, int], last_run: Mapping[str, int], in_vain: Mapping[str, int]
     ) -> None:
-        """Go on from what an earlier start has counted."""
+        """Continue from the counts of an earlier start."""
         self.runs, self.last_run = Counter(runs), dict(last_run)
         self.earlier_runs = self.runs.total()
         self.starvation.restore(in_vain)
 
 
 class Starvation:
-    """Counter of the awarded rounds in which each agent bid since it ran last.
+    """Counter of the awarded rounds in which each agent bid since its last run.
 
-    Rounds in which it did not bid neither count nor clear it. ``in_vain`` has them by agent.
+    Rounds without its bid neither count nor reset the count. ``in_vain`` has the counts by agent.
     """
 
     def __init__(self) -> None:
@@ -70,18 +69,18 @@ class Starvation:
         self._found: tuple[int, tuple[str, ...]] | None = None
 
     def restore(self, in_vain: Mapping[str, int]) -> None:
-        """Take over what an earlier market has counted."""
+        """Take over the counts of an earlier market."""
         self.in_vain, self._found = dict(in_vain), None
 
     def ran(self, winner: str, bidders: Iterable[str]) -> None:
-        """Note who runs, be it the best of those that bid or the next who took it."""
+        """Record which agent runs: the best bidder, or the next one that accepted."""
         self._found = None
         for agent in bidders:
             self.in_vain[agent] = 0 if agent == winner else self.in_vain.get(agent, 0) + 1
         self._warned.discard(winner)
 
     def starved(self, limit: int) -> tuple[str, ...]:
-        """Return the agents with at least ``limit`` bids in vain, by name; none for 0."""
+        """Return the agents with at least ``limit`` bids in vain, sorted by name; none for 0."""
         if not limit:
             return ()
         if self._found is None or self._found[0] != limit:
@@ -90,7 +89,7 @@ class Starvation:
         return self._found[1]
 
     def newly_starved(self, limit: int) -> list[str]:
-        """Return a warning for each agent that has become starved, once until it runs again."""
+        """Return a warning for each newly starved agent, once until it runs again."""
         starved = self.starved(limit)
         fresh = [agent for agent in starved if agent not in self._warned]
         self._warned = set(starved)
@@ -102,10 +101,10 @@ class Starvation:
 
 
 def counts(found: object) -> dict[str, int]:
-    """Return the counts of a file that was read, by the names of agents.
+    """Check counts by agent that were read from a file, and return them.
 
     Raises:
-        ValueError: They are none.
+        ValueError: They are not counts.
     """
     if not isinstance(found, Mapping) or not all(
         isinstance(agent, str) and type(count) is int and count >= 0

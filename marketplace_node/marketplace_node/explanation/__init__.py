@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reasons for decisions as texts for people."""
+"""Human-readable reasons for decisions."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Explanation of a decision in plain sentences, one a line."""
+"""Explanation of a decision in plain sentences, one per line."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _LABEL_REACH = 0.05  # of the range
 def explanation(decision: Decision, space: SceneSpace) -> str:
     """Return the explanation of a decision for authors and for people around the robot.
 
-    Who won and why in the words of the scene, where each value of the scene comes from, what each
-    parameter contributed, who came next and what would have made it win, who may not bid, and what
-    the shadow strategy thinks.
+    It names the winner and the reason, the origin of each value of the scene, the contribution of
+    each parameter, the runner-up and the change that would have made it win, the agents that may
+    not bid, and the result of the shadow strategy.
     """
     return "\n".join(_lines(decision, space))
 
@@ -53,7 +53,7 @@ def _lines(decision: Decision, space: SceneSpace) -> Iterator[str]:
 
 def _head(decision: Decision) -> str:
     terms, winner = decision.terms, decision.winner
-    # Whoever announces a scene chooses these; a line break would begin a sentence of ours.
+    # Both come from outside; a line break in them would look like the start of a new sentence.
     label, scene_id = single_spaced(terms.scene.label), single_spaced(terms.scene.scene_id)
     which = f"'{label}'" if label else f"the scene '{scene_id}'"
     which += f" (round {terms.round})"
@@ -171,7 +171,7 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
 
 
 def _exploration(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[str]:
-    """Yield what exploration has to do with it."""
+    """Yield how exploration influenced the decision."""
     ranked = decision.ranked
     spec = STRATEGIES.get(ranked.by)
     options = spec.values(decision.terms.options) if spec is not None else {}
@@ -207,7 +207,7 @@ def _exploration(decision: Decision, winner: RankedBid, space: SceneSpace) -> It
 
 
 def _bound(decision: Decision, space: SceneSpace, share: float) -> str:
-    """Return how much further than the nearest bid exploration lets a winner be."""
+    """Return how much farther than the nearest bid exploration lets a winner be."""
     profiles = space.profiles
     widths = np.array([one.maximum - one.minimum for one in profiles.parameters])
     scene = profiles.compared(decision.terms.scene)
@@ -217,7 +217,7 @@ def _bound(decision: Decision, space: SceneSpace, share: float) -> str:
 
 
 def softmax_share(ranking: Sequence[RankedBid], temperature: float) -> float:
-    """Return how likely softmax puts the first bid of a ranking first, 0..1."""
+    """Return the probability (0..1) that softmax puts the first bid of a ranking first."""
     least = min(bid.distance for bid in ranking)
     shares = [math.exp((least - bid.distance) / temperature) for bid in ranking]
     return shares[0] / math.fsum(shares)
@@ -270,7 +270,7 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
 
 
 def _others(decision: Decision) -> Iterator[str]:
-    """Yield the agents that may not bid, unless the head has named them already."""
+    """Yield the agents that may not bid, unless the first sentence has named them already."""
     if decision.winner is None:
         return
     for why, (_, agents) in declined(decision).items():
@@ -304,6 +304,6 @@ def _ran(count: int) -> str:
 
 
 def _sentence(text: str) -> str:
-    """Return words with a capital letter and a full stop."""
+    """Return the words with a leading capital letter and a full stop."""
     start = text[:1] if text.partition(" ")[0].count("_") else text[:1].upper()
     return f"{start}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"

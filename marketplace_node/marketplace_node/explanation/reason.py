@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reason of a decision on one line, and the distance of a bid as a sum that people can check."""
+"""Reason for a decision on one line, and the distance of a bid as a sum that people can check."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def reason_of(decision: Decision) -> str:
 def preemption_reason(
     decision: Decision, running: str, margin: float, *, obstacle: str = "", no_room: str = ""
 ) -> str:
-    """Return the decision about a scene that came during a run as one line for a terminal.
+    """Return the decision about a scene that arrived during a run as one line for a terminal.
 
     Args:
-        decision: Of the challenge; its outcome says whether the run is stopped.
-        running: The agent that runs.
-        margin: By how much another agent has to be nearer to the scene.
-        obstacle: Why a run is not stopped even for a better bid; empty when nothing is in the way.
+        decision: Decision of the challenge; its outcome says whether the run is stopped.
+        running: The running agent.
+        margin: How much nearer to the scene another agent must be.
+        obstacle: Why a run is not stopped even for a better bid; empty for no obstacle.
         no_room: Why the scene cannot wait; empty when it can.
 
     Example:
@@ -61,7 +61,7 @@ def preemption_reason(
 
 
 def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -> str:
-    """Return the reason why the winner precedes equally good bids."""
+    """Return why the winner precedes equally good bids."""
     if decision.terms.tie_break == "name":
         return f"{winner.agent} is first by name"
     if any(bid.last_run == winner.last_run for bid in tied):
@@ -72,7 +72,7 @@ def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -
 
 
 def nobody(decision: Decision) -> list[str]:
-    """Return the reasons why there is no bid, as parts of one line."""
+    """Return why there is no bid, as parts of one line."""
     parts = []
     for first, agents in declined(decision).values():
         names = join_first(agents)
@@ -90,7 +90,7 @@ def nobody(decision: Decision) -> list[str]:
 
 
 def declined(decision: Decision) -> dict[str, tuple[RefusedBid, list[str]]]:
-    """Return the agents that do not want the scene, by reason, with the first of each as a bid."""
+    """Return the agents that declined the scene by reason, with the first refused bid of each."""
     groups: dict[str, tuple[RefusedBid, list[str]]] = {}
     for bid in decision.refused:
         if bid.kind is RoundKind.DECLINED and bid.agent not in decision.terms.excluded:
@@ -99,9 +99,9 @@ def declined(decision: Decision) -> dict[str, tuple[RefusedBid, list[str]]]:
 
 
 def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
-    """Return the distance of a bid as a sum, and what exploration takes off it.
+    """Return the distance of a bid as a sum, and what exploration subtracts from it.
 
-    ``by`` is the name of the strategy that ranked it.
+    ``by`` is the name of the strategy that ranked the bid.
 
     Example:
         ``1.5 = |4−5| + |1.5−1|; mood is missing and left out``
@@ -198,7 +198,7 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
 
 
 def _not_taken(decision: Decision) -> list[str]:
-    """Return what is worth knowing beside the ranking: refused bids and silent hosts."""
+    """Return what else is worth knowing: refused bids and silent hosts."""
     people = {bid.agent for bid in decision.terms.operator_exclusions}
     refused = [
         f"{bid.agent or bid.host} ({bid.code}: {bid.reason})"

@@ -18,10 +18,10 @@ _T = TypeVar("_T")
 
 
 class HttpClient:
-    """Sends requests from an event loop in a thread, as an executor of rclpy runs no asyncio.
+    """Sends requests from an event loop in a thread, because rclpy executors run no asyncio.
 
-    Certificates are checked, redirects are not followed, no proxy is asked, and nothing is
-    unpacked, so that no small answer becomes a large one.
+    It checks certificates, follows no redirects, uses no proxy and decompresses nothing, so a
+    small answer cannot become a large one.
     """
 
     def __init__(self, name: str) -> None:
@@ -39,18 +39,18 @@ class HttpClient:
         limit_s: float,
         most: int,
     ) -> Future[_T]:
-        """Send a POST request; return the future of what ``read`` makes of its answer.
+        """Send a POST request; return a future with the result of ``read``.
 
-        The future raises ``Refused``: ``UNREACHABLE`` or ``TOO_LATE``, whose words hold no header,
-        and whatever ``read`` raises.
+        The future raises ``Refused`` (``UNREACHABLE`` or ``TOO_LATE``, whose texts contain no
+        headers) and every exception that ``read`` raises.
 
         Args:
             url: ``http`` or ``https``.
-            headers: Of the request.
-            body: Of the request.
-            read: Takes status and body of the answer, in the thread of the client.
-            limit_s: For all of it [s].
-            most: Bytes of the answer that are taken; one more when there are more.
+            headers: Headers of the request.
+            body: Body of the request.
+            read: Called with status and body of the answer, in the thread of the client.
+            limit_s: Time limit of the whole request [s].
+            most: Largest answer [bytes]; of a larger one ``read`` gets one byte more than this.
         """
 
         async def ask() -> _T:
@@ -59,7 +59,7 @@ class HttpClient:
         return asyncio.run_coroutine_threadsafe(ask(), self._loop)
 
     def close(self) -> None:
-        """Give up the requests that are under way, without waiting for them."""
+        """Abandon the requests in progress without waiting for them."""
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._loop.stop)
 
@@ -78,7 +78,7 @@ async def _post(
 ) -> tuple[int, bytes]:
     parts = urlsplit(url)
     try:
-        # That of aiohttp is rounded up to whole seconds.
+        # Not the timeout of aiohttp, which is rounded up to whole seconds.
         async with (
             asyncio.timeout(limit_s),
             aiohttp.ClientSession(

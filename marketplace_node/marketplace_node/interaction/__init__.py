@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One interaction, from its scene to its end: admission, award, preemption, failover."""
+"""One interaction from its scene to its end: admission, award, preemption, failover."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Award of a run and its life: accepted or refused, running, stopping, ended."""
+"""Award of a run and its lifecycle: accepted or refused, running, stopping, ended."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class StopRequest:
     """Order to stop a run.
 
     Attributes:
-        reason: Why, in words.
-        by: Who wants it.
-        again: True: ask the market again, without the stopped agent.
-        scene: What to ask for then; None means the scene as awarded.
-        code: ``STOPPED``, ``SHUTTING_DOWN``, ``PREEMPTED`` or ``VETOED``; for the end of
-            the scene.
+        reason: Reason, in words.
+        by: Who requested the stop.
+        again: Whether to ask the market again, without the stopped agent.
+        scene: Scene to ask for then; None means the scene as awarded.
+        code: Code for the end of the scene: ``STOPPED``, ``SHUTTING_DOWN``, ``PREEMPTED`` or
+            ``VETOED``.
     """
 
     reason: str
@@ -36,13 +36,13 @@ class StopRequest:
 
     @property
     def hurries(self) -> bool:
-        """True when what comes next does not wait for the feedback on the stopped run."""
+        """True when the next step does not wait for the feedback on the stopped run."""
         return self.code in (PREEMPTED, SHUTTING_DOWN)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunEnd:
-    """End of a run as its host reports it, unchecked; fields as in ``RunAgent.action``."""
+    """Unchecked end of a run, as its host reports it; fields as in ``RunAgent.action``."""
 
     outcome: int
     message: str
@@ -58,12 +58,12 @@ class Award:
     """Goal for the winner of a round, and its state.
 
     Attributes:
-        held: Why the goal is not sent yet; empty once it is.
-        accepted: True once the host has taken the goal.
-        started: When it was taken, steady time [s]; None for one that was stopped before.
-        stop: Why it has to stop; None while it has not.
-        silent_since: Since when the host's heartbeat names another run or none.
-        beside: What may go on beside its run, in words; empty for nothing.
+        held: Why the goal is not sent yet; empty once it is sent.
+        accepted: True once the host has accepted the goal.
+        started: When it was accepted, steady time [s]; None if it was stopped before.
+        stop: Why it must stop; None while it need not.
+        silent_since: When the host's heartbeat began to name another run or none.
+        beside: Goals that may still run during its run, in words; empty for none.
     """
 
     goal: RunGoal
@@ -85,11 +85,11 @@ class Award:
 
     @property
     def unfinished(self) -> str:
-        """Reason why its host is not free."""
+        """Why its host is not free."""
         return f"its run of round {self.goal.round} has not ended"
 
     def end_code(self, outcome: RunOutcome) -> str:
-        """Return the code for the end of the scene when this was the last run for it."""
+        """Return the code for the end of the scene if this was its last run."""
         if self.stop is not None and self.started is None:
             return self.stop.code
         preempted = self.stop is not None and self.stop.code == PREEMPTED

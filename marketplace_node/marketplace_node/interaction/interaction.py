@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interaction: a scene, its rounds and awards, follow-ups, the end of the last run."""
+"""Interaction: a scene with its rounds, awards and follow-ups, until its last run ends."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class QueuedScene:
 
     Attributes:
         asked: True once a challenge for it has been opened.
-        round: Number of that challenge, 0 before.
-        drawn: Number of the round whose chance it draws, as that round has decided for it; 0 for
-            the chance of its own.
+        round: Number of that challenge; 0 before.
+        drawn: Number of the round whose random draw it reuses, because that round decided in its
+            favour; 0 for a draw of its own.
         excluded: Agents that may not bid when its turn comes, with the reason.
-        declined_by: Hosts that have answered without a run for it, each with the instance.
-        rounds_in_vain: How often hosts were asked without a run for it.
-        in_vain_since: When that was first, steady time [s]; None before.
+        declined_by: Hosts that answered without a run for it, each with its instance.
+        rounds_in_vain: Rounds that led to no run for it.
+        in_vain_since: When the first of them ended, steady time [s]; None before.
     """
 
     scene: Scene
@@ -56,14 +56,14 @@ class QueuedScene:
 class Interaction:
     """State machine of one interaction; final once ``over`` is set.
 
-    Each agent runs at most once in an interaction, so it comes to an end.
+    Each agent runs at most once per interaction, so every interaction ends.
 
     Attributes:
-        waiting: The scene that started it, as it stood in line.
-        silent: Hosts of which nobody knows whether they would run it, as they did not answer.
-        round: Number of its round, the last one once that is closed.
-        open_round: The round that is open; None between rounds.
-        due: When its deadline passes, that of the open round aside, steady time [s].
+        waiting: Queue entry of the scene that started it.
+        silent: Hosts that did not answer, so they might still run the scene.
+        round: Number of its open round, else of its last one.
+        open_round: The open round; None between rounds.
+        due: Its deadline, not counting that of the open round, steady time [s].
         over: The end of the scene; None before.
     """
 
@@ -97,7 +97,7 @@ class Interaction:
 
     @property
     def declined_by(self) -> frozenset[tuple[str, str]]:
-        """Hosts that have answered in its last round, each with the instance."""
+        """Hosts that answered in its last round, each with its instance."""
         return frozenset(one for one in self._asked if one[0] not in self.silent)
 
     @property
@@ -107,14 +107,14 @@ class Interaction:
 
     @property
     def scene(self) -> Scene:
-        """The scene that bids are for or an agent has the run for; it changes with follow-ups."""
+        """The scene of the current bids or run; follow-ups change it."""
         if self.open_round is not None:
             return self.open_round.scene
         return self._again or (self._award.scene if self._award else self.origin)
 
     @property
     def last_run(self) -> StoredRun | None:
-        """The run that its scene would end like now; None while none has begun."""
+        """The run that decides how its scene ends; None while none has begun."""
         award = self._award
         if award is not None and award.accepted and self.state is not State.COLLECTING:
             return self._stored_run(award.goal)
@@ -153,13 +153,13 @@ class Interaction:
                 return self.open_round.state_text() if self.open_round else "asking for bids"
 
     def close_when_due(self, now: float) -> None:
-        """Close the open round when everybody has answered or its time is over."""
+        """Close the open round when all hosts have answered or its time is over."""
         by = self.open_round.closing(now) if self.open_round else None
         if by is not None:
             self._close(by, now)
 
     def accepted(self, goal: RunGoal, now: float) -> bool:
-        """The host has taken the goal; return False when nobody waits for that any more."""
+        """Handle the acceptance of a goal; return False when it is no longer awaited."""
         award = self._waiting(goal)
         if award is not None and not award.accepted:
             award.accepted = True
@@ -175,13 +175,13 @@ class Interaction:
         return award is not None
 
     def refused(self, goal: RunGoal, reason: str, now: float) -> None:
-        """The host does not take the goal, or it could not be sent."""
+        """Handle a goal that the host refused, or that could not be sent."""
         award = self._waiting(goal)
         if award is not None and not award.accepted:
             self._not_taken(award, reason, now)
 
     def ended(self, goal: RunGoal, end: RunEnd, now: float) -> bool:
-        """The host reports the end of a run; return False when it is not that of the award."""
+        """Handle the end of a run; return False when it is not the run of the award."""
         award = self._waiting(goal)
         if award is None or not award.accepted:
             return False
@@ -196,7 +196,7 @@ class Interaction:
         return True
 
     def on_heartbeat(self, host: str, epoch: str, round_number: int, now: float) -> None:
-        """Note whether the host's heartbeat still names the run."""
+        """Record whether the host's heartbeat still names the run."""
         award = self._award
         if award is None or not award.accepted or award.goal.host != host:
             return
@@ -206,19 +206,19 @@ class Interaction:
             award.silent_since = now
 
     def extend_after_stall(self, lasted_s: float) -> None:
-        """Move all deadlines but that of its round, as nobody has listened for so long [s]."""
+        """Move all deadlines except that of its round by the duration of a stall [s]."""
         self.due += lasted_s
         if self._award is not None and self._award.silent_since is not None:
             self._award.silent_since += lasted_s
 
     def collected(self, message: str) -> None:
-        """The feedback service has answered, or will not answer; ``message`` says which."""
+        """Handle the answer of the feedback service, or its absence; ``message`` says which."""
         if self.state is State.COLLECTING:
             self._last_text += f"; {message}"
             self._proceed()
 
     def stop(self, stop: StopRequest, now: float) -> tuple[bool, str]:
-        """Stop the interaction; return whether it will stop, and the answer for people."""
+        """Stop the interaction; return whether it will stop, and the answer in words."""
         award = self._award
         self._hurries = self._hurries or stop.hurries
         if award is None:
@@ -227,10 +227,10 @@ class Interaction:
         if self.state is State.COLLECTING:
             return self._stop_collecting(stop)
         if award.stop is not None:
-            # Whoever wants an end wins over whoever wants another agent.
+            # A request to end the interaction wins over one for another agent.
             award.stop = replace(award.stop, again=award.stop.again and stop.again)
             return True, f"{award.goal.agent} is being stopped already"
-        # Without a run there is nothing to ask again about, unless somebody else is wanted.
+        # Without a run there is nothing to ask again, unless a veto demands another agent.
         may_follow_up = award.accepted or stop.code == VETOED
         award.stop = stop if may_follow_up else replace(stop, again=False)
         self._enter(State.CANCELLING, self.due)
@@ -242,14 +242,14 @@ class Interaction:
         return True, f"stopping {award.goal.agent}"
 
     def go_on(self, now: float) -> None:
-        """Send the goal or open the round that is due, once all else is done."""
+        """Send the goal or open the round that is due, once everything else is done."""
         if self._award is not None and self._award.held:
             self._send(self._award, now)
         if self.state is State.BIDDING and self._again is not None:
             self._open(self._again, now, follows=self.round)
 
     def tick(self, now: float) -> None:
-        """Act on a host that is gone and on a deadline that has passed."""
+        """Act on a lost host and on an expired deadline."""
         self.check_host(now)
         if self.over is not None:
             return
@@ -259,7 +259,7 @@ class Interaction:
             self._overdue(now)
 
     def check_host(self, now: float) -> None:
-        """Give up a run whose host is gone or no longer knows of it."""
+        """Give up a run whose host is gone or no longer knows the run."""
         award = self._award
         if award is None or self.state is State.COLLECTING:
             return
@@ -316,7 +316,7 @@ class Interaction:
             self._award_next(decision, now)
         else:
             self._finish(stop.code if stop else NO_BIDS, reason_fn())
-        # Last, as the winner must not wait for words.
+        # Last, because the winner must not wait for the text.
         self._market_state.publish(decision, reason_fn)
 
     def _award_next(self, decision: Decision, now: float) -> None:
@@ -340,7 +340,7 @@ class Interaction:
         self._finish(NOT_TAKEN, f"nobody took the run: {'; '.join(self._not_taken_by)}")
 
     def _send(self, award: Award, now: float) -> None:
-        """Send the goal, unless somebody else still has the robot."""
+        """Send the goal, unless another host still controls the robot."""
         obstacle = self._market_state.obstacle(award.goal, now)
         if obstacle:
             self._not_taken(award, obstacle, now)
@@ -405,7 +405,7 @@ class Interaction:
         elif award.stop is not None and award.stop.again and outcome in _STOPPABLE:
             self._excluded[agent] = f"stopped: {award.stop.reason}"
             self._follow_ups += 1
-            # The live scene bears the id of its scene; each round is for a scene of its own.
+            # The live scene has the id of its origin, but each round needs a scene id of its own.
             scene_id = follow_up_id(self.origin.scene_id, self._follow_ups)
             self._again = (award.stop.scene or award.scene).with_id(scene_id)
 
@@ -427,7 +427,7 @@ class Interaction:
             self._enter(State.BIDDING)
 
     def _finish(self, code: str, message: str) -> None:
-        """End the scene; when a tree has run for it, as the last one did."""
+        """End the scene; if a tree has run for it, with the outcome of the last run."""
         agent = ""
         if self._last_run is not None:
             code, agent = self._last_run

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Failover: runs inherited from an earlier market are announced, and asked again if cut off."""
+"""Failover: announces the runs of an earlier market, and asks again for those cut off."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from marketplace_node.market_state import MarketState
 from marketplace_node.outcomes import RunOutcome
 
 ASK_AGAIN_S = 10.0
-"""A person waits about this long for a robot that has broken off in the middle [s]."""
+"""How long a person waits for a robot that stopped in the middle, roughly [s]."""
 
 GATHER_S = 1.5
-"""After that long the hosts of a restarted market have registered and hear its calls [s]."""
+"""Time in which the hosts of a restarted market register and connect to its calls [s]."""
 
 _REMEMBERED = 400
 
 
 KEPT_S = 60.0
-"""Scenes that waited in line are asked about after an outage of the market of so long [s]."""
+"""Longest outage of the market after which queued scenes are still served [s]."""
 
 
 @dataclass(eq=False, kw_only=True)
 class _UnreportedRun:
-    """Run of an earlier market whose end its host is to report.
+    """Run of an earlier market whose end its host has yet to report.
 
     Attributes:
-        due: When the host is no longer waited for, steady time [s].
-        latest: Beyond this ``due`` is not moved, steady time [s].
+        due: When the market stops waiting for the host, steady time [s].
+        latest: Latest value of ``due``, steady time [s].
     """
 
     scene: Scene
@@ -43,11 +43,11 @@ class _UnreportedRun:
 
 
 class InheritedRuns:
-    """Runs inherited from an earlier market, each taken once, each scene ended once.
+    """Runs inherited from an earlier market; takes each run once and ends each scene once.
 
     Args:
         market_state: Shared by all rounds.
-        admission: Knows the scenes that were taken before.
+        admission: Knows the scenes taken before.
     """
 
     def __init__(self, market_state: MarketState, admission: SceneAdmission) -> None:
@@ -60,14 +60,14 @@ class InheritedRuns:
 
     @property
     def stored(self) -> list[StoredScene]:
-        """Scenes without an end: of runs that are not reported yet, and to be asked for again."""
+        """Scenes without an end: of unreported runs, and those to ask for again."""
         unreported = [
             StoredScene(scene=one.scene, run=one.run) for one in self._unreported.values()
         ]
         return unreported + [StoredScene(scene=scene) for _, scene in self._again]
 
     def expect(self, scene: Scene, run: StoredRun, now: float) -> None:
-        """Wait for the report how the run of a scene ended; without one it is lost."""
+        """Wait for the report of how a scene's run ended; without a report the run is lost."""
         settings = self._market_state.settings
         self._unreported[scene.scene_id] = _UnreportedRun(
             scene=scene,
@@ -77,13 +77,13 @@ class InheritedRuns:
         )
 
     def announce(self, runs: Iterable[EarlierRun]) -> None:
-        """Announce ends of runs that an earlier market had stored, perhaps without announcing."""
+        """Announce run ends that an earlier market stored and may not have announced."""
         for run in runs:
             self._runs.append((run.epoch, run.goal.round, run.goal.agent))
             self._market_state.effects.append(AnnounceEarlierRun(run=run))
 
     def on_register(self, host: str, instance: str) -> None:
-        """End the runs that an earlier start of a host had, and their scenes."""
+        """End the runs of an earlier start of a host, and their scenes."""
         for one in list(self._unreported.values()):
             if one.run.host == host and one.run.instance != instance:
                 self._market_state.lose_goals(_goal_of(one.run))
@@ -96,13 +96,13 @@ class InheritedRuns:
                 one.due = min(max(one.due, now + GATHER_S), one.latest)
 
     def tick(self, now: float) -> None:
-        """End the runs that nobody has reported in time, and their scenes."""
+        """End the runs that were not reported in time, and their scenes."""
         for one in list(self._unreported.values()):
             if now >= one.due:
                 self._give_up(one, f"{one.run.host} has not said how its run ended")
 
     def close(self, reason: str) -> None:
-        """End all runs that are not reported yet, and their scenes."""
+        """End all unreported runs, and their scenes."""
         for one in list(self._unreported.values()):
             self._give_up(one, reason)
 
@@ -116,19 +116,19 @@ class InheritedRuns:
             message=f"the marketplace was restarted, and {reason}",
             orphans=self._market_state.takeover.orphans(one.run.host, one.run.instance),
         )
-        # A host that reports it after all is told that it has its end.
+        # If its host reports the run after all, the report counts as a repetition.
         self.announce([run])
         self._end(one.scene.scene_id, run, run.outcome, run.message)
 
     def due(self, now: float) -> list[Scene]:
-        """Return the scenes to ask for again now, each once."""
+        """Return the scenes to ask for again now; each is returned once."""
         back = self._market_state.earlier_hosts_back(now)
         scenes = [scene for at, scene in self._again if back or now >= at]
         self._again = [(at, scene) for at, scene in self._again if not back and now < at]
         return scenes
 
     def extend_after_stall(self, lasted_s: float) -> None:
-        """Wait longer, as nobody has listened for so long [s]."""
+        """Wait longer, because the market was stalled for ``lasted_s`` [s]."""
         self._again = [(at + lasted_s, scene) for at, scene in self._again]
         for one in self._unreported.values():
             one.due += lasted_s
@@ -137,21 +137,21 @@ class InheritedRuns:
     def take(
         self, host: str, runs: Iterable[EarlierRun], now: float, *, obstacle: str = ""
     ) -> None:
-        """Record what a host hands over, and plan to ask again for what was cut off.
+        """Record the runs that a host reports, and plan to ask again for those cut off.
 
-        The first report about a round counts. With an ``obstacle`` nothing is asked for again.
+        The first report about a round counts. With an ``obstacle``, nothing is asked for again.
         """
         fresh = [run for run in runs if self._is_new(host, run)]
         for run in fresh:
             self._market_state.effects.append(AnnounceEarlierRun(run=run))
-        # The last run for a scene says how the scene ended.
+        # The last run for a scene determines how the scene ended.
         for run in sorted(fresh, key=lambda run: run.goal.round, reverse=True):
             origin = origin_id(run.scene.scene_id)
             if (run.epoch, origin) in self._scenes:
                 continue
             self._scenes.append((run.epoch, origin))
             if self._unreported.pop(origin, None) is None and self._admission.knows(origin):
-                continue  # it waits in line, or has its end
+                continue  # it is queued, or has ended
             self._admission.remember([origin])
             if run.cut_off:
                 self._lose(origin, run, now, obstacle)

@@ -12,23 +12,22 @@ from marketplace_node.round.auction import Auction
 from marketplace_node.round.decision import Bids, ClosedBy, Decision, External
 from marketplace_node.settings import EXTERNAL
 
-_LEAST_TO_RANK = 2  # a single bid wins, whatever anybody outside says
+_LEAST_TO_RANK = 2  # a single bid wins without an external ranking
 
 
 class OpenRound:
     """Round that takes bids; its owner closes it when :meth:`closing` says so.
 
-    With the strategy ``external`` the bids are closed first, and a program outside is asked to
-    rank them; the round closes with its answer, or without it after ``external.limit``.
-    ``due`` is when its time is over, steady time [s]; ``asked`` are its hosts, each with the
-    instance.
+    With the strategy ``external`` the round first stops taking bids and asks an external program
+    to rank them; it closes with the answer, or without one after ``external.limit``.
+    ``due`` is its deadline, steady time [s]; ``asked`` are its hosts, each with its instance.
 
     Args:
-        market_state: Counts the round and says whom to ask.
+        market_state: Counts the round and says which hosts to ask.
         scene: What the bids are for.
         now: Steady time [s].
         follows, excluded, preview, drawn: As in :meth:`MarketState.terms`.
-        asks_external: False when nobody outside is asked to rank, as the order decides nothing.
+        asks_external: False to skip the external ranking where the order decides nothing.
     """
 
     def __init__(
@@ -60,7 +59,7 @@ class OpenRound:
         self._bids_closed_by: ClosedBy | None = None
         self._external: External | None = None
         self._asks_external = asks_external
-        # A call that is never published has to end, too.
+        # A round whose call is never published must end, too.
         self.due = now + 2 * self._limit_s
         if asked:
             market_state.effects.append(
@@ -75,36 +74,36 @@ class OpenRound:
 
     @property
     def takes_bids(self) -> bool:
-        """False once the bids are closed and their ranking is waited for."""
+        """False once the bids are closed and the round waits for their ranking."""
         return self._bids_closed_by is None
 
     def state_text(self) -> str:
-        """Return what the round waits for, as a text for people."""
+        """Return in words what the round waits for."""
         return "asking for bids" if self.takes_bids else "asking outside for a ranking"
 
     def called(self, now: float) -> None:
-        """Start the clock, as the call for bids is published."""
+        """Start the clock: the call for bids is published."""
         if self.takes_bids:
             self._opened = now
             self.due = now + self._limit_s
 
     def extend_after_stall(self, lasted_s: float) -> None:
-        """Move the deadline, as nobody has listened for so long [s]."""
+        """Move the deadline by the duration of a stall [s]."""
         self.due += lasted_s
 
     def take(self, bids: Bids) -> None:
-        """Take a host's answer, unchecked; only while bids are taken."""
+        """Take a host's unchecked answer; only while :attr:`takes_bids`."""
         self._auction.take(bids)
 
     def ranked(self, external: External) -> bool:
-        """Take the answer from outside; return False when it is not waited for."""
+        """Take the external ranking; return False when the round does not wait for one."""
         waits = not self.takes_bids and self._external is None
         if waits:
             self._external = external
         return waits
 
     def closing(self, now: float) -> ClosedBy | None:
-        """Return what closes the round at this time; None while it has to stay open."""
+        """Return what closes the round now; None while it stays open."""
         if self.takes_bids:
             by = self._bids_closing(now)
             if by is None or not self._request_ranking(by, now):
@@ -115,7 +114,7 @@ class OpenRound:
         return self._bids_closed_by if self._external is not None else None
 
     def close(self, by: ClosedBy, now: float, *, stopped: str = "") -> Decision:
-        """Return the decision; ``stopped`` says why, when the round is stopped."""
+        """Close the round and return its decision; ``stopped`` is why it is stopped, if it is."""
         opened = now if self._opened is None else self._opened
         return self._auction.close(by, now - opened, stopped=stopped, external=self._external)
 
@@ -125,7 +124,7 @@ class OpenRound:
         return ClosedBy.DEADLINE if now >= self.due else None
 
     def _request_ranking(self, by: ClosedBy, now: float) -> bool:
-        """Ask for a ranking when the strategy wants one and there is something to rank."""
+        """Ask for a ranking if the strategy wants one and there is something to rank."""
         if not self._asks_external or self._terms.strategy != EXTERNAL:
             return False
         bids = self._auction.accepted

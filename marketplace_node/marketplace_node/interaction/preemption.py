@@ -17,13 +17,13 @@ from marketplace_node.settings import EXTERNAL, Settings
 
 
 class PreemptionRound:
-    """Round for a queued scene, which keeps its place, during the run of another agent."""
+    """Round for a queued scene during a run; the scene keeps its place in the queue."""
 
     def __init__(
         self, market_state: MarketState, waiting: QueuedScene, running: str, now: float
     ) -> None:
         self.waiting = waiting
-        # For an urgent scene the run is stopped whoever is best, so nobody is waited for.
+        # Any bid for an urgent scene stops the run, so no external ranking is needed.
         self.open_round = OpenRound(
             market_state, waiting.scene, now, asks_external=not waiting.scene.urgent
         )
@@ -40,7 +40,7 @@ class PreemptionRound:
         Args:
             by: What closes the round.
             now: Steady time [s].
-            cooldown_left_s: For so long no scene that is not urgent may stop a run [s].
+            cooldown_left_s: Time in which only urgent scenes may stop a run [s].
             no_room: Why the scene cannot wait; empty when it can.
         """
         settings = self._market_state.settings
@@ -63,10 +63,11 @@ class PreemptionRound:
         return stops, reason
 
     def _no_more(self, decision: Decision) -> dict[str, str]:
-        """Return the agents excluded after the stop, so that no agent is stopped for itself.
+        """Return the agents to exclude after the stop, so no agent is stopped in its own favour.
 
-        With the same bids the same chance finds the same winner. So it is enough to leave out a
-        stopped agent that may bid now and did not; a program outside may say anything, though.
+        With the same bids, the same random draw finds the same winner. So it is enough to exclude
+        a stopped agent that did not bid but may bid now. An external program may rank differently
+        the next time, so the stopped agent is always excluded there.
         """
         silent = all(bid.agent != self._running for bid in decision.ranking)
         if decision.terms.scene.urgent or not (silent or decision.terms.strategy == EXTERNAL):
@@ -74,7 +75,7 @@ class PreemptionRound:
         return {self._running: f"its run was stopped for scene '{decision.terms.scene.scene_id}'"}
 
     def give_up(self, reason: str, now: float) -> None:
-        """Close the round without a decision, as the run is ending anyway."""
+        """Close the round without a decision, because the run is ending anyway."""
         decision = self.open_round.close(ClosedBy.STOPPED, now, stopped=reason)
         decision = replace(decision, outcome=AuctionOutcome.WAITS)
         self._market_state.publish(
@@ -83,9 +84,9 @@ class PreemptionRound:
 
 
 def justifies_preemption(decision: Decision, running: str, settings: Settings) -> bool:
-    """Return True when the bids for a scene are reason enough to stop the running agent.
+    """Return whether the bids for a scene justify stopping the running agent.
 
-    An urgent scene is worth it once anybody bids. Any other needs another agent that is nearer by
+    For an urgent scene any bid is enough. Any other scene needs another agent that is nearer by
     the margin; a running agent without a bid counts as infinitely far.
     """
     winner = decision.winner

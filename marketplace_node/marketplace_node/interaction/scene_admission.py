@@ -21,22 +21,23 @@ from marketplace_node.settings import MAX_QUEUE
 _REMEMBERED_SCENES = 4 * MAX_QUEUE
 
 ROUNDS_IN_VAIN = 3
-"""A scene goes back to the line, as hosts did not answer, for so many rounds at least.
+"""A scene whose hosts do not answer is given up after this many rounds at the earliest.
 
-After that it does for ``host_wait_s`` since the first of them: a host that is told to end refuses
-its goals until it has gone.
+``host_wait_s`` must have passed since the first of them, too: a host that is shutting down refuses
+its goals until it is gone.
 """
 
 
 class SceneAdmission:
-    """Admits scenes into the queue, or opens a preemption round where new scenes preempt.
+    """Admits scenes into the queue, and opens preemption rounds where new scenes preempt.
 
-    One challenge is open at a time, and only while a tree runs: scenes that come earlier, or
-    during another challenge, are asked about when it is their turn. Once ``closed_reason`` is set
-    no more scenes are taken. ``taken`` counts the ids that are remembered.
+    One challenge is open at a time, and only while a tree runs; a scene that arrives earlier or
+    during another challenge waits for its turn. Once ``closed_reason`` is set, no more scenes are
+    taken. ``taken`` counts the remembered ids.
 
-    A scene waits in line while no host can be asked about it and one is expected that could run
-    it; others pass it meanwhile. A market that knows no host yet expects one for ``host_wait_s``.
+    A scene stays queued while no host can be asked about it and a host that could run it is
+    expected; other scenes pass it meanwhile. A market that knows no host yet expects one for
+    ``host_wait_s``.
     """
 
     def __init__(self, market_state: MarketState) -> None:
@@ -55,25 +56,25 @@ class SceneAdmission:
 
     @property
     def waiting(self) -> tuple[str, ...]:
-        """Labels of the queued scenes, or their ids without one, next first."""
+        """Labels of the queued scenes, or their ids if they have no label, next first."""
         return tuple(one.scene.label or one.scene.scene_id for one in self._queue)
 
     @property
     def open_round(self) -> OpenRound | None:
-        """The call for bids of the challenge under way."""
+        """The round of the open challenge; None without one."""
         return self._challenge.open_round if self._challenge else None
 
     def take(self, scene: Scene, interaction: Interaction | None) -> None:
-        """Put a scene in the queue, or end it at once."""
+        """Queue a scene, or end it at once."""
         try:
             self.join(scene, interaction)
         except Refused as refused:
-            # Whoever is not sure that it has come in sends it again; it has had its end.
+            # A sender that is unsure of the delivery sends the scene again; it has ended already.
             self.remember([scene.scene_id])
             self.refuse(scene.scene_id, refused.code, refused.reason)
 
     def join(self, scene: Scene, interaction: Interaction | None) -> None:
-        """Put a scene in the queue: last, or an urgent one that preempts before the others.
+        """Queue a scene: last, or after the other urgent ones if it is urgent and scenes preempt.
 
         Raises:
             Refused: ``SHUTTING_DOWN``, ``DUPLICATE``, ``BUSY`` or ``QUEUE_FULL``.
@@ -88,29 +89,29 @@ class SceneAdmission:
         self._queue.insert(place, QueuedScene(scene=scene))
 
     def restore(self, scene: Scene) -> None:
-        """Put a scene that an earlier market has taken last in line, however long that is."""
+        """Append a scene that an earlier market took to the queue, whatever its length."""
         self.remember([scene.scene_id])
         self._market_state.last_scene = scene
         self._queue.append(QueuedScene(scene=scene))
 
     def remember(self, scene_ids: Iterable[str]) -> None:
-        """Take no scene of these ids any more."""
+        """Remember ids, so that no scene with one of them is taken again."""
         for scene_id in scene_ids:
             if scene_id not in self._known:
                 self._known.append(scene_id)
                 self.taken += 1
 
     def knows(self, scene_id: str) -> bool:
-        """Return whether a scene of this id is taken no more."""
+        """Return whether this id is remembered."""
         return scene_id in self._known
 
     def hold(self, until: float) -> None:
-        """Let all scenes wait until the hosts are back, and a steady time [s] at the latest."""
+        """Let all scenes wait until the hosts are back, but no longer than a steady time [s]."""
         self._held_until = until
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Ids of the scenes that were taken last, all of which are taken no more."""
+        """The remembered ids: those of the latest scenes."""
         return tuple(self._known)
 
     @property
@@ -119,13 +120,13 @@ class SceneAdmission:
         return [waiting.scene for waiting in self._queue]
 
     def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:
-        """End a scene for which nothing has run."""
+        """End a scene for which no tree has run."""
         self._market_state.effects.append(
             SceneEnded(scene_id=scene_id, code=code, message=message, round=round_number)
         )
 
     def next(self, now: float) -> QueuedScene | None:
-        """Take the scene whose turn it is; None when none waits, or all wait for hosts."""
+        """Dequeue the next scene; None when the queue is empty or all scenes wait for hosts."""
         if not self._queue:
             return None
         awaited = self._awaited(now)
@@ -133,7 +134,7 @@ class SceneAdmission:
         return None if place is None else self._queue.pop(place)
 
     def put_back(self, interaction: Interaction, now: float) -> bool:
-        """Let a scene wait again that no host has run; return False when none is expected."""
+        """Requeue a scene that no host has run; return False when no host is expected for it."""
         waiting = interaction.waiting
         waiting.rounds_in_vain += 1
         if waiting.in_vain_since is None:
@@ -153,27 +154,27 @@ class SceneAdmission:
         return True
 
     def awaited_hosts(self, now: float) -> dict[str, str] | None:
-        """Return the hosts that scenes wait for, each with the reason; None when none waits.
+        """Return the hosts that scenes wait for, each with the reason; None when no scene waits.
 
-        It is empty when they wait for hosts that are still to register.
+        The mapping is empty when they wait for hosts that have yet to register.
         """
         awaited = self._awaited(now)
         found = [hosts for hosts in map(awaited, self._queue) if hosts is not None]
         return {host: why for hosts in found for host, why in hosts.items()} if found else None
 
     def start(self, now: float) -> None:
-        """Take the time at which the market was started; only the first call counts."""
+        """Record when the market was started; only the first call counts."""
         if self._started is None:
             self._started = now
 
     def extend_after_stall(self, lasted_s: float) -> None:
-        """Wait for longer, as nobody has listened for so long [s]."""
+        """Wait longer, because the market was stalled for ``lasted_s`` [s]."""
         self._held_until += lasted_s
         if self._started is not None:
             self._started += lasted_s
 
     def _awaited(self, now: float) -> Callable[[QueuedScene], dict[str, str] | None]:
-        """Return a function that says for which hosts a scene waits, None for one to be asked."""
+        """Return a function for the hosts that a scene waits for; None if it need not wait."""
         state = self._market_state
         expected = state.expected(now) if self._queue else {}
         none_known = not state.registry.entries()
@@ -194,7 +195,7 @@ class SceneAdmission:
         return awaited
 
     def _expected_for(self, waiting: QueuedScene, expected: dict[str, str]) -> dict[str, str]:
-        """Return those of the expected hosts that could run a scene and have not declined it."""
+        """Return the expected hosts that could run a scene and have not declined it."""
         found = {}
         for host, reason in expected.items():
             entry = self._market_state.registry.get(host)
@@ -206,13 +207,13 @@ class SceneAdmission:
         return found
 
     def close(self, reason: str, now: float) -> None:
-        """End all scenes that wait, and from now on each one that comes."""
+        """End all queued scenes, and from now on every new one."""
         self.closed_reason = reason
         self._give_up_preemption(reason, now)
         self._refuse_all(SHUTTING_DOWN, reason)
 
     def forget(self, reason: str, now: float) -> str:
-        """End all queued scenes on request; return a text for the answer."""
+        """End all queued scenes on request; return a part of the answer in words."""
         self._give_up_preemption(reason, now)
         count = len(self._queue)
         self._refuse_all(STOPPED, f"stopped while it waited: {reason}")
@@ -220,7 +221,7 @@ class SceneAdmission:
         return f"; dropped {count} waiting {noun}" if count else ""
 
     def update(self, interaction: Interaction | None, now: float) -> None:
-        """Decide the challenge that is due, and open those that are allowed now."""
+        """Decide the challenge that is due, and open the next one that is allowed now."""
         if not _running(interaction) and self._challenge is not None:
             ends = interaction is not None and interaction.state is State.CANCELLING
             self._give_up_preemption("the run is being stopped" if ends else "the run ended", now)
@@ -259,8 +260,8 @@ class SceneAdmission:
         if self._market_state.settings.on_new_scene == "reject":
             raise Refused("BUSY", f"{busy} and on_new_scene is 'reject'")
         if self._preempts and _running(interaction) and self._challenge is None:
-            return  # it is asked about at once, and waits only when that does not stop the run
-        # Of the scenes that wait for a host, the first one would be under way.
+            return  # its challenge opens at once; it stays queued only if that stops no run
+        # Without an interaction the first scene only waits for a host, so it does not count.
         waiting = len(self._queue) - (self._challenge is not None or interaction is None)
         limit = self._market_state.settings.queue_limit
         if waiting >= limit + self._finds_room(scene):
@@ -272,7 +273,7 @@ class SceneAdmission:
             self.refuse(waiting.scene.scene_id, code, message)
 
     def _finds_room(self, scene: Scene) -> bool:
-        """Whether a scene is urgent enough to wait for its challenge in a full queue."""
+        """Whether a scene may wait for its challenge in a full queue, because it is urgent."""
         others = (waiting for waiting in self._queue if not waiting.asked)
         return self._preempts and scene.urgent and not any(w.scene.urgent for w in others)
 

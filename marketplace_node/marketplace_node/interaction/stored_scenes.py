@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stored scenes: what a later start of the market has to know of scenes without an end.
+"""Stored scenes: what a later start of the market must know about scenes without an end.
 
-With them, the goals that hosts have open: of these nobody else knows once their host has died.
+The open goals of hosts are stored with them, because no other process knows these once their host
+has died.
 """
 
 from __future__ import annotations
@@ -31,21 +32,21 @@ _PLAIN: Mapping[str, type] = {
     "visits": int,
     "stamp": float,
 }
-"""Fields of a scene that are stored as they are, with their types."""
+"""Fields of a scene that are stored unchanged, with their types."""
 
 _NUMBERS = ("value", "age_s", "std", "confidence")
-"""Fields of a value that are numbers; null stands for NaN."""
+"""Numeric fields of a value; null means NaN."""
 
 _INTEGERS = ("round", "agent_id")
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredRun:
-    """Run for a stored scene, the last one.
+    """Last run for a stored scene.
 
     Attributes:
-        epoch: Its market.
-        code: How it ended, as a code for the end of the scene; empty while nobody knows.
+        epoch: The market of the run.
+        code: How it ended, as a code for the end of the scene; empty while unknown.
         message: The same in words.
     """
 
@@ -61,7 +62,7 @@ class StoredRun:
 
 @dataclass(frozen=True, kw_only=True)
 class StoredAward:
-    """Award of an operator for a stored scene: the agent, and the order in words."""
+    """Operator's award for a stored scene: the agent, and the order in words."""
 
     agent: str
     text: str
@@ -72,7 +73,7 @@ _Stored = TypeVar("_Stored", StoredAward, StoredRun, SceneEnded, RunGoal)
 
 @dataclass(frozen=True, kw_only=True)
 class StoredScene:
-    """Scene without an end; without a run it is still to be asked about."""
+    """Scene without an end; without a run it is still queued."""
 
     scene: Scene
     award: StoredAward | None = None
@@ -81,14 +82,14 @@ class StoredScene:
 
 @dataclass(frozen=True, kw_only=True)
 class StoreScenes(Effect):
-    """Store all scenes without an end, next first, and the ids of those taken so far.
+    """Store all scenes without an end, next first, and the ids of all scenes taken so far.
 
     Attributes:
-        open_goals: What the hosts have open that are registered, and what is being cancelled.
-        hosts: The hosts that are alive.
-        ends: Ends of scenes that are announced next.
-        run_ends: Ends of runs that are announced next.
-        at_once: Whether it is stored before the next effect; not where it only says that ends
+        open_goals: Open goals of registered hosts, and goals that are being cancelled.
+        hosts: The live hosts.
+        ends: Ends of scenes to be announced next.
+        run_ends: Ends of runs to be announced next.
+        at_once: Whether to store it before the next effect; False where it only says that ends
             were announced.
     """
 
@@ -132,7 +133,7 @@ def format_scenes(effect: StoreScenes) -> str:
 
 
 def read_scenes(text: str, space: SceneSpace) -> StoreScenes:
-    """Return what :func:`format_scenes` has written.
+    """Return what :func:`format_scenes` wrote.
 
     Raises:
         Refused: ``MALFORMED``.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Marketplace node: messages become events of the market, its effects become messages."""
+"""Marketplace node: turns messages into events of the market, and its effects into messages."""
 
 from __future__ import annotations
 
@@ -103,24 +103,24 @@ SCENES_FILE = StartParameter(
     "none",
 )
 
-_POLL_S = 0.02  # between two polls for hosts that are just starting
+_POLL_S = 0.02  # period of the polls for hosts that are just starting
 _TOUCH_S = 1.0
-_NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
-_SHOWN = 200  # characters of what is malformed
-_CALL_WAITS = 0.5  # at most this part of the bid deadline, for hosts that are just connecting
+_NOTES_S = 1.0  # at most one note in this time, so a misbehaving peer cannot fill the disk
+_SHOWN = 200  # characters of a malformed input
+_CALL_WAITS = 0.5  # longest wait for hosts that are just connecting, as a part of the bid deadline
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarketConfiguration:
-    """What a market is made of.
+    """Inputs from which a market is built.
 
     Attributes:
         space: The scene parameters of the system.
-        epoch: Name of this start of the market; None makes one.
-        rules: Of the strategy ``rules``.
-        unread: Why the rules could not be read; None where they were, or are not there.
-        overrides_file: Keeps pins, vetoes and counts over a restart; None keeps none.
-        scenes_file: Keeps scenes without an end over a restart; None keeps none.
+        epoch: Name of this start of the market; None generates one.
+        rules: Rules of the strategy ``rules``.
+        unread: Why the rules could not be read; None if they were read or do not exist.
+        overrides_file: Keeps pins, vetoes and counts across restarts; None keeps none.
+        scenes_file: Keeps scenes without an end across restarts; None keeps none.
     """
 
     space: SceneSpace
@@ -132,7 +132,7 @@ class MarketConfiguration:
 
 
 class MarketplaceNode(ManagedNode[MarketConfiguration]):
-    """Calls for bids on every scene, awards the run to the best and watches over it.
+    """Calls for bids on every scene, awards the run to the best bid and supervises it.
 
     Attributes:
         selector: Client of ``bt_agents/select``, which ranks for the strategy ``external``.
@@ -140,7 +140,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
 
     start_parameters = (TREES, OVERRIDES_FILE, SCENES_FILE)
     stop_limit_s = 1.8
-    """So long it waits for the end of the last run and the answer of the feedback node [s]."""
+    """Longest wait for the end of the last run and the answer of the feedback node [s]."""
 
     def __init__(
         self, configuration: MarketConfiguration | None = None, **node_kwargs: Any
@@ -173,7 +173,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         )
         self._check_rules(configuration.unread)
         self._hosts = HostConnections(self, self._market, space, self._execute)
-        # Its action clients, which rclpy would leave behind.
+        # Destroys the clients of the hosts, which rclpy would leave behind.
         closing.callback(self._hosts.close)
         self._open_goals = OpenGoalsSubscription(self, self._market, self._execute)
         watch_settings(self, lambda: self._market.settings, self._apply_settings)
@@ -190,7 +190,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         )
         closing.callback(self._feedback.close)
         self._questions = Calls(self)
-        # Made before it is needed, so that the server is found by then.
+        # Created before it is needed, so that the server is discovered by then.
         self.selector = self.create_client(
             SelectAgent, "bt_agents/select", qos_profile=qos.SERVICE
         )
@@ -231,10 +231,10 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
 
     def _check_rules(self, unread: ReadError | None) -> None:
-        """Log why the rules could not be read, unless a strategy needs them.
+        """Log why the rules could not be read, if no strategy needs them.
 
         Raises:
-            ReadError: One that ranks or looks on does.
+            ReadError: The strategy or the shadow needs them.
         """
         if unread is None:
             return
@@ -246,12 +246,12 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
         )
 
     def begin_stop(self) -> None:
-        """Stop the running tree, so that nobody is left alone with it."""
+        """Stop the running tree, so that it does not continue without a market."""
         self._execute(self._market.shut_down("the marketplace is shutting down", time.monotonic()))
 
     def has_stopped(self) -> bool:
-        """Return True when no tree runs, and the feedback node, if there, has answered."""
-        # The last ends are announced, so the next start need not do it.
+        """Return True when no tree runs and the feedback node, if present, has answered."""
+        # Stores that the last ends were announced, so the next start does not repeat them.
         self._execute(self._market.tick(time.monotonic()))
         answered = not self._feedback.waiting or self._feedback.late
         return self._market.state is State.IDLE and answered
@@ -313,7 +313,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
             try:
                 scene = scene_from_msg(request.scene, self._space)
             except Refused as refused:
-                # Whoever asks for a stop gets it, however bad the rest of the request is.
+                # The stop itself is carried out, even if the rest of the request is invalid.
                 remark = f"; the scene as awarded is asked for again ({refused.reason})"
         by = StoppedBy.of(request.by)
         if by != request.by:
@@ -332,7 +332,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
     def _tick(self) -> None:
         now = time.monotonic()
         if now - self._ticked > self._market.settings.host_lease_s / 2:
-            # This process was stalled; the heartbeats of that time still wait to be read.
+            # This process was stalled; the heartbeats of that time are still unread.
             self._execute(self._market.extend_after_stall(self._ticked, now))
         self._ticked = now
         self._publish_calls(now)
@@ -396,7 +396,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
                 self._operators.end(effect)
             case PublishAuction():
                 self._due_calls.pop(effect.decision.terms.round, None)
-                # What its winner does may be seen before a long message has been put together.
+                # The winner may act visibly before this long message is assembled.
                 self._auctions.publish(auction_to_msg(effect, self._decided.to_msg()))
                 log.info(f"round {effect.decision.terms.round}: {effect.reason}")
             case SendGoal():
@@ -430,7 +430,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
                 if self._scenes_file is not None:
                     self._scenes_file.store(format_scenes(effect), at_once=effect.at_once)
                 if effect.ends or effect.run_ends:
-                    # A tick stores that they were announced: before it, a kill repeats them.
+                    # The next tick stores that they were announced; a kill before it repeats them.
                     self._confirmation.set(time.monotonic())
             case Note():
                 log.warning(effect.message, throttle_duration_sec=_NOTES_S)
@@ -454,13 +454,13 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
                 self._execute(self._market.called(effect.round, now))
 
     def _matched(self, hosts: int) -> bool:
-        """Return whether so many hosts are matched both ways; else messages would be lost."""
+        """Return whether this many hosts are matched both ways, so that no message is lost."""
         publishers = int(self._bids.get_publisher_count())
         subscribers = int(self._calls.get_subscription_count())
         return min(publishers, subscribers) >= hosts
 
     def _request_ranking(self, effect: RequestRanking) -> None:
-        """Ask once; the market owns the deadline."""
+        """Send the request once; the market owns the deadline."""
 
         def report(external: External) -> None:
             self._execute(self._market.ranked(effect.round, external, time.monotonic()))
@@ -510,7 +510,7 @@ class MarketplaceNode(ManagedNode[MarketConfiguration]):
 def read_configuration(
     trees: Path, overrides_file: Path | None = None, scenes_file: Path | None = None
 ) -> MarketConfiguration:
-    """Return what the market of a trees folder is made of.
+    """Return the configuration of the market of a trees folder.
 
     Raises:
         ReadError: ``scene.yaml`` is wrong.
@@ -532,14 +532,14 @@ def read_configuration(
 
 
 def make_node() -> MarketplaceNode:
-    """Create the node as the parameters of its process ask for.
+    """Create the node from the parameters of its process.
 
     Raises:
-        BtAgentsError: There is another market, or the trees folder cannot be used.
+        BtAgentsError: Another market is alive, or the trees folder cannot be used.
     """
     return make_managed(MarketplaceNode, refuse_second_market)
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the marketplace until it is told to stop; return the exit code."""
+    """Run the marketplace until it is stopped; return the exit code."""
     return run(make_node, args)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Connections to the hosts: registration, heartbeats, actions and the goals under way."""
+"""Connections to the hosts: registration, heartbeats, actions and goals in progress."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ from marketplace_node.node.messages import (
 )
 from marketplace_node.registry import HostEntry
 
-_SHOWN = 200  # characters of what is malformed
+_SHOWN = 200  # characters of a malformed input
 
 _REFUSALS_PER_S = 0.2
-"""Heartbeats in the name of a host that are refused in words, of each process [1/s]."""
+"""Most heartbeats with a false sender that are refused with a log line, per process [1/s]."""
 
 
 @dataclass(eq=False, kw_only=True)
 class _Link:
-    """Connection to a host: clients of the services of its action, and its heartbeat."""
+    """Connection to a host: clients of its action's services, and a heartbeat subscription."""
 
     entry: HostEntry
     goals: Any
@@ -55,19 +55,19 @@ class _Link:
 
     @property
     def is_ready(self) -> bool:
-        """Whether the action is matched; a request would be lost before."""
+        """Whether the action is matched; before that, a request would be lost."""
         clients = (self.goals, self.results, self.cancels)
         return all(client.service_is_ready() for client in clients)
 
 
 @dataclass(eq=False, kw_only=True)
 class _Sending:
-    """Goal that waits for its server, or is sent.
+    """Goal that waits for its server or has been sent.
 
     Attributes:
-        accepted: Whether the action has accepted it, perhaps only to say why it is refused.
+        accepted: Whether the action has accepted it, possibly only to report why it is refused.
         begun: Whether the host's heartbeat names its run.
-        reported: Whether the market knows that the host has taken it.
+        reported: Whether the market knows that the host has accepted it.
     """
 
     link: _Link
@@ -79,11 +79,11 @@ class _Sending:
 
 
 class HostConnections:
-    """Service ``~/register`` and action clients, which report to the market what hosts do.
+    """Service ``~/register`` and action clients; they report to the market what hosts do.
 
     A goal waits for its server until the market gives it up; the market owns every deadline. The
-    action is spoken to by its services: a client of an action would also listen to its feedback
-    and to the states of all its goals, which takes longer than all the rest.
+    connection uses the services of the action directly: an action client would also subscribe to
+    the feedback and the states of all goals, which costs more time than everything else.
     """
 
     def __init__(self, node: Node, market: Market, space: SceneSpace, execute: Execute) -> None:
@@ -97,7 +97,7 @@ class HostConnections:
 
     @property
     def is_polling(self) -> bool:
-        """Whether a goal waits for its server to be found."""
+        """Whether a goal waits for the discovery of its server."""
         return not all(sending.sent for sending in self._goals.values())
 
     def reaches(self, host: str) -> bool:
@@ -105,10 +105,10 @@ class HostConnections:
         return host in self._links
 
     def connect(self, entry: HostEntry) -> None:
-        """Reach a host, instead of an earlier start of it.
+        """Connect to a host, instead of an earlier start of it.
 
         Raises:
-            Refused: ``UNREACHABLE``, when its names cannot be used.
+            Refused: ``UNREACHABLE``; its names cannot be used.
         """
         self.disconnect(entry.host)
         made: list[Any] = []
@@ -128,7 +128,7 @@ class HostConnections:
                 accepts=_of_host(entry),
             )
         except Exception as error:
-            # The names come from outside; rclpy has no common root for what it makes of bad ones.
+            # The names come from outside; rclpy has no common base class for errors of bad names.
             for client in made:
                 self._node.destroy_client(client)
             raise Refused(
@@ -142,7 +142,7 @@ class HostConnections:
         )
 
     def disconnect(self, host: str) -> None:
-        """Forget a host and all goals sent to it; the market knows from its heartbeat."""
+        """Forget a host and all goals sent to it; the market follows them by its heartbeat."""
         link = self._links.pop(host, None)
         if link is not None:
             self._goals = {g: s for g, s in self._goals.items() if s.link is not link}
@@ -156,7 +156,7 @@ class HostConnections:
             self.disconnect(host)
 
     def send(self, effect: SendGoal) -> None:
-        """Send a goal, as soon as its server is there."""
+        """Send a goal as soon as its server is available."""
         goal = effect.goal
         link = self._links.get(goal.host)
         if link is None:
@@ -169,9 +169,9 @@ class HostConnections:
         self.send_waiting()
 
     def send_waiting(self) -> None:
-        """Send the goals whose server has been found since."""
+        """Send the waiting goals whose server has been discovered."""
         for goal, sending in list(self._goals.items()):
-            # A goal for a server that is still being matched would be lost.
+            # A goal sent before its server is matched would be lost.
             if not sending.sent and sending.link.is_ready:
                 sending.sent = True
                 sending.link.goals.call_async(sending.request).add_done_callback(
@@ -181,14 +181,14 @@ class HostConnections:
     def cancel(self, goal: RunGoal) -> None:
         """Cancel a goal, or drop it unsent.
 
-        One that is not answered yet is cancelled all the same: a host that was stalled finds the
-        cancel beside the goal, and does not begin. The market cancels again on acceptance.
+        An unanswered goal is cancelled as well: a stalled host then finds the cancel together
+        with the goal and does not begin. The market cancels again on acceptance.
         """
         sending = self._goals.get(goal)
         if sending is None:
             link = self._links.get(goal.host)
             if link is not None and link.entry.instance == goal.instance:
-                # Another server of this name has answered for it, or the host was reached anew.
+                # Another server of this name answered for it, or the connection was renewed.
                 self.cancel_all(goal.host)
         elif sending.sent:
             request = CancelGoal.Request()
@@ -199,10 +199,10 @@ class HostConnections:
             self._refuse(goal, f"{sending.link.entry.run_action} is not there")
 
     def cancel_all(self, host: str) -> None:
-        """Cancel all goals at the action of a host, also those of others."""
+        """Cancel all goals of the action of a host, including those of other clients."""
         link = self._links.get(host)
         if link is not None:
-            # An action takes a request without an id and a stamp for all its goals.
+            # A request without an id and a stamp cancels all goals of an action.
             link.cancels.call_async(CancelGoal.Request())
 
     def _register(
@@ -232,7 +232,7 @@ class HostConnections:
         return response
 
     def _take_unreported(self, request: RegisterHost.Request) -> None:
-        """Take the runs of an earlier market as far as they are in order."""
+        """Take the valid runs of an earlier market."""
         now_s = seconds(self._node.get_clock().now().to_msg())
         runs = []
         for message in request.unreported:
@@ -267,7 +267,7 @@ class HostConnections:
         return of_agent and run == (goal.host, goal.instance, self._market.epoch, goal.round)
 
     def _report_taken(self, goal: RunGoal, sending: _Sending) -> None:
-        """Report a goal that has been accepted and has begun, or ended in another way."""
+        """Report a goal as taken once it is accepted and its run has begun."""
         if sending.accepted and sending.begun and not sending.reported:
             sending.reported = True
             self._execute(self._market.goal_accepted(goal, time.monotonic()))
@@ -297,7 +297,7 @@ class HostConnections:
             return
         answer = future.result()
         if answer.status == GoalStatus.STATUS_UNKNOWN:
-            return  # from another server of this name; the heartbeat knows how it goes on
+            return  # from another server of this name; the heartbeat says how the run continues
         result = answer.result
         if result.outcome == RunAgent.Result.REFUSED and not sending.reported:
             del self._goals[goal]
@@ -317,6 +317,6 @@ class HostConnections:
 
 
 def _of_host(entry: HostEntry) -> Callable[[str], bool]:
-    """Return what accepts heartbeats of a host's process, and few of others, to be refused."""
+    """Return a filter for heartbeats: all of the host's process, a few of others to refuse."""
     others = SenderRates(_REFUSALS_PER_S)
     return lambda sender: sender == entry.participant or others(sender)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion between the messages of the market and its data."""
+"""Converts between the messages of the market and its data."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
 
 class BidDecoder:
-    """Decoder that caches the last answer of each host, of those that ``is_known`` accepts."""
+    """Decoder of bids; caches the last answer of each host that ``is_known`` accepts."""
 
     def __init__(self, epoch: str, is_known: Callable[[str], bool]) -> None:
         self._epoch = epoch
@@ -59,7 +59,7 @@ class BidDecoder:
         self._last: dict[str, tuple[bytes, Bids]] = {}
 
     def read(self, message: bytes, participant: str) -> Bids:
-        """Return the answer in a participant's serialised message; the auction checks it.
+        """Return the answer in a serialised message of a participant; the auction checks it.
 
         Raises:
             Refused: ``MALFORMED``.
@@ -77,7 +77,7 @@ class BidDecoder:
         return bids
 
     def forget(self, host: str) -> None:
-        """Drop what is cached of a host."""
+        """Drop the cached answer of a host."""
         self._last.pop(host, None)
 
 
@@ -114,7 +114,7 @@ def registration_from_msg(request: RegisterHost.Request, participant: str) -> Re
 
 
 def run_end_from_msg(result: RunAgent.Result) -> RunEnd:
-    """Return the end of a run as its host reports it; the interaction checks it."""
+    """Return the end of a run, as its host reports it; the interaction checks it."""
     return RunEnd(
         outcome=result.outcome,
         message=result.message,
@@ -127,7 +127,7 @@ def run_end_from_msg(result: RunAgent.Result) -> RunEnd:
 
 
 def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> EarlierRun:
-    """Check a run of an earlier market, as a host hands it over at ``now_s`` [s], and return it.
+    """Check and return a run of an earlier market that a host reports at ``now_s`` [s].
 
     Raises:
         Refused: ``NOT_ENDED``, ``UNKNOWN_OUTCOME``, ``EMPTY``, ``NOT_FINITE``, or as in
@@ -194,7 +194,7 @@ def goal_to_msg(effect: SendGoal, epoch: str, award_key: bytes) -> RunAgent.Goal
 
 
 def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus:
-    """Return the message of what the market is doing since ``stamp``."""
+    """Return the message of the market's state since ``stamp``."""
     fields = {**vars(status)}
     problems = [FileProblem(**vars(one)) for one in fields.pop("undecided")]
     return MarketStatus(
@@ -208,7 +208,7 @@ def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus
 
 @cache
 def strategies_to_msg() -> list[StrategyInfo]:
-    """Return the messages of all strategies; plug-ins are found before the first is asked for."""
+    """Return the messages of all strategies; plug-ins must have been loaded before."""
     return [
         StrategyInfo(
             name=name,
@@ -267,7 +267,7 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
 
 
 def selection_to_msg(effect: RequestRanking, epoch: str) -> SelectAgent.Request:
-    """Return the question how to rank the bids of a round."""
+    """Return the request to rank the bids of a round."""
     return SelectAgent.Request(
         epoch=epoch,
         round=effect.round,
@@ -280,7 +280,7 @@ def selection_to_msg(effect: RequestRanking, epoch: str) -> SelectAgent.Request:
 
 
 def selection_from_msg(answer: SelectAgent.Response, bidders: Sequence[str]) -> External:
-    """Return what a program outside has answered, whatever it is."""
+    """Return the answer of an external program, whatever it contains."""
     message = shown(answer.message)
     if not answer.accepted:
         return External(failure=f"the selector says: {message or 'no'}")
@@ -293,7 +293,7 @@ def selection_from_msg(answer: SelectAgent.Response, bidders: Sequence[str]) -> 
 def operator_command_from_msg(
     request: OperateMarket.Request, space: SceneSpace
 ) -> OperatorCommand:
-    """Check what an operator asks for and return it.
+    """Check and return the command of an operator.
 
     Raises:
         Refused: ``UNKNOWN_ACTION``, or as in :func:`scene_from_msg`.
@@ -311,9 +311,9 @@ def operator_command_from_msg(
 
 
 def scene_or_last(message: Any, space: SceneSpace) -> Scene | None:
-    """Return the scene of a request; None when it names none and means the last one.
+    """Return the scene of a request; None when it names none, which means the last scene.
 
-    What is missing of it is as the scene layer has it of whoever is not known.
+    Missing fields get the values that the scene layer has for an unknown person.
 
     Raises:
         Refused: As in :func:`scene_from_msg`; also ``EMPTY`` for values without a scene_id.
@@ -326,7 +326,7 @@ def scene_or_last(message: Any, space: SceneSpace) -> Scene | None:
 
 def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
     fields = bid._asdict()
-    del fields["instance"]  # the message names the host alone
+    del fields["instance"]  # the message names only the host
     sum_of_it = calculation(bid, decision.terms.scene, decision.ranked.by)
     return RankedBidMsg(**fields, calculation=sum_of_it)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open goals of the hosts: listens to them, and cancels those that the market wants ended."""
+"""Open goals of the hosts: receives their lists, and cancels goals for the market."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from marketplace_node.market import Market
 
 
 class OpenGoalsSubscription:
-    """Topic ``bt_agents/open_goals``, which the market hears, and the client that cancels."""
+    """Subscription to ``bt_agents/open_goals``, with the client that cancels."""
 
     def __init__(self, node: Node, market: Market, execute: Execute) -> None:
         self._market = market
@@ -28,7 +28,7 @@ class OpenGoalsSubscription:
         node.create_subscription(OpenGoals, "bt_agents/open_goals", self._take, qos.FACTS)
 
     def cancel(self, effect: CancelOpenGoals) -> None:
-        """Cancel goals, and report to the market what has become of them."""
+        """Cancel goals, and report the outcome to the market."""
 
         def report(unconfirmed: tuple[OpenGoal, ...]) -> None:
             now = time.monotonic()

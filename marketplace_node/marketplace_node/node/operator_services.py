@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services of operators: commands, and previews."""
+"""Services for operators: commands and previews."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from marketplace_node.node.messages import auction_to_msg, operator_command_from
 
 
 class OperatorServices:
-    """Services ``~/operate`` and ``~/preview``; a preview blocks nothing while it is open."""
+    """Services ``~/operate`` and ``~/preview``; an open preview blocks nothing."""
 
     def __init__(self, node: Node, market: Market, space: SceneSpace, execute: Execute) -> None:
         self._node = node
@@ -33,12 +33,12 @@ class OperatorServices:
             "~/preview",
             self._preview,
             qos_profile=qos.SERVICE,
-            # While one waits, the callbacks of a group that excludes each other would wait too.
+            # In a mutually exclusive group, a waiting request would block the other callbacks.
             callback_group=ReentrantCallbackGroup(),
         )
 
     def end(self, effect: PreviewEnded) -> None:
-        """Have the request answered that a preview was for."""
+        """Answer the request of a preview that has ended."""
         waiting = self._waiting.pop(effect.number, None)
         if waiting is not None:
             waiting.set_result(effect)

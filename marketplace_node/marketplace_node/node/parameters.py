@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the market, described, and checked before they count."""
+"""Parameters of the market: descriptions, and checks before a value comes into force."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ _MEANINGS = {
 
 
 _PROLONGED = ("bid_deadline_s", "host_lease_s", "goal_deadline_s", "takeover_deadline_s")
-"""What a slow network prolongs."""
+"""Settings that a slow network prolongs."""
 
 
 def declare_settings(node: Node) -> Settings:
-    """Declare every setting and return the values, which a launch file may have set.
+    """Declare every setting as a parameter and return the values.
 
-    What a slow network prolongs is multiplied by its factor.
+    Settings that a slow network prolongs are multiplied by its factor.
 
     Raises:
         Refused: As :class:`Settings`.
@@ -92,7 +92,7 @@ def declare_settings(node: Node) -> Settings:
 def watch_settings(
     node: Node, current: Callable[[], Settings], take: Callable[[Settings], None]
 ) -> None:
-    """Refuse parameters that make no sense; hand over the settings after any other change."""
+    """Refuse invalid parameters; pass on the settings after every valid change."""
 
     def changed(parameters: list[Parameter[Any]]) -> Settings:
         changes = {_FIELDS[p.name]: p.value for p in parameters if p.name in _FIELDS}
@@ -113,7 +113,7 @@ def watch_settings(
 
 
 def _prolonged(values: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """Return values of settings as they count on a slow network, within their ranges."""
+    """Return settings prolonged for a slow network, within their ranges."""
     return {
         field: min(value * factor, max(value, RANGES[field][1])) if field in _PROLONGED else value
         for field, value in values.items()

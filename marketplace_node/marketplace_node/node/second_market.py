@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Refusal of a second market, which is heard by its heartbeat, in the words of its node."""
+"""Refusal to start a second market; markets detect each other by their heartbeats."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from marketplace_node.formatting import shown
 from marketplace_node.other_market import StartCheck
 
 MARKET_HEARTBEAT = "marketplace/heartbeat"
-"""Topic on which hosts listen for their market, whatever its node is called."""
+"""Topic on which hosts listen for their market, whatever the name of its node."""
 
 _POLL_S = 0.02
 _LONGEST_EPOCH = 200
 
 
 def refuse_second_market() -> None:
-    """Refuse to start beside another market that is alive; listens for it first.
+    """Listen for another live market, and refuse to start if there is one.
 
     Raises:
         Refused: ``SECOND_MARKET``, with its epoch and its node.
-        Interrupted: SIGINT or SIGTERM has come.
+        Interrupted: SIGINT or SIGTERM arrived.
     """
     listener = rclpy.create_node(
         "marketplace", start_parameter_services=False, enable_rosout=False
@@ -59,7 +59,7 @@ def refuse_second_market() -> None:
 
 
 def another_market_text(node: Node, epoch: str, participant: str) -> str:
-    """Return that another market is alive and which one it is, as a text."""
+    """Return in words that another market is alive, and which one."""
     nodes = {
         f"{end.node_namespace.rstrip('/')}/{end.node_name}"
         for end in node.get_publishers_info_by_topic(MARKET_HEARTBEAT)

@@ -48,16 +48,16 @@ KEY_VARIABLE = StartParameter(
 
 _POLL_S = 0.01
 _LONGEST_S = 60.0
-_SHARE = 0.95  # of the limit for the server, so that the market hears why there is no answer
+_SHARE = 0.95  # share of the limit for the server; the rest is for reporting a missing answer
 _MOST_WAITING = 4
-"""Questions that may be under way at the server; a later one is refused at once."""
+"""Most requests in progress at the server; a further one is refused at once."""
 
 
 class SelectorNode(BaseNode):
-    """Service ``bt_agents/select``, which asks a server that speaks the chat-completions protocol.
+    """Service ``bt_agents/select``; asks a server that speaks the chat-completions protocol.
 
     Attributes:
-        descriptions: What the agents of each host do, in words; by host and agent.
+        descriptions: Descriptions of the agents, by host and agent.
     """
 
     def __init__(self, space: SceneSpace, endpoint: Endpoint, **node_kwargs: Any) -> None:
@@ -74,13 +74,13 @@ class SelectorNode(BaseNode):
             "bt_agents/select",
             self._select,
             qos_profile=qos.SERVICE,
-            # While one waits, the callbacks of a group that excludes each other would wait too.
+            # In a mutually exclusive group, a waiting request would block the other callbacks.
             callback_group=ReentrantCallbackGroup(),
         )
         self.get_logger().info(f"{endpoint.url} is asked for rankings ({endpoint.model})")
 
     def destroy_node(self) -> None:
-        """Destroy the node; a question that is under way is not waited for."""
+        """Destroy the node without waiting for requests in progress."""
         self._client.close()
         super().destroy_node()
 
@@ -111,7 +111,7 @@ class SelectorNode(BaseNode):
         """Ask the server for a ranking.
 
         Raises:
-            Refused: It cannot be asked, or says nothing of use.
+            Refused: The server cannot be asked, or its answer cannot be used.
         """
         bidders = self._bidders(request)
         scene = scene_from_msg(request.scene, self._space)
@@ -171,7 +171,7 @@ class SelectorNode(BaseNode):
         ]
 
     def _take_answers(self) -> None:
-        """Let those go on whose server has answered: threads must not call into rclpy."""
+        """Resume the requests whose server has answered: threads must not call into rclpy."""
         ended = [one for one in self._requests if one[0].done()]
         self._requests = [one for one in self._requests if not one[0].done()]
         if not self._requests:
@@ -181,7 +181,7 @@ class SelectorNode(BaseNode):
 
 
 def make_node() -> SelectorNode:
-    """Create the node as the parameters of its process ask for.
+    """Create the node from the parameters of its process.
 
     Raises:
         BtAgentsError: The trees folder cannot be used, or there is no key.
@@ -201,5 +201,5 @@ def make_node() -> SelectorNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the selector until it is told to stop; return the exit code."""
+    """Run the selector until it is stopped; return the exit code."""
     return run(make_node, args)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State file of the market: read once, and written by a thread of its own."""
+"""State file of the market: read once, written by its own thread."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from bt_agents_ros.timers import FuturePoller
 
 _MOST_BYTES = 16 * 1024 * 1024
 _WRITTEN_S = 0.25
-"""Longest wait for a text to be written [s]: hundreds of times what an idle disk takes."""
+"""Longest wait for a text to be written [s], hundreds of times what an idle disk needs."""
 
 
 class StateFile:
-    """Text file, made with its folder when it is first written.
+    """Text file; the first write creates it with its folder.
 
     Args:
-        node: Logs what goes wrong.
+        node: Logs errors.
         path: The file.
-        what: What it holds, in words.
-        durable: Whether the text survives a loss of power, too, a moment after it was stored.
+        what: Description of the content.
+        durable: Whether the text also survives a power cut, a moment after it was stored.
     """
 
     def __init__(self, node: Node, path: Path, what: str, *, durable: bool) -> None:
@@ -42,7 +42,7 @@ class StateFile:
         self._waited: Future[None] | None = None
 
     def read(self) -> str:
-        """Return the stored text; empty when there is none."""
+        """Return the stored text; empty without one."""
         try:
             with self._path.open("rb") as opened:
                 stored = opened.read(_MOST_BYTES + 1)
@@ -57,7 +57,7 @@ class StateFile:
             return ""
 
     def age_s(self) -> float:
-        """Return the time since the file was written or touched [s]; 0 without one."""
+        """Return the time since the file was written or touched [s]; 0 without a file."""
         with suppress(OSError):
             return max(0.0, time.time() - self._path.stat().st_mtime)
         return 0.0
@@ -67,8 +67,9 @@ class StateFile:
 
         Args:
             text: The new text.
-            at_once: Wait until it is written, so that it survives a kill of the process right
-                after the call: 0.25 s at most, and not at all while the last one hangs.
+            at_once: Whether to wait until the text is written, so that it survives a kill of the
+                process right after the call. The wait is at most 0.25 s, and 0 while an earlier
+                write hangs.
         """
         if at_once:
             hangs = self._waited is not None and not self._waited.done()
@@ -79,12 +80,12 @@ class StateFile:
             self._submit(text, durable=self._durable)
 
     def touch(self) -> None:
-        """Note in the file that its writer is alive, unless it is still being written."""
+        """Mark in the file that its writer is alive, unless a write is in progress."""
         if self._last is not None and self._last.done():
             self._last = self._worker.submit(self._touch)
 
     def close(self) -> None:
-        """Write what still waits to be written."""
+        """Write the pending text."""
         self._worker.shutdown()
 
     def _submit(self, text: str, *, durable: bool) -> Future[None]:

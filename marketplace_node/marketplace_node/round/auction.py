@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Auction of one round: checks the bids of the hosts asked, and decides exactly one outcome."""
+"""Auction of one round: checks the bids of the asked hosts and decides exactly one outcome."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from marketplace_node.round.ranking import decide, nearest
 
 
 class Auction:
-    """Bids of one open round, checked as they come; ``asked`` are the hosts that may answer."""
+    """Bids of one open round, checked on arrival; ``asked`` are the hosts that may answer."""
 
     def __init__(self, space: SceneSpace, terms: Terms, asked: Iterable[HostEntry]) -> None:
         self.terms = terms
@@ -43,7 +43,7 @@ class Auction:
 
     @property
     def complete(self) -> bool:
-        """True when every host that was asked has answered."""
+        """True when every asked host has answered."""
         return len(self._answered) == len(self._asked)
 
     @property
@@ -52,7 +52,7 @@ class Auction:
         return nearest(self._space, self.terms, self._accepted)
 
     def take(self, bids: Bids) -> None:
-        """Take one message; whatever is wrong with it is recorded, never raised."""
+        """Take one message; errors in it are recorded, never raised."""
         try:
             entry = self._sender(bids)
             self._answered.add(entry.host)
@@ -96,7 +96,7 @@ class Auction:
         stopped: str = "",
         external: External | None = None,
     ) -> Decision:
-        """Rank what was accepted and return the outcome.
+        """Rank the accepted bids and return the decision.
 
         Args:
             by: What closes the round.
@@ -107,7 +107,7 @@ class Auction:
         try:
             ranked = decide(self._space, self.terms, self._accepted, external=external)
         except Exception as error:
-            # Whatever a strategy of somebody else does, no round stays open for ever.
+            # A round must close even if a third-party strategy fails.
             reason = shown(str(error))
             stopped = f"the bids could not be ranked: {type(error).__name__}: {reason}"
             ranked, by = Ranked(), ClosedBy.STOPPED

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bids that a round accepts, as arrays."""
+"""Accepted bids of a round as arrays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from marketplace_node.strategies.arrays import Floats
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BidTable:
-    """Accepted bids by column, in the order of the agents' names.
+    """Accepted bids by column, sorted by the agents' names.
 
     Attributes:
         instances: The starts of the hosts.
@@ -33,7 +33,7 @@ class BidTable:
 
     @classmethod
     def of(cls, bids: Sequence[AcceptedBid], space: SceneSpace) -> BidTable:
-        """Return the table of bids that come in any order."""
+        """Return the table of bids given in any order."""
         ordered = sorted(bids, key=lambda bid: bid.agent)
         common = weights_of(space)
         stated = any(bid.weights for bid in ordered)
@@ -50,13 +50,13 @@ class BidTable:
         return len(self.agents)
 
     def column(self, of_agents: Mapping[str, int]) -> Floats:
-        """Return a number for each bidder, 0 for those that are not in the mapping; [N]."""
+        """Return a number for each bidder, 0 for those not in the mapping; [N]."""
         if not of_agents:
             return np.zeros(len(self))
         return np.array([of_agents.get(agent, 0) for agent in self.agents], dtype=np.float64)
 
     def field(self, space: SceneSpace, terms: Terms) -> RoundArrays:
-        """Return what a strategy is given; nothing in it can be written to."""
+        """Return the read-only input of a strategy."""
         scene = space.compared(terms.scene)
         field = RoundArrays(
             scene=np.array(scene.vector),
@@ -78,5 +78,5 @@ def _rows(rows: Sequence[Vector], space: SceneSpace) -> Floats:
 
 
 def weights_of(space: SceneSpace) -> tuple[float, ...]:
-    """Return the weights that ``scene.yaml`` gives the parameters."""
+    """Return the weights of the parameters in ``scene.yaml``."""
     return tuple(parameter.weight for parameter in space.parameters)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Smallest change of one value of a scene by which the runner-up of a round would have won it."""
+"""Smallest change of one scene value that would have made the runner-up of a round win."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ from marketplace_node.strategies import LinearScores
 from marketplace_node.strategies.arrays import Floats, Integers
 
 MOST_NUMBERS = 100_000
-"""Numbers in all bids together, from which on the search would take too long."""
+"""Most numbers in all bids together; with more, the search would take too long."""
 
 _MOST_STEPS = 10
 _STEP = 1e-6
 _NUDGES = np.array([0.0, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7])
 
 _STRICTLY = 1e-9
-"""By so much a score has to be less, where an equal one loses."""
+"""How much smaller a score must be where a tie loses."""
 
 
 def smallest_change(
     model: RoundModel, places: Integers, space: SceneSpace
 ) -> Counterfactual | None:
-    """Return the smallest change of one parameter by which the runner-up wins; None without one.
+    """Return the smallest change of one parameter that makes the runner-up win; None without one.
 
-    It is exact to 1e-7 of the range of the parameter, but for rounding: where scores are equal on
-    paper, the last digit decides. It has been tried among all bids. There is none where scores are
-    no straight lines (``StrategySpec.lines``). ``places`` has the indices of the bids, best first.
+    The result is exact to 1e-7 of the range of the parameter, except for rounding: where scores
+    are mathematically equal, the last digit decides. It is verified against all bids. There is
+    none where scores are not piecewise linear (``StrategySpec.lines``). ``places`` contains the
+    indices of the bids, best first.
     """
     if len(places) < 2 or model.spec.lines is None:
         return None
@@ -50,7 +51,7 @@ def smallest_change(
 
 
 def _obstacle(model: RoundModel) -> str:
-    """Return why there is nothing to search for; empty when there is."""
+    """Return why a search is impossible; empty when it is possible."""
     if np.isnan(model.field.scene).all():
         return "no value of the scene is known"
     external = model.external
@@ -69,7 +70,7 @@ class Intervals:
     high: Floats
 
     def beyond(self, start: float, direction: float) -> float:
-        """Return the first value, going up (1) or down (-1), in no stretch; perhaps infinite."""
+        """Return the first value up (1) or down (-1) outside all intervals; may be infinite."""
         low, high = self.low, self.high
         if direction < 0:
             low, high = -high, -low
@@ -85,7 +86,7 @@ class Intervals:
 
 
 class _Search:
-    """Visits the ends of the losing stretches of all parameters, the nearest first."""
+    """Visits the ends of the losing intervals of all parameters, nearest first."""
 
     def __init__(
         self, model: RoundModel, lines: LinearScores, one: int, space: SceneSpace
@@ -102,7 +103,7 @@ class _Search:
         self._queue: list[tuple[float, int, float, float, float]] = []
 
     def change(self) -> Counterfactual:
-        """Return the smallest change, or why none can be found; neither when there is none."""
+        """Return the smallest change, or why none can be found; empty when none exists."""
         if not np.any(self._lines.weights):
             return Counterfactual(obstacle="chance alone ranked, whatever the scene")
         for index in map(int, np.flatnonzero(~np.isnan(self._start))):
@@ -121,7 +122,7 @@ class _Search:
             if wins.any():
                 found = float(nudged[np.argmax(wins)])
                 return Counterfactual(names=(self._space.names[parameter],), values=(found,))
-            # Equal on paper, and rounding decides: further on, in strides that grow.
+            # Mathematically a tie, decided by rounding: continue in growing steps.
             value += direction * step * self._width[parameter]
             self._push(parameter, direction, value, 2.0 * step)
         return Counterfactual()
@@ -133,11 +134,11 @@ class _Search:
             heapq.heappush(self._queue, (size, parameter, direction, value, step))
 
     def _lost_along(self, parameter: int) -> Intervals:
-        """Return where along a parameter the bid is behind any of the K others.
+        """Return the intervals of a parameter in which the bid loses to any of the K others.
 
         Its score minus that of another bid is linear between the limits of the parameter and the
-        two profiles, so each of the three pieces holds at most one such stretch. Beyond the limits
-        all is lost.
+        two profiles, so each of the three pieces contains at most one such interval. Values beyond
+        the limits always lose.
         """
         turn = np.argsort(self._model.order(np.zeros(self._model.field.shape)))
         others = np.delete(np.arange(len(turn)), self._one)
@@ -166,7 +167,7 @@ class _Search:
         rise = np.where(at_right == at_left, 1.0, at_right - at_left)
         root = np.clip(left - at_left * (right - left) / rise, left, right)
         lost_left, lost_right = at_left > 0.0, at_right > 0.0
-        # What is lost at an end of a piece goes on beyond it; a root itself is a tie, and won.
+        # An interval lost at the end of a piece continues beyond it; a root is a tie, which wins.
         low = np.where(lost_left, np.nextafter(left, -math.inf), root)
         high = np.where(lost_right, np.nextafter(right, math.inf), root)
         lost = lost_left | lost_right
@@ -180,7 +181,7 @@ class _Search:
         )
 
     def _differences(self, others: Integers) -> Floats:
-        """Return the score of the bid minus those of others, [K]; missing values do not count."""
+        """Return the score of the bid minus those of others, [K]; skips missing values."""
         lines, known = self._lines, ~np.isnan(self._start)
         rows = np.append(others, self._one)
         weights = np.broadcast_to(lines.weights, lines.profiles.shape)[rows][:, known]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data of a round: its terms, its bids and its decision."""
+"""Data of a round: terms, bids and decision."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from marketplace_node.outcomes import AuctionOutcome
 
 
 class ClosedBy(IntEnum):
-    """Event that closes a round; the numbers are those of ``Auction.msg``."""
+    """Event that closes a round; the numbers match ``Auction.msg``."""
 
     ALL_ANSWERED = 1
     DEADLINE = 2
@@ -24,7 +24,7 @@ class ClosedBy(IntEnum):
 
 
 class RoundKind(IntEnum):
-    """Side that does not want a bid; the numbers are those of ``RefusedBid.msg``."""
+    """Side that rejects a bid; the numbers match ``RefusedBid.msg``."""
 
     DECLINED = 0
     REFUSED = 1
@@ -32,10 +32,10 @@ class RoundKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Bids:
-    """Answer of one host before any check; fields as in ``Bids.msg``.
+    """Unchecked answer of one host; fields as in ``Bids.msg``.
 
     Attributes:
-        participant: The process it is from, as the middleware says; empty where it does not.
+        participant: The sending process, as the middleware reports it; empty if unknown.
     """
 
     epoch: str
@@ -54,7 +54,7 @@ class Bids:
 
 @dataclass(frozen=True, kw_only=True)
 class AcceptedBid:
-    """Bid that passed every check; ``weights`` is empty when the agent states none."""
+    """Bid that passed every check; ``weights`` is empty if the agent states none."""
 
     agent: str
     agent_id: int
@@ -65,9 +65,9 @@ class AcceptedBid:
 
 
 class RankedBid(NamedTuple):
-    """Accepted bid as the strategy ranked it; fields as in ``RankedBid.msg``.
+    """Accepted bid with its rank; fields as in ``RankedBid.msg``.
 
-    ``instance`` is the start of its host. Runs in earlier starts of the market count, too.
+    ``instance`` is the start of its host. Runs in earlier starts of the market count as well.
     """
 
     agent: str
@@ -88,7 +88,7 @@ class RankedBid(NamedTuple):
 class RefusedBid:
     """Bid outside the ranking; fields as in ``RefusedBid.msg``.
 
-    ``unmet`` is what the scene lacks of what the agent requires, empty for any other reason.
+    ``unmet`` is the part of the agent's requirement that the scene lacks; empty for other reasons.
     """
 
     agent: str
@@ -101,12 +101,12 @@ class RefusedBid:
 
 @dataclass(frozen=True, kw_only=True)
 class External:
-    """Ranking by an external program, or why there is none.
+    """Ranking by an external program, or the reason why there is none.
 
     Attributes:
-        ranking: Names of bidders, best first; those not named come after these by distance.
-        message: How it came to that, in words.
-        failure: Why there is no usable answer; then it is ranked by Manhattan distance.
+        ranking: Names of bidders, best first; bidders not named follow by distance.
+        message: Reason for the ranking, in words.
+        failure: Why there is no usable answer; the Manhattan distance ranks instead.
     """
 
     ranking: tuple[str, ...] = ()
@@ -116,20 +116,19 @@ class External:
 
 @dataclass(frozen=True, kw_only=True)
 class Terms:
-    """Terms of a round, fixed when it opens; fields as in ``Auction.msg``, and some more.
+    """Terms of a round, fixed when it opens; most fields are those of ``Auction.msg``.
 
     Attributes:
-        excluded: Agents that may not bid, as they were stopped earlier in the interaction, with
-            the reason.
-        operator_exclusions: Agents that may not bid by order of an operator, each as the refusal
-            that is recorded.
+        excluded: Agents that may not bid because they were stopped earlier in the interaction,
+            with the reason.
+        operator_exclusions: Agents that an operator excluded, each as the refusal to record.
         unasked: Registered hosts that are not asked, with the reason.
-        last_run: Number of the last run of each agent that ever ran.
+        last_run: Number of the last run of each agent that has run.
         runs: How often each agent has run.
-        rounds_run: How many runs there were in all.
-        options: What is set about the strategy; what is not, has its default.
-        shadow: Name of a strategy that only scores; empty for none.
-        rules: Of ``trees/market.yaml``, for the strategy ``rules``.
+        rounds_run: Total number of runs.
+        options: Options of the strategy; missing ones have their default.
+        shadow: Name of the shadow strategy, which only scores; empty for none.
+        rules: Rules of ``trees/market.yaml``, for the strategy ``rules``.
     """
 
     epoch: str
@@ -156,13 +155,13 @@ class Terms:
 
 @dataclass(frozen=True, kw_only=True)
 class Counterfactual:
-    """Smallest change of the scene by which the runner-up would have won.
+    """Smallest change of the scene that would have made the runner-up win.
 
     Attributes:
         names: The parameter that changes; empty when no change was found.
-        values: Its value then.
-        obstacle: Why none can be found; empty when one was, and when the search shows that no
-            value of a single parameter is enough.
+        values: Its changed value.
+        obstacle: Why no change can be found; empty when one was found, and when the search shows
+            that no change of a single parameter is enough.
     """
 
     names: tuple[str, ...] = ()
@@ -172,10 +171,10 @@ class Counterfactual:
 
 @dataclass(frozen=True, kw_only=True)
 class UndecidedRule:
-    """Rule of ``market.yaml`` whose condition was neither true nor false.
+    """Rule of ``market.yaml`` whose condition could not be decided.
 
     Attributes:
-        message: Why, for people, with the place.
+        message: The reason for people, with the place in the file.
     """
 
     file: str
@@ -188,16 +187,16 @@ class Ranked:
     """Ranking of the accepted bids, and its reasons.
 
     Attributes:
-        bids: Best first.
-        bidders: The names of all, in alphabetical order.
-        by: Name of the strategy that ranked; ``manhattan`` where that of the terms could not.
-        fallback: Why the strategy could not rank and ``manhattan`` did; empty when it could.
-        precedence: Why some bids come before nearer ones: the rule that holds, or what the
-            program outside said; empty when distances alone decide.
-        placed: How many bids, from the first, are there by ``precedence``.
-        shadow_winner: Who would have won by the shadow strategy; empty without one.
-        shadow_failure: Why the shadow strategy could not rank; empty when it could.
-        undecided: Rules that were looked at and could not be decided.
+        bids: The bids, best first.
+        bidders: The names of all bidders, in alphabetical order.
+        by: Name of the strategy that ranked; ``manhattan`` if the one in the terms failed.
+        fallback: Why ``manhattan`` ranked instead of the strategy; empty if the strategy ranked.
+        precedence: Why some bids come before nearer ones: the rule that holds, or the message of
+            the external program; empty when distances alone decide.
+        placed: Number of leading bids that are placed by ``precedence``.
+        shadow_winner: Winner by the shadow strategy; empty without one.
+        shadow_failure: Why the shadow strategy could not rank; empty if it could.
+        undecided: Rules that were evaluated and could not be decided.
         find_change: Searches for ``change``.
     """
 
@@ -216,28 +215,27 @@ class Ranked:
 
     @cached_property
     def change(self) -> Counterfactual | None:
-        """Smallest change by which the runner-up would have won; None where none is searched for.
+        """Smallest change that would have made the runner-up win; None where none is searched for.
 
-        It is searched for when it is first asked for, so that no award waits for it. A search
-        that fails is an obstacle: the decision is announced without it.
+        The search runs on first access, so that no award waits for it. A failed search becomes an
+        obstacle, and the decision is announced without a change.
         """
         try:
             return self.find_change() if self.find_change is not None else None
         except Exception as error:
-            # Whatever arithmetic, or a strategy of another package, makes of unusual numbers.
+            # Unusual numbers may break arithmetic or a third-party strategy.
             return Counterfactual(obstacle=f"the search for it failed ({type(error).__name__})")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """Decision of a round; its ranking is best first, its refusals are in the order they came.
+    """Decision of a round; its ranking is best first, its refusals in order of arrival.
 
     Attributes:
-        outcome: ``NO_BIDS`` also when the round was stopped; of a challenge ``PREEMPTS`` or
-            ``WAITS``.
+        outcome: ``NO_BIDS`` also for a stopped round; ``PREEMPTS`` or ``WAITS`` for a challenge.
         duration_s: From the call to the close [s].
-        silent_hosts: Hosts that were asked and did not answer.
-        stopped: Why the round was stopped; empty when it was not.
+        silent_hosts: Asked hosts that did not answer.
+        stopped: Why the round was stopped; empty if it was not.
     """
 
     terms: Terms
@@ -251,18 +249,18 @@ class Decision:
 
     @property
     def ranking(self) -> tuple[RankedBid, ...]:
-        """Accepted bids; the best first."""
+        """Accepted bids, best first."""
         return self.ranked.bids
 
     @property
     def winner(self) -> RankedBid | None:
-        """The best bid; None without a bid and when the round was stopped."""
+        """The best bid; None without a bid or when the round was stopped."""
         stopped = self.closed_by is ClosedBy.STOPPED
         return self.ranking[0] if self.ranking and not stopped else None
 
     @property
     def passed_over(self) -> RankedBid | None:
-        """The nearest bid, where exploration put one that is further before it; else None."""
+        """The nearest bid if exploration placed a farther one before it; else None."""
         if self.winner is None or self.ranked.placed or not self.winner.bonus:
             return None
         nearest = min(self.ranking, key=lambda bid: bid.distance)

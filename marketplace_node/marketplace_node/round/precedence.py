@@ -25,7 +25,7 @@ class AppliedRules:
     """Rules of the market for one scene and its bidders.
 
     Attributes:
-        number: That of the rule that holds, from 1; 0 for none.
+        number: Number of the rule that holds, from 1; 0 for none.
         rule: The rule that holds; None for none.
         undecided: Rules before it that could not be decided.
     """
@@ -40,7 +40,7 @@ def apply_rules(
 ) -> AppliedRules:
     """Return the first rule that holds and names a bidder.
 
-    A condition on a missing value, NaN, does not hold, nor does one that cannot be decided.
+    A condition on a missing value (NaN) does not hold, nor does an undecided one.
     """
     names = partial(resolve, scene=SceneFacts(person=person, values=values))
     bidders = set(agents)
@@ -59,7 +59,7 @@ def apply_rules(
 
 
 def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, ...]:
-    """Return a ranking from outside, best first, when it names bidders only and none twice.
+    """Check that an external ranking names only bidders and none twice; return it, best first.
 
     Raises:
         Refused: ``EMPTY``, ``UNKNOWN_AGENT`` or ``DUPLICATE``.
@@ -83,10 +83,10 @@ def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, 
 
 
 def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:
-    """Put the bids at some places first, in that order; what is left is ranked by its distance.
+    """Put the bids at some places first, in that order; distances rank the rest.
 
-    The score of the k-th of m such bids is k - m, below every distance. That is a place and no
-    exploration, so there is no bonus.
+    The k-th of m such bids gets the score k - m, below every distance. This is no exploration, so
+    there is no bonus.
     """
     score = scores.distance.copy()
     score[list(places)] = np.arange(len(places)) - float(len(places))

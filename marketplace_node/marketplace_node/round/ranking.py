@@ -24,7 +24,7 @@ from marketplace_node.strategies import STRATEGIES, StrategySpec
 from marketplace_node.strategies.arrays import Integers
 
 FALLBACK = "manhattan"
-"""What ranks when the strategy cannot."""
+"""Strategy that ranks when the one in force fails."""
 
 
 def decide(
@@ -34,13 +34,13 @@ def decide(
     *,
     external: External | None = None,
 ) -> Ranked:
-    """Rank bids, one an agent; equal arguments give the equal ranking, in every order.
+    """Rank bids, one per agent; the result depends only on the arguments, not on their order.
 
-    ``space`` is that of profiles, as everywhere here; the scene may have further values.
-    ``external`` is what a program outside answered, None when it was not asked.
+    ``space`` is the space of profiles, as everywhere here; the scene may have further values.
+    ``external`` is the answer of an external program; None when it was not asked.
 
     Raises:
-        Refused: ``UNKNOWN_STRATEGY``: no strategy, or shadow, of that name is installed.
+        Refused: ``UNKNOWN_STRATEGY``; the strategy or the shadow is not installed.
     """
     if not bids:
         return Ranked()
@@ -70,7 +70,7 @@ def decide(
 
 
 def nearest(space: SceneSpace, terms: Terms, bids: Sequence[AcceptedBid]) -> tuple[RankedBid, ...]:
-    """Return the bids ranked by their Manhattan distance, whatever the strategy of the round."""
+    """Return the bids ranked by Manhattan distance, whatever the strategy of the round."""
     if not bids:
         return ()
     table = BidTable.of(bids, space)
@@ -137,7 +137,7 @@ def _ranked(
 
 
 def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple[float, ...]]:
-    """Return the weights of each bid, empty where all are 1."""
+    """Return the weights of each bid; empty where all are 1."""
     if table.weights is None:
         common = weights_of(space)
         return [() if set(common) == {1.0} else common] * len(places)
@@ -149,7 +149,7 @@ def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple
 
 
 class _Shadow(NamedTuple):
-    """Outcome of the shadow strategy, as :class:`Ranked` has it."""
+    """Outcome of the shadow strategy; see :class:`Ranked`."""
 
     winner: str = ""
     failure: str = ""

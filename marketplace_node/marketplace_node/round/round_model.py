@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Round with everything fixed but the scene, so that other scenes can be scored."""
+"""Model of a round in which everything but the scene is fixed, to score other scenes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Scored:
 class RoundModel:
     """Bids of a round with the strategy, options and seed that rank them.
 
-    ``field`` is ``table`` as arrays; there is at least one bid.
+    ``field`` contains ``table`` as arrays; there is at least one bid.
     """
 
     terms: Terms
@@ -77,7 +77,7 @@ class RoundModel:
         return order(scores, last_run, None, self.terms.tie_break)
 
     def winners(self, scenes: Floats) -> Integers:
-        """Return who has the best score in other scenes with the same chance; [G, n] to [G].
+        """Return the winners in other scenes with the same random draws; [G, n] to [G].
 
         Raises:
             Refused: ``STRATEGY_FAILED``.
@@ -88,7 +88,7 @@ class RoundModel:
         return self.order(scores)[:, 0]
 
     def lines(self) -> LinearScores | None:
-        """Return the scores as a function of the scene; None where they are no straight lines.
+        """Return the scores as a function of the scene; None where they are not piecewise linear.
 
         Raises:
             Refused: ``STRATEGY_FAILED``, as in :func:`scored`.
@@ -116,7 +116,7 @@ class RoundModel:
         return apply_rules(self.terms.rules, named, scene.person, self.table.agents)
 
     def _first(self, applied: AppliedRules) -> tuple[list[str], str]:
-        """Return the bidders that come before nearer ones, and why."""
+        """Return the bidders that precede nearer ones, and why."""
         external, bidders = self.external, self.table.agents
         if applied.rule is not None:
             ours = [agent for agent in applied.rule.agents if agent in bidders]
@@ -129,10 +129,10 @@ class RoundModel:
 def scored(
     spec: StrategySpec, field: RoundArrays, options: Mapping[str, float], random: RandomSource
 ) -> Scores:
-    """Return the scores of a strategy, which may be anybody's, checked.
+    """Return the checked scores of a strategy, which may be third-party.
 
     Raises:
-        Refused: ``STRATEGY_FAILED``: it raised, or its scores are not finite numbers, one a bid.
+        Refused: ``STRATEGY_FAILED``; it raised, or it did not return one finite score per bid.
     """
     with _guarded(spec):
         scores = spec.score(field, spec.values(options), random)
@@ -147,7 +147,7 @@ def scored(
 
 @contextmanager
 def _guarded(spec: StrategySpec) -> Iterator[None]:
-    """Name the strategy when what it does goes wrong."""
+    """Turn errors of a strategy into a ``Refused`` that names it."""
     try:
         yield
     except Refused as refused:
@@ -172,7 +172,7 @@ def _checked(what: str, found: object, shape: tuple[int, ...]) -> Floats:
 
 
 class _SameForAll:
-    """Random source that gives each of many scenes the draws of the round's own scene."""
+    """Random source that repeats the draws of the round's own scene for each of many scenes."""
 
     def __init__(self, source: np.random.Generator) -> None:
         self._source = source

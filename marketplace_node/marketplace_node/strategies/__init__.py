@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strategies that rank bids: pure functions on arrays, by name."""
+"""Strategies that rank bids: named pure functions on arrays."""
 
 from marketplace_node.strategies.arrays import (
     TIE_BREAKS,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays of rounds: what strategies take and return, the random source, the order."""
+"""Arrays of rounds: input and output of strategies, the random source, the order."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class RandomSource(Protocol):
     """Random source of a strategy; a ``numpy.random.Generator`` is one."""
 
     def random(self, size: tuple[int, ...], /) -> Floats:
-        """Return numbers drawn evenly from 0 (included) to 1 (excluded)."""
+        """Return uniform random numbers from 0 (included) to 1 (excluded)."""
         ...
 
     def standard_normal(self, size: tuple[int, ...], /) -> Floats:
-        """Return numbers drawn from the normal distribution of mean 0 and deviation 1."""
+        """Return random numbers of the standard normal distribution."""
         ...
 
 
@@ -34,18 +34,18 @@ class RandomSource(Protocol):
 class RoundArrays:
     """Bids of a round, or of many rounds along leading axes (written ``...``), as arrays.
 
-    N is the number of bids and n that of the scene parameters. Leading axes of different
+    N is the number of bids, n the number of scene parameters. Leading axes of different
     attributes broadcast against each other as usual.
 
     Attributes:
-        scene: Shape [..., n]; NaN where missing; in the units of the parameters.
+        scene: Values of the scene in the units of the parameters, [..., n]; NaN where missing.
         std: Standard deviation of each value of the scene, [..., n]; NaN counts as 0.
-        bids: [..., N, n].
-        weights: How much each parameter counts, [..., N, n] or [n].
+        bids: Profiles of the bidders, [..., N, n].
+        weights: Weight of each parameter, [..., N, n] or [n].
         widths: Maximum minus minimum of each parameter, [n].
-        runs: How often each bidder has run, [..., N].
-        rounds: How many runs there have been in all, [...].
-        idle: How many runs of others there have been since the last own one, [..., N].
+        runs: Number of runs of each bidder, [..., N].
+        rounds: Total number of runs, [...].
+        idle: Number of runs of others since the bidder's last run, [..., N].
     """
 
     scene: Floats
@@ -59,7 +59,7 @@ class RoundArrays:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of every score, [..., N]."""
+        """Shape of the scores, [..., N]."""
         return np.broadcast_shapes(
             self.bids.shape[:-1], (*self.scene.shape[:-1], 1), self.runs.shape
         )
@@ -67,14 +67,14 @@ class RoundArrays:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scores:
-    """Scores of bids; less is better.
+    """Scores of bids; smaller is better.
 
     Attributes:
         distance: From bid to scene, [..., N].
-        bonus: What exploration takes off the distance, [..., N]; 0 without exploration.
-        score: What is ranked, [..., N].
-        contributions: What each parameter adds to the distance, [..., N, n]; 0 where the value of
-            the scene is missing.
+        bonus: What exploration subtracts from the distance, [..., N]; 0 without exploration.
+        score: The ranked number, [..., N].
+        contributions: Contribution of each parameter to the distance, [..., N, n]; 0 where the
+            value of the scene is missing.
     """
 
     distance: Floats
@@ -90,7 +90,7 @@ class LinearScores:
     Attributes:
         profiles: [N, n].
         weights: [N, n] or [n].
-        offsets: What does not depend on the scene, [N].
+        offsets: Part of the score that does not depend on the scene, [N].
     """
 
     profiles: Floats
@@ -100,12 +100,12 @@ class LinearScores:
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """Option of a strategy, a number.
+    """Numeric option of a strategy.
 
     Attributes:
-        name: As in parameters and on the command line.
-        default: Value unless it is set.
-        description: What it does, in words, with its unit.
+        name: Name in parameters and on the command line.
+        default: Value if it is not set.
+        description: Effect of the option in words, with its unit.
     """
 
     name: str
@@ -123,14 +123,14 @@ class StrategySpec:
     """Strategy with its name, function, options and properties.
 
     Attributes:
-        name: As the parameter ``strategy`` takes it.
-        description: What it does, in one sentence.
-        score: Measures all bids; pure: what it gives depends on its arguments alone.
-        options: What can be set about it.
-        draws: True when it draws chance.
-        counts: True when it looks at how many runs there have been in all.
-        lines: The same for one round as a function of the scene, where it is made of straight
-            lines; lets the smallest change of a scene be found exactly. None elsewhere.
+        name: Value of the parameter ``strategy``.
+        description: Effect of the strategy, in one sentence.
+        score: Scores all bids; a pure function of its arguments.
+        options: Its options.
+        draws: True if it uses the random source.
+        counts: True if it uses the total number of runs.
+        lines: Returns the scores of one round as a piecewise linear function of the scene, which
+            makes the smallest change of a scene exact; None if they are not piecewise linear.
     """
 
     name: str
@@ -142,21 +142,21 @@ class StrategySpec:
     lines: Callable[[RoundArrays, Mapping[str, float], RandomSource], LinearScores] | None = None
 
     def values(self, given: Mapping[str, float]) -> dict[str, float]:
-        """Return the value of every option: as given, else the default."""
+        """Return the value of every option: the given one, else the default."""
         return {option.name: given.get(option.name, option.default) for option in self.options}
 
 
 def round_rng(seed: str) -> np.random.Generator:
-    """Return the source of chance of a round: PCG64, seeded by the SHA-256 of ``seed``.
+    """Return the random source of a round: PCG64, seeded with the SHA-256 of ``seed``.
 
-    NumPy takes the digest as eight words of 32 bits, the last of them first.
+    NumPy gets the digest as eight words of 32 bits, last word first.
     """
     words = np.frombuffer(hashlib.sha256(seed.encode()).digest()[::-1], dtype="<u4")
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words.astype(np.uint32))))
 
 
 class BatchRandomSource:
-    """Random source of many rounds at once, each of which draws what it would draw alone.
+    """Random source of many rounds at once; each round draws what it would draw alone.
 
     There is one source for each round along the first axis.
     """
@@ -172,9 +172,9 @@ class BatchRandomSource:
 
 
 def total(parts: Floats) -> Floats:
-    """Return sums over the last axis, [..., n] to [...], added one by one in order.
+    """Return sums over the last axis, [..., n] to [...], added in order.
 
-    So each sum is bit for bit that of a plain loop; ``np.sum`` adds pairwise, and the last digit
+    Each sum equals that of a plain loop bit for bit. ``np.sum`` adds pairwise, and the last digit
     decides ties.
     """
     added: Any = np.zeros(parts.shape[:-1])
@@ -198,7 +198,7 @@ def mask_missing(field: RoundArrays, parts: Floats) -> Floats:
 
 
 def scores_of(field: RoundArrays, contributions: Floats) -> Scores:
-    """Return the scores of a strategy without exploration, whose distance is the sum of parts."""
+    """Return the scores of a strategy without exploration; the distance sums ``contributions``."""
     distance = np.broadcast_to(total(contributions), field.shape)
     return Scores(
         distance=distance, bonus=np.zeros(field.shape), score=distance, contributions=contributions
@@ -206,7 +206,7 @@ def scores_of(field: RoundArrays, contributions: Floats) -> Scores:
 
 
 def with_bonus(scores: Scores, bonus: Floats) -> Scores:
-    """Return the scores with an exploration bonus taken off."""
+    """Return the scores with an exploration bonus subtracted."""
     return replace(scores, bonus=bonus, score=scores.distance - bonus)
 
 
@@ -219,12 +219,11 @@ def order(
     """Return the indices of bids, best first.
 
     Args:
-        scores: [..., N]; smaller is better.
+        scores: Scores, [..., N]; smaller is better.
         last_run: Number of the last run of each bidder, [..., N] or [N]; 0 when it never ran.
-        names: Name of each bidder, N; no two alike. None when they stand in the order of their
-            names.
-        tie_break: ``least_recently_run``: of equal scores the one that ran least recently comes
-            first, then by name; ``name``: by name alone.
+        names: Unique name of each bidder, N; None when the bidders are sorted by name.
+        tie_break: Order of equal scores: ``least_recently_run`` puts the bidder that ran least
+            recently first, then sorts by name; ``name`` sorts by name alone.
 
     Returns:
         Indices along the last axis, [..., N].
@@ -236,4 +235,4 @@ def order(
         by_name = np.empty(len(names), dtype=np.int64)
         by_name[sorted(range(len(names)), key=names.__getitem__)] = np.arange(len(names))
         keys.insert(0, np.broadcast_to(by_name, scores.shape))
-    return np.lexsort(keys, axis=-1)  # stable: what is equal stays as it stands
+    return np.lexsort(keys, axis=-1)  # stable: equal keys keep their order

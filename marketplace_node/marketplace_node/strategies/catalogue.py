@@ -116,9 +116,9 @@ _OWN = (
 _ALL = {spec.name: spec for spec in _OWN}
 
 STRATEGIES: Mapping[str, StrategySpec] = MappingProxyType(_ALL)
-"""Every strategy by the name that the parameter ``strategy`` takes."""
+"""All strategies; the keys are the values of the parameter ``strategy``."""
 
 
 def add(spec: StrategySpec) -> None:
-    """Add a strategy; one of its name stays."""
+    """Add a strategy, unless its name is taken."""
     _ALL.setdefault(spec.name, spec)

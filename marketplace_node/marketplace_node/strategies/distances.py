@@ -26,7 +26,7 @@ _erf = np.vectorize(math.erf, otypes=[np.float64])
 def manhattan(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
     """Measure by the sum of ``|bid - scene|``, formula (1) of the paper, to the last digit.
 
-    A missing value of the scene is left out; without any value every distance is 0.
+    Missing values of the scene are skipped; without any value every distance is 0.
     """
     del options, random
     parts = differences(field)
@@ -45,7 +45,7 @@ def manhattan_lines(
 def weighted_manhattan(
     field: RoundArrays, options: Mapping[str, float], random: RandomSource
 ) -> Scores:
-    """Measure by the sum of ``weight * |bid - scene|``; with weights of 1 as ``manhattan``."""
+    """Measure by the sum of ``weight * |bid - scene|``; equals ``manhattan`` with weights of 1."""
     del options, random
     return scores_of(field, np.abs(differences(field)) * field.weights)
 
@@ -61,7 +61,7 @@ def weighted_lines(
 
 
 def euclidean(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
-    """Measure by the straight line, the root of the sum of ``(bid - scene)^2``.
+    """Measure by the Euclidean distance, the root of the sum of ``(bid - scene)^2``.
 
     A parameter contributes its share of the length, ``(bid - scene)^2 / distance``, so that the
     contributions add up to the distance.
@@ -81,9 +81,9 @@ def euclidean(field: RoundArrays, options: Mapping[str, float], random: RandomSo
 def expected_manhattan(
     field: RoundArrays, options: Mapping[str, float], random: RandomSource
 ) -> Scores:
-    """Measure by the Manhattan distance to be expected when each value of the scene is Gaussian.
+    """Measure by the expected Manhattan distance when each value of the scene is Gaussian.
 
-    With ``X ~ N(scene, std^2)`` and ``a = bid - scene``, the mean of the folded normal
+    With ``X ~ N(scene, std^2)`` and ``a = bid - scene``, it is the mean of the folded normal
     distribution: ``E|bid - X| = std sqrt(2/pi) exp(-a^2 / (2 std^2)) + a erf(a / (std sqrt 2))``
     (Leone, Nelson and Nottingham, 1961). Without any std it is ``manhattan`` to the last digit.
     """

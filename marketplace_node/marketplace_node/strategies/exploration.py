@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strategies that explore: agents that are not nearest may win, so that none is starved."""
+"""Strategies that explore: agents other than the nearest may win, so that none is starved."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ _LEAST = float(np.finfo(np.float64).tiny)
 
 
 def softmax(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
-    """Draw the order with chances ``exp(-distance / temperature)``.
+    """Draw the order with probabilities proportional to ``exp(-distance / temperature)``.
 
-    Gumbel noise times the temperature is taken off the distance; the smallest of such sums is
+    It subtracts Gumbel noise times the temperature from the distance; the smallest result is
     distributed as the softmax (Gumbel, 1954).
     """
     even = np.maximum(random.random(field.shape), _LEAST)
@@ -85,9 +85,9 @@ def softmax(field: RoundArrays, options: Mapping[str, float], random: RandomSour
 def epsilon_greedy(
     field: RoundArrays, options: Mapping[str, float], random: RandomSource
 ) -> Scores:
-    """Rank by ``manhattan``, but with probability epsilon in an order left to chance.
+    """Rank by ``manhattan``, but with probability epsilon in random order.
 
-    The score is then the place in that order, from 0.
+    In a random order, the score is the place, from 0.
     """
     scores = manhattan(field, options, random)
     tickets = random.random((*field.shape[:-1], field.shape[-1] + 1))
@@ -99,7 +99,7 @@ def epsilon_greedy(
 
 
 def ucb(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
-    """Take off ``c sqrt(ln(1 + t) / (1 + n))``: the less an agent ran (n of t), the more.
+    """Subtract ``c sqrt(ln(1 + t) / (1 + n))``: more for agents that ran less (n of t runs).
 
     After UCB1 (Auer, Cesa-Bianchi and Fischer, 2002).
     """
@@ -107,10 +107,10 @@ def ucb(field: RoundArrays, options: Mapping[str, float], random: RandomSource) 
 
 
 def bounded_ucb(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
-    """Take off what ``ucb`` does, but at most the margin.
+    """Subtract the bonus of ``ucb``, but at most the margin.
 
-    So nobody wins who is further than the nearest by more than the margin. Both options are
-    shares of the sum of the ranges of those parameters whose value is known.
+    So no agent wins that is farther than the nearest by more than the margin. Both options are
+    shares of the sum of the ranges of the parameters whose values are known.
     """
     c, margin = (
         ranges_share(field.scene, field.widths, options[name])[..., None]
@@ -121,14 +121,14 @@ def bounded_ucb(field: RoundArrays, options: Mapping[str, float], random: Random
 
 
 def ranges_share(scene: Floats, widths: Floats, share: float) -> Floats:
-    """Return a share of the sum of the ranges of all known parameters of scenes, [..., n]."""
+    """Return a share of the sum of the ranges of all known parameters of scenes [..., n]."""
     return share * total(np.where(np.isnan(scene), 0.0, widths))
 
 
 def thompson(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
     """Measure the distance to a profile drawn from ``N(bid, (sigma * range / sqrt(1 + n))^2)``.
 
-    The more often an agent ran (n), the surer its profile is (Thompson, 1933).
+    The more often an agent ran (n), the more certain its profile is (Thompson, 1933).
     """
     scores = manhattan(field, options, random)
     gap = _drawn(field, options, random) - field.scene[..., None, :]
@@ -160,7 +160,7 @@ def bounded_ucb_lines(
 def epsilon_greedy_lines(
     field: RoundArrays, options: Mapping[str, float], random: RandomSource
 ) -> LinearScores:
-    """Return ``epsilon_greedy`` as a function of the scene, which does not count by chance."""
+    """Return ``epsilon_greedy`` as a function of the scene; a random order ignores the scene."""
     scores = epsilon_greedy(field, options, random)
     width = field.bids.shape[-1]
     if np.array_equal(scores.score, scores.distance):
@@ -180,7 +180,7 @@ def thompson_lines(
 
 def _seldom(field: RoundArrays) -> Floats:
     """Return ``sqrt(ln(1 + t) / (1 + n))`` of each bid, [..., N]."""
-    # Those of numpy differ in the last digit by its version and processor, and so would a replay.
+    # Logarithms of numpy depend on version and processor in the last digit; a replay must not.
     logarithms = np.vectorize(math.log1p, otypes=[np.float64])(field.rounds)
     bonus = np.sqrt(logarithms[..., None] / (1.0 + field.runs))
     return np.array(np.broadcast_to(bonus, field.shape))

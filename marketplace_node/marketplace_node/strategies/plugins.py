@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strategies that other packages bring, found by their entry points."""
+"""Strategies of other packages, found by their entry points."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from marketplace_node.strategies.arrays import Option, StrategySpec
 from marketplace_node.strategies.catalogue import STRATEGIES, add
 
 GROUP = "bt_agents.strategies"
-"""Entry point group; the name of an entry point is the strategy's, its object a StrategySpec."""
+"""Entry point group; an entry point has the strategy's name and loads a ``StrategySpec``."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
 class StrategyPluginProblem(BtAgentsError):
-    """Strategy of a package that cannot be used."""
+    """A strategy of a package cannot be used."""
 
 
 @cache
 def add_installed() -> tuple[str, ...]:
-    """Add the strategies of all installed packages to ``STRATEGIES``, once a process.
+    """Add the strategies of all installed packages to ``STRATEGIES``, once per process.
 
     Returns:
-        Why the others cannot be used, in words.
+        The reasons why others cannot be used, in words.
     """
     specs, problems = read_plugins(entry_points(group=GROUP), STRATEGIES)
     for spec in specs.values():
@@ -39,9 +39,9 @@ def add_installed() -> tuple[str, ...]:
 def read_plugins(
     points: Iterable[EntryPoint], taken: Iterable[str] = ()
 ) -> tuple[Mapping[str, StrategySpec], tuple[str, ...]]:
-    """Return the strategies of entry points by name, and why others are none.
+    """Return the strategies of entry points by name, and the problems of the others.
 
-    One that is wrong, or whose name is ``taken``, stops no other. What a strategy gives back is
+    An invalid strategy, or one whose name is ``taken``, does not affect others. Its scores are
     checked in every round.
     """
     found: dict[str, StrategySpec] = {}
@@ -79,7 +79,7 @@ def _spec(point: EntryPoint) -> StrategySpec:
 
 
 def _problem(name: str, spec: object) -> str:
-    """Return what is wrong with the object of an entry point, behind whose it is; else empty."""
+    """Return what is wrong with the object of an entry point, as the rest of a sentence."""
     if not isinstance(spec, StrategySpec):
         return f" is a {type(spec).__name__}, expected a marketplace_node.strategies.StrategySpec"
     if spec.name != name:
