@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Breakpoints in a tree that is ticked: a node answers RUNNING once before it starts."""
+"""Breakpoints of a ticked tree: a node answers RUNNING once before it starts."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from bt_agents.engine.ticker import Tick, Ticker
 
 
 class Breakpoints:
-    """Nodes of one tree that do not start in the tick in which their turn comes, but in the next.
+    """Nodes of one tree that start one tick later than their turn.
 
-    Such a node is RUNNING without having done anything, so the rest of the tick is as with any
-    node that has just started. A tree without breakpoints is ticked as if this did not exist.
+    Such a node is RUNNING without having done anything, so the rest of the tick proceeds as with
+    any node that has just started. A tree without breakpoints has no overhead.
     """
 
     def __init__(self, ticker: Ticker) -> None:
         self._kept: list[Any] = []
         self._ticker = ticker
         self._stopping: set[Behaviour] = set()
-        # RUNNING by a breakpoint alone; those that were stopped meanwhile are not.
+        # Held at a breakpoint; if their status is no longer RUNNING, they were stopped meanwhile.
         self._waiting: set[Behaviour] = set()
         self._plain: dict[Behaviour, Tick] = {}
 
     def set(self, paths: Collection[str]) -> None:
-        """Set the nodes before which the tree is stopped, instead of those before.
+        """Set the nodes before which the tree stops, replacing the previous ones.
 
-        A node that waits at its breakpoint goes on waiting until the next tick.
+        A node that is held at its breakpoint stays held until the next tick.
         """
         nodes: dict[Behaviour, Any] = {}
         if paths:
@@ -46,23 +46,23 @@ class Breakpoints:
             self._ticker.replace_tick(node, self._plain.pop(node))
 
     def replace_again(self) -> None:
-        """Replace the ticks of its nodes once more, as their ticker has made all of them anew."""
+        """Replace the ticks of its nodes again, after the ticker has recreated all ticks."""
         for node in self._plain:
             self._plain[node] = self._ticker.ticks[node]
             self._ticker.replace_tick(node, self._held_tick(node, self._plain[node]))
 
     @property
     def kept(self) -> tuple[str, ...]:
-        """Paths of the nodes that were kept from starting since the last :meth:`begin_tick`."""
+        """Paths of the nodes that were held since the last :meth:`begin_tick`."""
         return tuple(_path(node) for node in self._kept)
 
     @property
     def held(self) -> tuple[str, ...]:
-        """Paths of those that still wait, as nothing has stopped them in the same tick."""
+        """Paths of those that are still held, because nothing stopped them in the same tick."""
         return tuple(_path(node) for node in self._kept if node.status is RUNNING)
 
     def begin_tick(self) -> None:
-        """Forget which nodes were kept from starting in the tick before."""
+        """Forget which nodes were held in the previous tick."""
         self._kept.clear()
 
     def _held_tick(self, node: Any, tick: Tick) -> Tick:
@@ -71,7 +71,7 @@ class Breakpoints:
             self._waiting.discard(node)
             if node.status is RUNNING:
                 if waits:
-                    # Only a node that is not RUNNING starts.
+                    # Only a node that is not RUNNING can start.
                     node.status = INVALID
             elif node in self._stopping:
                 self._waiting.add(node)

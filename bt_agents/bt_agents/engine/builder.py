@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builder of py_trees trees from checked specs; each node knows its path in the file."""
+"""Builds py_trees trees from checked specs; each node knows its path in the file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bt_agents_language.nodes.catalogue import type_of
 
 
 def find_behaviours() -> dict[str, NodeMaker]:
-    """Return the makers that all files of nodes name, by key."""
+    """Return the makers of all node modules, by key."""
     found: dict[str, NodeMaker] = {}
     for module in iter_modules(nodes.__path__):
         found |= import_module(f"{nodes.__name__}.{module.name}").BEHAVIOURS
@@ -28,7 +28,7 @@ def find_behaviours() -> dict[str, NodeMaker]:
 
 
 BEHAVIOURS: Mapping[str, NodeMaker] = find_behaviours()
-"""Key of a node type → what makes its behaviour: the ``BEHAVIOURS`` of all files of nodes."""
+"""Key of a node type → maker of its behaviour, from the ``BEHAVIOURS`` of all node modules."""
 
 
 @gc_paused()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time limit of calls into third-party code, where the platform can interrupt them."""
+"""Time limit for calls into third-party code, where the platform can interrupt them."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from bt_agents_core.errors import Refused
 T = TypeVar("T")
 
 _SOON_S = 1e-4
-"""When an alarm that is overdue rings [s]; zero would stop it."""
+"""Time after which an overdue alarm rings [s]; zero would cancel it."""
 
 
 class Blocked(BaseException):
-    """Raised inside of a call that blocks; no ``except Exception`` catches it."""
+    """Raised inside a call that blocks; no ``except Exception`` catches it."""
 
 
 def bounded(call: Callable[[], T], limit_s: float) -> T:
-    """Return what a call returns, unless it takes longer than it may on the steady clock.
+    """Return the result of a call, unless it exceeds the limit on the steady clock.
 
-    In the main thread, where there is ``SIGALRM``, it is interrupted: sleeping, waiting for input
-    and endless loops of Python end there. A call into C that never returns to Python does not.
+    In the main thread, on platforms with ``SIGALRM``, the call is interrupted: this ends sleeps,
+    waits for input and endless Python loops, but not a call into C that never returns to Python.
     Elsewhere nothing can be interrupted, and a call that took too long is refused afterwards.
-    An alarm that somebody else has set is kept. Where Python drops exceptions (in ``__del__`` and
-    in callbacks of the garbage collector) an interruption is lost without a word, and the next
-    one ends the call.
+    An alarm that other code has set is preserved. Where Python drops exceptions (in ``__del__``
+    and in callbacks of the garbage collector), an interruption is silently lost, and the next one
+    ends the call.
 
     Raises:
-        Refused: ``BLOCKED``. Whatever the call raises is passed on.
+        Refused: ``BLOCKED``. Exceptions of the call are passed on.
     """
     if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
         return _interrupted(call, limit_s)
@@ -68,7 +68,7 @@ def _interrupted(call: Callable[[], T], limit_s: float) -> T:
     handler = signal.signal(signal.SIGALRM, ring)
     left, interval = 0.0, 0.0
     try:
-        # It rings again for code that catches everything and goes on.
+        # It rings repeatedly, for code that catches everything and continues.
         left, interval = signal.setitimer(signal.ITIMER_REAL, limit_s, limit_s)
         try:
             result = call()

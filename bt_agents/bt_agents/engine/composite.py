@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bases of the composites: nodes with several children."""
+"""Base classes of the composites: nodes with several children."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class Composite(CallTicked, composites.Composite):
-    """A composite made from a spec.
+    """A composite built from a spec.
 
     Attributes:
         current_child: The child that decides the status; None for none.
@@ -41,10 +41,10 @@ class Composite(CallTicked, composites.Composite):
 
 
 class InOrder(Composite):
-    """Base of composites that tick their children one after the other.
+    """Base of composites that tick their children in order.
 
     Attributes:
-        memory: Whether they go on at the running child instead of the first one.
+        memory: Whether they continue at the running child instead of the first one.
     """
 
     def __init__(
@@ -55,13 +55,13 @@ class InOrder(Composite):
 
 
 class ChooseOne(Composite):
-    """Base of composites that pick one child at their start and end as that one does.
+    """Base of composites that pick one child when they start and end as it does.
 
-    A pick that fails is a FAILURE.
+    An error while picking is a FAILURE.
     """
 
     def pick(self) -> Behaviour:
-        """Return the child to be ticked, and name it in the message; may raise."""
+        """Return the child to tick, and name it in the message; may raise."""
         raise NotImplementedError
 
     def tick_children(self, ticker: Ticker) -> Status:

@@ -15,12 +15,12 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class RunContext:
-    """Access of leaves to the environment; tracks each goal until its end is confirmed.
+    """Gives leaves access to the environment; tracks each goal until its end is confirmed.
 
     Attributes:
         clock: The trees' clock.
-        environment: Goals and feedback are sent by the methods here, which track them.
-        deadlines: Path of a node → when time alone changes what it does, on the trees' clock [s];
+        environment: The environment. Send goals and feedback by the methods of this class.
+        deadlines: Path of a node → when time alone changes its behaviour, on the trees' clock [s];
             those of the last tick.
     """
 
@@ -30,64 +30,64 @@ class RunContext:
         self.deadlines: dict[str, float] = {}
         self.clock = environment.clock
         self.environment = environment
-        # Each with the path of its node; some may be confirmed by now.
+        # Each with the path of its node; some may be confirmed already.
         self._goals: list[tuple[str, GoalRun]] = []
         self._plugin_nodes: list[tuple[str, PluginNode]] = []
         self._closers: list[Callable[[], None]] = []
 
     def is_due(self, path: str, at: float) -> bool:
-        """Return whether a time has come for the node at ``path`` [s]; else set a deadline."""
+        """Return whether a time [s] has come for the node at ``path``; if not, set a deadline."""
         if self.clock() >= at:
             return True
         self.deadlines[path] = at
         return False
 
     def pick(self, path: str, count: int, last: int | None) -> int:
-        """Return which of several variants the node at ``path`` takes, not the last one again."""
+        """Return which variant the node at ``path`` takes; never the last one again."""
         del path
         return self.random.choice([number for number in range(count) if number != last])
 
     def picked_child(self, spec: NodeSpec) -> int | None:
-        """Return which of its children a ``random`` takes, by its place; None: it draws one."""
+        """Return the index of the child that a ``random`` takes; None if it draws one."""
         del spec
         return None
 
     def send(self, path: str, goal: SkillGoal) -> GoalRun:
-        """Send a goal in the name of the node at ``path``."""
+        """Send a goal for the node at ``path``."""
         return self._track(path, self.environment.send(goal))
 
     def give_feedback(
         self, path: str, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> GoalRun:
-        """Ask for a change of the profile in the name of the node at ``path``."""
+        """Request a change of the profile for the node at ``path``."""
         return self._track(path, self.environment.give_feedback(kind, values, reason))
 
     def open_goals(self) -> tuple[str, ...]:
-        """Return the node paths of all goals whose end their servers have not confirmed."""
+        """Return the node paths of all goals whose servers have not confirmed the end."""
         self._goals = [(path, run) for path, run in self._goals if not run.confirmed]
         return (*(path for path, _ in self._goals), *self.plugin_goals())
 
     def plugin_goals(self) -> tuple[str, ...]:
-        """Return the same of the goals of plug-ins, a path for each."""
+        """Return the same for the goals of plug-ins, one path per goal."""
         return tuple(path for path, node in self._plugin_nodes for _ in range(node.open_goals()))
 
     def open_plugin_node(self, path: str) -> PluginNode | None:
-        """Return the ROS node for the plug-in at ``path``, whose goals are tracked."""
+        """Return the ROS node for the plug-in at ``path``; its goals are tracked."""
         node = self.environment.open_plugin_node(path)
         if node is not None:
             self._plugin_nodes.append((path, node))
         return node
 
     def forget_plugin_node(self, node: PluginNode) -> None:
-        """Track a node no more that was closed."""
+        """Stop tracking a closed node."""
         self._plugin_nodes = [one for one in self._plugin_nodes if one[1] is not node]
 
     def on_close(self, close: Callable[[], None]) -> None:
-        """Call after the run what takes something down; it may not raise."""
+        """Register a function that cleans up after the run; it must not raise."""
         self._closers.append(close)
 
     def close(self) -> None:
-        """Take down what the nodes have set up for the whole run."""
+        """Clean up what the nodes have set up for the whole run."""
         closers, self._closers = self._closers, []
         for close in closers:
             close()
@@ -99,7 +99,7 @@ class RunContext:
 
 
 BuildChild = Callable[[NodeSpec, Scope], Behaviour]
-"""Builds a node below the one that is being made, with the names that it can see."""
+"""Builds a child of the node under construction, with the names that it can see."""
 
 NodeMaker = Callable[[NodeSpec, RunContext, Scope, BuildChild], Behaviour]
-"""Makes the behaviour of a node; mostly its class."""
+"""Makes the behaviour of a node; usually its class."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Countdowns of a tree: what is left of the times, attempts and rounds of its nodes."""
+"""Countdowns of a tree: the remaining times, attempts and rounds of its nodes."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from bt_agents.engine.nodes.cooldown import Cooldown
 
 @dataclass(frozen=True, kw_only=True)
 class Countdown:
-    """What is left of a limit of a node.
+    """Remainder of a limit of a node.
 
     Attributes:
-        path: Which node.
+        path: Path of the node.
         kind: Its key: ``timeout``, ``wait``, ``retry``.
-        ends_at: When its time is over, on the trees' clock [s]; None of attempts and rounds.
-        remaining: Attempts or rounds after the current one; None of a time.
+        ends_at: When its time is over, on the trees' clock [s]; None for attempts and rounds.
+        remaining: Attempts or rounds after the current one; None for a time.
     """
 
     path: str
@@ -42,7 +42,7 @@ class Countdowns:
         self._cooldowns = [node for node in nodes if isinstance(node, Cooldown)]
 
     def running(self, deadlines: Mapping[str, float], now: float) -> list[Countdown]:
-        """Return all that run; ``deadlines`` are those of the last tick, see :class:`Run`."""
+        """Return the active ones; ``deadlines`` are those of the last tick, see :class:`Run`."""
         ends = {one.spec.path: one.over_at for one in self._cooldowns if one.over_at}
         ends.update(deadlines)
         times = [

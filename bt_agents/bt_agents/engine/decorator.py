@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base of all decorators: nodes around one child, written as a key beside it."""
+"""Base class of all decorators: nodes around one child, written as a key next to it."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class Decorator(CallTicked, decorators.Decorator):
-    """A decorator made from a spec; whatever it raises is a FAILURE that says where and why.
+    """A decorator built from a spec; its exceptions become a FAILURE that says where and why.
 
-    As it stands it passes on the status of its child; subclasses override :meth:`decide`, and
-    :meth:`short_circuit` where the child is not always ticked.
+    The base class passes on the status of its child. Subclasses override :meth:`decide`, and
+    :meth:`short_circuit` if they do not always tick the child.
     """
 
     status: Status
@@ -35,15 +35,15 @@ class Decorator(CallTicked, decorators.Decorator):
         self.fields = NodeFields(spec=spec, names=scope)
 
     def short_circuit(self) -> Status | None:
-        """Return the status if the child is not to be ticked, None when it is; may raise.
+        """Return the status that replaces a tick of the child, None to tick it; may raise.
 
         RUNNING leaves the child as it is. Every other status resets it, even if it has ended by
-        itself, as how it ended has no say in what comes now.
+        itself, because its result no longer matters.
         """
         return None
 
     def decide(self) -> Status:
-        """Return the status after the child was ticked; may raise."""
+        """Return the status after a tick of the child; may raise."""
         return self.decorated.status
 
     def tick_children(self, ticker: Ticker) -> Status:
@@ -69,10 +69,10 @@ class Decorator(CallTicked, decorators.Decorator):
         return status
 
     def why_not(self, condition: str, *, verb: str = "not so") -> str:
-        """Return why a condition in a field is not true, empty when it is.
+        """Return why a condition in a field is not true; empty when it is true.
 
         Raises:
-            Undecided: It is neither true nor false, and no value is missing.
+            Undecided: It is neither true nor false although no value is missing.
         """
         try:
             if self.fields.is_true(condition):

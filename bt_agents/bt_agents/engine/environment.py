@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Port between trees and the outside: what a leaf may do, none of which blocks."""
+"""Interface between trees and the outside: the non-blocking actions of leaves."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ GIVE_FEEDBACK = "feedback/give"
 """ROS name of the service that takes feedback."""
 
 Clock = Callable[[], float]
-"""Returns the time [s]; only differences mean something."""
+"""Returns the time [s]; only differences are meaningful."""
 
 
 class GoalState(Enum):
-    """State of a goal; the value is the text for people."""
+    """State of a goal; the values are texts for people."""
 
     PENDING = "not accepted yet"
     ACTIVE = "running"
@@ -35,20 +35,20 @@ class GoalState(Enum):
 
     @property
     def ended(self) -> bool:
-        """True when it is final for its leaf."""
+        """True when the state is final for its leaf."""
         return self not in (GoalState.PENDING, GoalState.ACTIVE)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SkillGoal:
-    """A goal of an action, request of a service, or message of a topic.
+    """A goal of an action, a request of a service, or a message of a topic.
 
     Attributes:
         name: ROS name, relative unless it starts with a slash.
         fields: Goal, request or message as plain nested data.
-        sender: Path of the node that sends it; empty when none does.
-        feedback: Whether the leaf uses the feedback of an action.
-        timeouts: How long the server may take.
+        sender: Path of the node that sends it; empty for none.
+        feedback: Whether the leaf uses the feedback of the action.
+        timeouts: Time limits of the server.
         heartbeat: Topic whose silence means that the server is dead.
     """
 
@@ -63,29 +63,29 @@ class SkillGoal:
 
 
 def server_missing(limit_s: float) -> str:
-    """Format the reason that a server was not found in time [s]."""
+    """Return the message that no server was found in time [s]."""
     return f"its server is not there (looked for {limit_s:g} s)"
 
 
 def no_acceptance(limit_s: float) -> str:
-    """Format the reason that a server did not accept or reject a goal in time [s]."""
+    """Return the message that a server did not accept or reject a goal in time [s]."""
     return f"its server does not answer (no word about the goal for {limit_s:g} s)"
 
 
 def no_result(kind: BindingKind, limit_s: float) -> str:
-    """Format the reason that a goal has no result, or a request no answer, in time [s]."""
+    """Return the message that a goal got no result, or a request no answer, in time [s]."""
     return f"no {'result' if kind is BindingKind.ACTION else 'answer'} within {limit_s:g} s"
 
 
 def result_limit_s(kind: BindingKind, timeouts: Timeouts) -> float:
-    """Return the longest time until the result or answer [s]; infinite for no limit."""
+    """Return the time limit of the result or answer [s]; infinite for no limit."""
     if timeouts.result_s is not None:
         return timeouts.result_s
     return math.inf if kind is BindingKind.ACTION else REPLY_LIMIT_S
 
 
 class GoalRun(Protocol):
-    """A goal or request that was sent; polled by the tick, never waited for."""
+    """A goal or request that was sent; ticks poll it and never wait for it."""
 
     @property
     def state(self) -> GoalState:
@@ -93,72 +93,72 @@ class GoalRun(Protocol):
 
     @property
     def confirmed(self) -> bool:
-        """True when its server surely does nothing for it any more.
+        """True when its server has certainly stopped working on it.
 
-        A goal is confirmed when it was never sent, or when its server has said that it rejected,
-        finished or cancelled it. One that was given up, or whose server is gone, may go on out
-        there and is not. A request to a service is as soon as its leaf has done with it: nothing
-        of it can be stopped.
+        A goal is confirmed if it was never sent, or once its server has reported that it rejected,
+        finished or cancelled it. A goal that was given up or whose server is gone may still run
+        and is not confirmed. A service request is confirmed as soon as its leaf is done with it,
+        because it cannot be stopped.
         """
 
     @property
     def message(self) -> str:
-        """Reason of the state for people, such as what it waits for; may be empty."""
+        """Reason for the state in words, such as what it waits for; may be empty."""
 
     @property
     def result(self) -> Mapping[str, Plain]:
-        """Fields of the result or response; empty until it succeeded or aborted."""
+        """Fields of the result or response; empty until it has succeeded or aborted."""
 
     @property
     def feedback(self) -> Mapping[str, Plain] | None:
-        """Fields of the latest feedback, the same object until there is newer; None for none."""
+        """Fields of the latest feedback, the same object until newer feedback; None for none."""
 
     def cancel(self) -> None:
-        """Ask for the end; a goal not accepted yet is cancelled on acceptance."""
+        """Request its end; a goal not accepted yet is cancelled on acceptance."""
 
 
 class Inbox(Protocol):
-    """Messages of a topic since it was opened; of a burst maybe only the newest ones."""
+    """Messages of a topic since it was opened; a burst may leave only the newest ones."""
 
     def take(self) -> Mapping[str, Plain] | None:
-        """Return the oldest message not taken yet, None when there is none."""
+        """Return the oldest message not taken yet; None without one."""
 
     def close(self) -> None:
         """Unsubscribe."""
 
 
 class PluginNode(Protocol):
-    """The ROS node as the behaviour of a plug-in sees it, for one leaf and one run."""
+    """The ROS node that the behaviour of a plug-in gets, for one leaf and one run."""
 
     @property
     def node(self) -> Any:
-        """What ``setup`` gets as ``node``; it remembers what is made with it."""
+        """The argument ``node`` of ``setup``; it remembers everything created with it."""
 
     def open_goals(self) -> int:
-        """Return how many of its goals are not confirmed ended."""
+        """Return how many of its goals are not confirmed to have ended."""
 
     def lost(self) -> str:
-        """Return why a goal of this start will never have a result, empty for none."""
+        """Return why a goal of this start will never get a result; empty if none is lost."""
 
     def settle(self) -> None:
-        """Have every goal cancelled that goes on; one not accepted yet as soon as it is."""
+        """Cancel every goal that still runs; one not accepted yet is cancelled on acceptance."""
 
     def plain(self, value: object) -> Plain:
-        """Return a message as plain data, and anything else as it is."""
+        """Return a message as plain data, and anything else unchanged."""
 
     def close(self) -> None:
-        """Destroy all that was made with it."""
+        """Destroy everything created with it."""
 
 
 class Environment(Protocol):
-    """Everything that a tree can reach."""
+    """Everything outside that a tree can access."""
 
     @property
     def clock(self) -> Clock:
         """The trees' clock, which may be simulated."""
 
     def local_time(self) -> LocalTime:
-        """Return the local time, which may be simulated as well."""
+        """Return the local time, which may be simulated."""
 
     def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal to an action server or a request to a service."""
@@ -171,10 +171,10 @@ class Environment(Protocol):
         """
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
-        """Subscribe to a topic; if it is latched, its last message from before comes first."""
+        """Subscribe to a topic; if it is latched, its last earlier message comes first."""
 
     def open_plugin_node(self, path: str) -> PluginNode | None:
-        """Return the node for the plug-in at a path; None where there is no ROS."""
+        """Return the node for the plug-in at a path; None without ROS."""
 
     def log(self, level: str, text: str) -> None:
         """Write a line into the log; the level is ``info``, ``warning`` or ``error``."""
@@ -182,8 +182,8 @@ class Environment(Protocol):
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> GoalRun:
-        """Ask for a change of the running agent's profile.
+        """Request a change of the running agent's profile.
 
-        Direct feedback has wanted values by scene parameter; about those that are not named there
-        is no opinion. The request is rejected, with the reason, when nothing was changed.
+        Direct feedback has wanted values by scene parameter; parameters without a value stay
+        open. The request is rejected, with the reason, if nothing was changed.
         """

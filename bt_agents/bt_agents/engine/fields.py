@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fields of a node evaluated as the texts, times and counts that the node needs."""
+"""Evaluates the fields of a node as the texts, times and counts that it needs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bt_agents_language.nodes.node_type import FOREVER
 
 @dataclass(frozen=True, kw_only=True)
 class NodeFields:
-    """The fields of one node, evaluated anew at each call, as names change while a tree runs."""
+    """The fields of one node; each call evaluates them, because names change during a run."""
 
     spec: NodeSpec
     names: ValueSource
@@ -27,11 +27,11 @@ class NodeFields:
         return name in self.spec.fields
 
     def value(self, name: str) -> Plain:
-        """Return what a value means now.
+        """Return the current result of a value.
 
         Raises:
             MissingValue: A name in it has no value.
-            EvaluationError: An expression in it cannot be computed.
+            EvaluationError: An expression in it cannot be evaluated.
         """
         value = self.spec.fields[name]
         assert not isinstance(value, Expression)
@@ -48,27 +48,27 @@ class NodeFields:
         return is_true(self.condition(name), self.names)
 
     def explain_false(self, name: str, *, verb: str = "not so") -> str:
-        """Return that a condition is not true, and what its names are instead."""
+        """Return a text that a condition is not true, with the values of its names."""
         return explain_false(self.condition(name), self.names, verb=verb)
 
     def constant(self, name: str, default: Plain = None) -> Plain:
-        """Return a value that cannot change, ``default`` when it is not written."""
+        """Return a constant value; ``default`` if the field is missing."""
         value = self.spec.fields.get(name)
         return value.value if isinstance(value, Literal) else default
 
     def number(self, name: str) -> float:
-        """Return a finite number from 0 on.
+        """Return a finite number of at least 0.
 
         Raises:
-            Refused: ``NOT_A_NUMBER``; it is none, negative or not finite. Else as :meth:`value`.
+            Refused: ``NOT_A_NUMBER``; it is no finite number of at least 0. Else as :meth:`value`.
         """
         return self._from_zero(name, "NOT_A_NUMBER", "a number from 0 on")
 
     def seconds(self, name: str) -> float:
-        """Return a time [s]; one that is not written is 0.
+        """Return a duration [s]; 0 if the field is missing.
 
         Raises:
-            Refused: ``NOT_A_DURATION``; it is no number, negative or not finite. Else as
+            Refused: ``NOT_A_DURATION``; it is no finite number of at least 0. Else as
                 :meth:`value`.
         """
         if name not in self.spec.fields:
@@ -76,10 +76,10 @@ class NodeFields:
         return self._from_zero(name, "NOT_A_DURATION", "a time such as '5 s'")
 
     def count(self, name: str) -> int | None:
-        """Return a whole number from 1 on; None for ``forever``.
+        """Return an integer of at least 1; None for ``forever``.
 
         Raises:
-            Refused: ``NOT_A_COUNT``; it is something else. Else as :meth:`value`.
+            Refused: ``NOT_A_COUNT``; it is neither. Else as :meth:`value`.
         """
         value = self.value(name) if name in self.spec.fields else FOREVER
         if value == FOREVER:
@@ -117,7 +117,7 @@ def scene_value(space: SceneSpace, name: str, value: Plain, what: str) -> float:
 
 
 def finite(value: Plain) -> float | None:
-    """Return a finite number; None for everything else."""
+    """Return the value if it is a finite number, else None."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     try:

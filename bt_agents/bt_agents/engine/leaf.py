@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base of all leaves: errors become a FAILURE with its place in the file."""
+"""Base class of all leaves: errors become a FAILURE with its place in the file."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class Leaf(LightBehaviour):
-    """A leaf made from a spec; whatever it raises is a FAILURE that says where and why.
+    """A leaf built from a spec; its exceptions become a FAILURE that says where and why.
 
     Subclasses override :meth:`begin`, :meth:`step` and :meth:`end`, each of which may raise.
 
     Attributes:
-        has_side_effects: True when it does something outside of the tree, so that each of its
-            ends is reported, even when it ends twice in the same way.
+        has_side_effects: True if it acts outside the tree; each of its ends is then reported,
+            even if it ends the same way twice.
     """
 
     has_side_effects: ClassVar[bool] = False
@@ -38,18 +38,18 @@ class Leaf(LightBehaviour):
         self._error = ""
 
     def begin(self) -> None:
-        """Start: called at the first tick."""
+        """Start; called at the first tick."""
 
     def step(self) -> Status:
-        """Go on: called at every tick, the first included."""
+        """Continue; called at every tick, including the first."""
         raise NotImplementedError
 
     def missing(self) -> str:
-        """Return what it still waits for, empty where that is not known."""
+        """Return what it still waits for; empty if unknown."""
         return ""
 
     def end(self) -> None:
-        """Leave nothing under way: called whenever it ends, maybe without having begun."""
+        """Leave nothing running; called whenever it ends, possibly without having begun."""
 
     def initialise(self) -> None:
         self._error = ""
@@ -73,5 +73,5 @@ class Leaf(LightBehaviour):
             self.end()
         except Exception as error:
             if self._error:
-                return  # the first one counts
+                return  # the first error counts
             self.feedback_message = with_location(reason_of(error), self.spec)

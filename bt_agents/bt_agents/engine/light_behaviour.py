@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base of every node: a py_trees behaviour that is quickly made and quickly stopped."""
+"""Base class of every node: a py_trees behaviour that is fast to create and to stop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from py_trees.blackboard import Client
 from py_trees.common import BlackBoxLevel, Status
 from py_trees.logging import Logger
 
-# Looking a member of an Enum up by its name takes as long as three calls in Python 3.11.
+# Access to a member of an Enum takes as long as three calls in Python 3.11.
 SUCCESS, FAILURE, RUNNING, INVALID = (
     Status.SUCCESS,
     Status.FAILURE,
@@ -22,10 +22,10 @@ SUCCESS, FAILURE, RUNNING, INVALID = (
 
 
 class LightBehaviour(Behaviour):
-    """A behaviour whose identifier and generator are made when a tool of py_trees asks for them.
+    """A behaviour that creates its identifier and generator only when py_trees tools use them.
 
-    Among the bases of a class it has to stand before those of py_trees, whose ``__init__`` is not
-    called. Its children are told apart by who they are and stay the same.
+    It must precede the py_trees classes among the bases of a class, because their ``__init__`` is
+    not called. Its children are compared by identity and never change.
     """
 
     logger = Logger("bt_agents")
@@ -52,11 +52,11 @@ class LightBehaviour(Behaviour):
 
     @cached_property
     def qualified_name(self) -> str:
-        """The name with that of the class."""
+        """The name with the name of the class."""
         return f"{type(self).__qualname__}/{self.name}"
 
     @cached_property
     def iterator(self) -> Iterator[Behaviour]:
-        """Generator of one tick."""
+        """The generator of one tick."""
         ticks: Iterator[Behaviour] = self.tick()
         return ticks

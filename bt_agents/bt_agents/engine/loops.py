@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base of the decorators that start their child again."""
+"""Base class of the decorators that restart their child."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from bt_agents.engine.light_behaviour import RUNNING
 
 
 class Loop(Decorator):
-    """Counts rounds; each starts at a tick of its own, no earlier than a pause after the last.
+    """Counts rounds; each starts in a new tick, after a pause since the previous one.
 
-    Counts and pauses may be tuned; they are evaluated at the end of a round, the pause also while
+    Counts and pauses can be tuned; they are evaluated at the end of a round, the pause also while
     it lasts.
 
     Attributes:
-        limit_field: The field that says how many rounds there are in all.
+        limit_field: The field with the total number of rounds.
     """
 
     limit_field: ClassVar[str]
@@ -43,7 +43,7 @@ class Loop(Decorator):
         return self.begun()
 
     def tip(self) -> Behaviour | None:
-        """Return the loop itself during a pause, as nothing below it runs."""
+        """Return the loop itself during a pause, when nothing below it runs."""
         if self.status is RUNNING and self._pause_from is not None:
             return self
         return super().tip()
@@ -59,22 +59,22 @@ class Loop(Decorator):
         raise NotImplementedError
 
     def begun(self) -> Status | None:
-        """Return the status when there is no next round after all, None when it begins."""
+        """Return the final status if there is no next round after all; None if it begins."""
         return None
 
     @property
     def rounds_left(self) -> int | None:
-        """Rounds after the current one; None without a limit, or while that is not known."""
+        """Rounds after the current one; None without a limit or while it is unknown."""
         limit = self._limit or self.fields.constant(self.limit_field)
         return max(limit - self._round, 0) if isinstance(limit, int) else None
 
     def exhausted(self, limit: int | None) -> bool:
-        """Return whether all rounds are over; None is no limit."""
+        """Return whether all rounds are over; a ``limit`` of None means no limit."""
         self._limit = limit
         return limit is not None and self._round >= limit
 
     def again(self, noun: str, limit: int | None) -> Status:
-        """Begin the next round, or its pause."""
+        """Begin the next round or the pause before it."""
         pause = self.fields.seconds("pause")
         self._round += 1
         self._pause_from = self.context.clock()

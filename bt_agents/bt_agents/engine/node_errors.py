@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formats errors of nodes with their reason, node path and place in the file."""
+"""Formats errors of nodes with the reason, the node path and the place in the file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 def reason_of(error: Exception) -> str:
-    """Return the reason of an error for people."""
+    """Return the reason for an error in words."""
     match error:
         case Refused():
             return error.reason
@@ -22,7 +22,7 @@ def reason_of(error: Exception) -> str:
 
 
 class UndecidedReason(str):
-    """A reason that is a condition which cannot be decided."""
+    """A reason: a condition that cannot be decided."""
 
 
 class LocatedReason(str):
@@ -33,7 +33,7 @@ class LocatedReason(str):
 
 
 def with_location(reason: str, spec: NodeSpec) -> LocatedReason:
-    """Return the reason that a node gives, with its path and its place in the file."""
+    """Return the reason of a node with its path and its place in the file."""
     text = LocatedReason(f"{reason} ({spec.path}, {spec.position})")
     text.path = spec.path
     text.undecided = isinstance(reason, UndecidedReason)
@@ -41,5 +41,5 @@ def with_location(reason: str, spec: NodeSpec) -> LocatedReason:
 
 
 def is_undecided(message: str) -> bool:
-    """Return whether the message of a node is that its condition cannot be decided."""
+    """Return whether the message of a node says that its condition cannot be decided."""
     return isinstance(message, LocatedReason) and message.undecided

@@ -30,10 +30,10 @@ from bt_agents_core.text import excerpt
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 _MOST_UNDECIDED = 20
-"""Conditions that cannot be decided of which a run tells."""
+"""Most undecidable conditions that a run reports."""
 
 _LONGEST_NAME = 200
-"""Characters of the name of a tip."""
+"""Most characters of the name of a tip."""
 
 
 class TreeOutcome(Enum):
@@ -45,7 +45,7 @@ class TreeOutcome(Enum):
 
 
 class StatusChange(NamedTuple):
-    """A changed status or message of a node, or one more end of a node with side effects."""
+    """A changed status or message of a node, or another end of a node with side effects."""
 
     path: str
     name: str
@@ -58,12 +58,12 @@ class RunResult:
     """How a run ended.
 
     Attributes:
-        message: Why, for people, with the first condition that could not be decided.
-        tip: Path of the node that decided; empty when the tree was never ticked.
-        orphans: Paths of the nodes whose goals were not confirmed ended.
-        ticks: Ticks of the tree and of its clean-up.
-        overruns: Those that took longer than the time between two.
-        duration_s: On the trees' clock.
+        message: Reason in words, with the first condition that could not be decided.
+        tip: Path of the node that decided; empty if the tree was never ticked.
+        orphans: Paths of the nodes whose goals were not confirmed to have ended.
+        ticks: Number of ticks of the tree and its clean-up.
+        overruns: Number of ticks that took longer than the period.
+        duration_s: Duration on the trees' clock [s].
     """
 
     outcome: TreeOutcome
@@ -77,11 +77,11 @@ class RunResult:
 
 @dataclass(frozen=True, kw_only=True)
 class Overrun:
-    """A tick that took longer than the time between two.
+    """A tick that took longer than the period.
 
     Attributes:
-        slowest: Path of the leaf that took longest, with what led from the leaf before to it; of
-            the outermost node where what came after the last leaf took longer.
+        slowest: Path of the leaf that took longest, including the time since the previous leaf;
+            that of the outermost node if the time after the last leaf was longer.
     """
 
     took_s: float
@@ -94,8 +94,8 @@ class RunLimits:
     """Bounded waits at the end of a run, on the steady clock [s].
 
     Attributes:
-        explain_s: For the news who stopped it and why, where the agent's ``on_cancel`` names that.
-        settle_s: For the goals to be confirmed ended, after the agent's ``on_cancel``.
+        explain_s: Wait for the news who stopped it and why, if the agent's ``on_cancel`` uses it.
+        settle_s: Wait for the confirmed end of all goals, after the agent's ``on_cancel``.
     """
 
     explain_s: float = 0.1
@@ -114,29 +114,29 @@ class Run:
     """Ticks a tree to its end; a cancel stops every leaf, cleans up and waits for open goals.
 
     Args:
-        scene: As awarded.
-        live: Returns the scene as it is now.
-        tunables: Current values by name; may change between ticks.
-        steady: Clock of the bounded waits, which never stands still [s].
-        limits: How long those waits are.
-        random: Random source of the nodes; None takes a fresh one.
-        stopwatch: Measures how long ticks take [s]; None takes ``steady``.
-        plugins: Makes the leaves whose behaviours come from packages.
-        context: Makes what the nodes share.
+        scene: The scene as awarded.
+        live: Returns the current scene.
+        tunables: Current values by name; they may change between ticks.
+        steady: Clock of the bounded waits, which never stops [s].
+        limits: Limits of these waits.
+        random: Random source of the nodes; None uses a new one.
+        stopwatch: Clock that measures ticks [s]; None uses ``steady``.
+        plugins: Makes the leaves for behaviours of packages.
+        context: Makes the shared state of the nodes.
         host: Fully qualified name of the node that ticks the tree.
 
     Attributes:
         root: The tree.
         clean_up: The tree of the agent's ``on_cancel``; None until it begins.
-        period_s: The time between two ticks; one that takes longer is an overrun [s]. Where it is
+        period_s: Time between two ticks [s]; a tick that takes longer is an overrun. If it is
             infinite before the first tick, leaves are not measured.
-        ticks: Ticks so far, of the tree and of its clean-up.
-        overruns: Those that took too long.
-        deadline: When the wait at its end is over, on the steady clock [s]; infinite when none is.
+        ticks: Number of ticks so far, of the tree and its clean-up.
+        overruns: Number of ticks that took longer than the period.
+        deadline: When the current bounded wait ends, on the steady clock [s]; infinite for none.
         deadlines: See :class:`RunContext`.
-        overrun: The last tick, if it took too long.
-        changes: What has changed in the last tick so far, in order.
-        undecided: Conditions that could not be decided so far, each with reason and place.
+        overrun: The last tick, if it was an overrun.
+        changes: Changes of the last tick so far, in order.
+        undecided: Conditions that could not be decided so far, each with its reason and place.
         result: How it ended; None until then.
     """
 
@@ -204,7 +204,7 @@ class Run:
 
     @property
     def tip_name(self) -> str:
-        """Name of the tip for people, with the values that it runs with."""
+        """Name of the tip for people, with its current values."""
         tip = self._tip
         if self.held:
             tip = next(node for node in self.root.iterate() if _path_of(node) == self.held[0])
@@ -215,18 +215,18 @@ class Run:
 
     @property
     def held(self) -> tuple[str, ...]:
-        """Paths of the nodes before whose start the last tick of the tree stopped."""
+        """Paths of the nodes that wait at a breakpoint since the last tick of the tree."""
         stops = self._breakpoints
         return () if stops is None or not self.ticking else stops.held
 
     @property
     def kept(self) -> tuple[str, ...]:
-        """Paths of all that it kept from starting, also where they were stopped in that tick."""
+        """Paths of all nodes that it held, including those that were stopped in the same tick."""
         return () if self._breakpoints is None else self._breakpoints.kept
 
     @property
     def ticking(self) -> bool:
-        """True until the tree has ended or was stopped; what comes then is its clean-up."""
+        """True until the tree has ended or was stopped; its clean-up follows."""
         return self._phase is _Phase.TICKING
 
     @property
@@ -240,9 +240,9 @@ class Run:
         return tip
 
     def set_breakpoints(self, paths: Collection[str]) -> None:
-        """Set the nodes of the tree that wait for one more tick before they start.
+        """Set the nodes of the tree that start one tick later than their turn.
 
-        The clean-up has none: what was begun has to be ended.
+        The clean-up has no breakpoints: it must complete.
         """
         if self._breakpoints is None:
             if not paths:
@@ -251,7 +251,7 @@ class Run:
         self._breakpoints.set(paths)
 
     def report_visits(self, on_visit: OnVisit | None) -> None:
-        """Report each node that is ticked to a listener from the next tick on, or to none."""
+        """Report each ticked node to a listener from the next tick on; None stops that."""
         self._on_visit = on_visit
         for ticker in self._tickers.values():
             ticker.report_visits(on_visit)
@@ -259,7 +259,7 @@ class Run:
             self._breakpoints.replace_again()
 
     def tick(self) -> list[StatusChange]:
-        """Tick once, in whatever phase the run is; return what changed, in order."""
+        """Tick once, in any phase of the run; return the changes in order."""
         self.changes = []
         self.overrun = None
         self.deadlines.clear()
@@ -289,12 +289,12 @@ class Run:
     def cancel(
         self, reason: str, *, clean_up: bool = True, cancellation: Cancellation | None = None
     ) -> list[StatusChange]:
-        """Stop every running leaf now; a run that is ending already goes on ending as it does.
+        """Stop every running leaf now; a run that is already ending continues to end.
 
-        So does one whose tree has ended and only waits for goals: it keeps that outcome. A tree
-        that was never ticked has begun nothing, and has nothing to clean up. Without ``clean_up``
-        the agent's ``on_cancel`` is left out, and stopped if it runs. One that names who stopped
-        the run waits until a further call brings the ``cancellation``, for a bounded time.
+        A run whose tree has ended and that only waits for goals keeps its outcome. A tree that was
+        never ticked has nothing to clean up. Without ``clean_up`` the agent's ``on_cancel`` is
+        skipped, or stopped if it runs. An ``on_cancel`` that names who stopped the run waits for a
+        bounded time until another call brings the ``cancellation``.
         """
         self.changes = []
         if self._phase is _Phase.HALTED:
@@ -321,7 +321,7 @@ class Run:
         return self.changes
 
     def shorten_settling(self, settle_s: float) -> None:
-        """Limit the wait for goals to be confirmed ended, from now or from its begin [s]."""
+        """Shorten the wait for the confirmed end of goals, from now or from its start [s]."""
         self._limits = replace(self._limits, settle_s=min(self._limits.settle_s, settle_s))
         if self._phase is _Phase.SETTLING:
             self.deadline = min(self.deadline, self._steady() + settle_s)
@@ -329,7 +329,7 @@ class Run:
     def give_up(self, reason: str) -> RunResult:
         """Stop every leaf and end at once, without clean-up or waiting; return how it ended."""
         for tree in (self.root, self.clean_up):
-            # What made it give up may stand in the way of stopping, too.
+            # The cause may prevent stopping, too.
             with suppress(Exception):
                 if tree is not None:
                     self._ticker(tree).halt()
@@ -347,7 +347,7 @@ class Run:
         self._settle()
 
     def _clean(self, cancellation: Cancellation | None) -> None:
-        """Begin with the agent's ``on_cancel``, whether it is known who stopped the run or not."""
+        """Begin the agent's ``on_cancel``, even if it is unknown who stopped the run."""
         assert self.spec.on_cancel is not None
         self._scope.cancellation = cancellation
         self.clean_up = build(self.spec.on_cancel, self._context, self._plugins)
@@ -364,7 +364,7 @@ class Run:
         self.deadline = self._steady() + self._limits.settle_s
 
     def _report_undecided(self, message: str) -> None:
-        """Log a condition that cannot be decided, once: what handles the failure hides it."""
+        """Log an undecidable condition once, because handling its failure hides it."""
         if message not in self.undecided and len(self.undecided) < _MOST_UNDECIDED:
             self.undecided[message] = None
             self._context.environment.log("error", message)
@@ -377,7 +377,7 @@ class Run:
         outcome, message, tip = self._end
         hidden = next((one for one in self.undecided if one not in message), "")
         if hidden:
-            # One that has its place in the file still says so.
+            # Keeps the type, which marks a message with its place in the file.
             message = type(message)(f"{message}; {hidden}")
         self.result = RunResult(
             outcome=outcome,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Leaf that tells the scene layer something, and waits a bounded time for its answer."""
+"""Leaf that sends a request to the scene layer and waits a bounded time for the answer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TIMEOUTS = Timeouts(server_s=1.0, accept_s=1.0, result_s=1.0)
 
 
 class SceneLayerLeaf(Leaf):
-    """FAILURE with the reason when the scene layer refuses, is away or does not answer."""
+    """FAILURE with the reason if the scene layer refuses, is missing or does not answer."""
 
     binding: ClassVar[Binding]
     _run: GoalRun | None = None
@@ -35,7 +35,7 @@ class SceneLayerLeaf(Leaf):
         self._run = self.context.send(self.spec.path, goal)
 
     def answered(self) -> Status:
-        """Return RUNNING until the scene layer has answered, then what it has answered."""
+        """Return RUNNING until the scene layer has answered, then the resulting status."""
         assert self._run is not None
         state = self._run.state
         if not state.ended:

@@ -35,7 +35,7 @@ from bt_agents_language.model.specs import (
 _LONGEST_JSON = 100_000
 _MOST_NAMES = 4
 QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
-"""Types of numbers with a unit."""
+"""Types of numbers with units."""
 
 
 class ValueSource(Protocol):
@@ -45,18 +45,18 @@ class ValueSource(Protocol):
         """Return the value of a name.
 
         Raises:
-            MissingValue: Nothing has given it a value yet, or the scene does not know it.
+            MissingValue: It has no value yet, or the scene does not know it.
         """
 
 
 class Scope(ValueSource, Protocol):
-    """Names of a tree, of which its nodes give values to some."""
+    """Names of a tree, some of which its nodes write."""
 
     def declare(self, names: Iterable[str]) -> None:
         """Declare names that a node of the tree writes; called while the tree is built."""
 
     def write(self, name: str, value: Plain) -> None:
-        """Give a name a value."""
+        """Assign a value to a name."""
 
 
 @dataclass(kw_only=True)
@@ -64,19 +64,19 @@ class RunScope:
     """The names of one run; tunables and the live scene may change during it.
 
     Attributes:
-        scene: As awarded.
-        live: Returns the scene as it is now, or as it was last, marked as stale.
+        scene: The scene as awarded.
+        live: Returns the current scene, or the last one marked as stale.
         profile: The agent's own vector.
-        tunables: Current values by name, shared with the host, which tunes them.
+        tunables: Current values by name, shared with the host that tunes them.
         agent: Name of the agent.
-        host: Fully qualified name of the node that ticks the tree; empty where there is none.
-        clock: Returns the local time; None where nobody knows it.
-        cancellation: Who stopped the run and why; None while nobody has said.
-        told: Values that nodes have put into the scene or remembered of the person, by full name:
-            what ``scene`` and the live scene of that moment do not say yet.
-        blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
-            write is not there.
-        mood_start: What ``mood.change`` counts from.
+        host: Fully qualified name of the node that ticks the tree; empty without one.
+        clock: Returns the local time; None where it is unknown.
+        cancellation: Who stopped the run and why; None while unknown.
+        told: Values that nodes have put into the scene or remembered about the person, by full
+            name, and that ``scene`` and the live scene do not have yet.
+        blackboard: Outputs of leaves and values of ``set``, private to the run; values of subtrees
+            are not included.
+        mood_start: Reference of ``mood.change``.
     """
 
     space: SceneSpace
@@ -101,7 +101,7 @@ class RunScope:
         return self.read_only_value(name)
 
     def declare(self, names: Iterable[str]) -> None:
-        """Do nothing: no other names are hidden by those that are written."""
+        """Do nothing: written names hide no others here."""
 
     def write(self, name: str, value: Plain) -> None:
         self.blackboard[name] = value
@@ -169,14 +169,14 @@ class BindingNames:
 
 @dataclass(kw_only=True)
 class SubtreeScope:
-    """The names inside a subtree: its inputs, what it writes, and the read-only ones of the run.
+    """The names inside a subtree: its inputs, the names it writes, and read-only names of the run.
 
     Attributes:
-        inputs: Values as the caller wrote them; they mean what they mean to the caller.
-        caller: Names in which the inputs are evaluated.
-        run: Gives tunables, scene, live scene, mood and profile.
+        inputs: Values as the caller wrote them; they are evaluated in the caller's names.
+        caller: The caller's names.
+        run: Source of tunables, scene, live scene, mood and profile.
         own: Names that nodes of the subtree write; see :meth:`declare`.
-        written: Those that have a value since it started.
+        written: The names that got a value since its start.
     """
 
     inputs: Mapping[str, Value]
@@ -196,7 +196,7 @@ class SubtreeScope:
         return self.run.read_only_value(name)
 
     def declare(self, names: Iterable[str]) -> None:
-        """Declare names that a node of the subtree writes, which hide those of the run."""
+        """Declare names that a node of the subtree writes; they hide those of the run."""
         self.own.update(names)
 
     def write(self, name: str, value: Plain) -> None:
@@ -219,12 +219,12 @@ class MessageNames:
 
 
 def field_of(message: Mapping[str, Plain], path: str, name: str) -> Plain:
-    """Return a field of a plain message by its dotted path; a number names an item of a list.
+    """Return a field of a plain message by its dotted path; a number selects a list item.
 
-    Behind a ``#`` the path goes on inside of the JSON text that the field holds.
+    After a ``#`` the path continues inside the JSON text of the field.
 
     Raises:
-        MissingValue: There is no such field or item; it names ``name``.
+        MissingValue: The field or item does not exist; the error names ``name``.
         Refused: ``NOT_JSON``.
     """
     outer, _, inner = path.partition("#")
@@ -255,11 +255,11 @@ def _refuse_constant(word: str) -> float:
 
 
 def evaluate(value: Value, names: ValueSource) -> Plain:
-    """Return what a written value means now.
+    """Return the current result of a written value.
 
     Raises:
         MissingValue: A name in it has no value.
-        EvaluationError: An expression in it cannot be computed.
+        EvaluationError: An expression in it cannot be evaluated.
     """
     match value:
         case Literal():
@@ -284,10 +284,10 @@ def is_true(condition: Expression, names: ValueSource) -> bool:
 
 
 def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:
-    """Return that a condition is not true, and what its names are instead.
+    """Return a text that a condition is not true, with the current values of its names.
 
-    For example ``not so: answer == 'yes' (answer is 'no')``; of many names the first, and nothing
-    about a name that is the whole condition and false.
+    For example ``not so: answer == 'yes' (answer is 'no')``. It shows only the first of many
+    names, and no name that is the whole condition and false.
     """
     explanation = f"{verb}: {condition.text}"
     mentioned = list(dict.fromkeys(mention.name for mention in condition.mentions))
@@ -304,7 +304,7 @@ def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not
 
 
 def _current(name: str, names: ValueSource) -> str:
-    """Return what a name is: ``is 'yes'``, ``is 2``, ``has no value``."""
+    """Return the state of a name: ``is 'yes'``, ``is 2``, ``has no value``."""
     try:
         value = names.lookup(name)
     except StaleValue:
@@ -322,7 +322,7 @@ def _current(name: str, names: ValueSource) -> str:
 
 
 def _computed(value: Computed, names: ValueSource) -> Plain:
-    # All that an expression gives comes from plain values.
+    # Expressions on plain values return plain values.
     return cast(Plain, value.expression.evaluate(names.lookup))
 
 
@@ -338,7 +338,7 @@ def _as_text(part: str | Value, names: ValueSource) -> str:
 
 
 def format_value(value: Plain, field_type: FieldType) -> str:
-    """Format a value inside a text: ``2`` for 2.0, ``yes`` for true, ``1.5 min``."""
+    """Format a value for a text: ``2`` for 2.0, ``yes`` for true, ``1.5 min``."""
     match value:
         case bool():
             return "yes" if value else "no"

@@ -33,21 +33,21 @@ class ManualClock:
         return self.now
 
     def advance(self, seconds: float) -> None:
-        """Move on by a time [s]."""
+        """Advance by a time [s]."""
         self.now += seconds
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptedReply:
-    """Scripted course of one goal.
+    """Scripted behaviour of one goal.
 
     Attributes:
         state: How the goal ends.
-        accept_s: Time until it is accepted [s].
-        after_s: Time until it ends, from the moment it was sent [s].
-        cancel_s: Time a cancel takes [s]; infinite for a server that ignores it.
-        feedback: Times since it was sent [s], rising, and the fields of the feedback.
-        vanishes: Whether the server is gone by then, so that nobody confirms the end.
+        accept_s: Time until its acceptance [s].
+        after_s: Time from sending until its end [s].
+        cancel_s: Time that a cancel takes [s]; infinite for a server that ignores it.
+        feedback: Increasing times since sending [s] with the fields of the feedback.
+        vanishes: Whether the server is gone by then and never confirms the end.
     """
 
     state: GoalState = GoalState.SUCCEEDED
@@ -62,7 +62,7 @@ class ScriptedReply:
 
 @dataclass(frozen=True, kw_only=True)
 class GivenFeedback:
-    """Feedback that a tree has given."""
+    """Feedback that a tree gave."""
 
     kind: FeedbackKind
     values: Mapping[str, float]
@@ -70,7 +70,7 @@ class GivenFeedback:
 
 
 class ScriptedGoal:
-    """Goal of a :class:`ScriptedEnvironment`; its timeouts count on the same clock."""
+    """Goal of a :class:`ScriptedEnvironment`; its timeouts use the same clock."""
 
     def __init__(self, goal: SkillGoal, answer: ScriptedReply, clock: Clock) -> None:
         self.goal = goal
@@ -93,7 +93,7 @@ class ScriptedGoal:
 
     @property
     def confirmed(self) -> bool:
-        # Nothing can be stopped of a request; whoever cancels it only stops waiting.
+        # A request cannot be stopped; a cancel only ends the wait for it.
         given_up = self.state.ended or self.cancelled_at is not None
         if self.goal.kind is BindingKind.SERVICE and given_up:
             return True
@@ -118,7 +118,7 @@ class ScriptedGoal:
 
     @property
     def next_change(self) -> float:
-        """When it changes next, unless it is cancelled [s]; infinite for never."""
+        """When it changes next if it is not cancelled [s]; infinite for never."""
         if self.state.ended:
             return math.inf
         now = self._clock()
@@ -131,7 +131,7 @@ class ScriptedGoal:
             self.cancelled_at = self._clock()
 
     def _giving_up(self) -> tuple[float, tuple[GoalState, str]]:
-        """Return when it is given up [s], what it is then, and why."""
+        """Return when it is given up [s], its state then, and the reason."""
         kind, timeouts = self.goal.kind, self.goal.timeouts
         if kind is BindingKind.ACTION and self._answer.accept_s > timeouts.accept_s:
             reason = no_acceptance(timeouts.accept_s)
@@ -146,14 +146,14 @@ class ScriptedGoal:
 
     @property
     def _server_ends(self) -> float:
-        """When the server has done with it [s]; what is given up is cancelled."""
+        """When the server is done with it [s]; giving it up cancels it."""
         asked = self.cancelled_at
         if asked is None and self._is_given_up:
             asked = self._given_up
         return min(self._cancelled(asked), self._ends)
 
     def _cancelled(self, asked: float | None) -> float:
-        """Return when a cancel takes effect [s]; before acceptance it does so on it."""
+        """Return when a cancel takes effect [s]; a cancel before acceptance waits for it."""
         if asked is None:
             return math.inf
         return max(asked, self._accepted) + self._answer.cancel_s
@@ -174,13 +174,13 @@ class ScriptedInbox:
 
 
 class ScriptedEnvironment:
-    """Answers goals by name, and stores all requests.
+    """Answers goals by name and records all requests.
 
     Args:
-        answers: Name of an action or service → answers in order; the last one is given for ever.
+        answers: Name of an action or service → answers in order; the last one repeats forever.
             A name that is not listed succeeds at once with an empty result.
         clock: Clock of the trees.
-        result: Fields that every result has, unless its answer says otherwise.
+        result: Fields of every result, unless its answer overrides them.
         begin: Local time when the clock shows 0.
     """
 
@@ -207,7 +207,7 @@ class ScriptedEnvironment:
         return self.begin.after(self.clock())
 
     def send(self, goal: SkillGoal) -> ScriptedGoal:
-        """Take a goal or request."""
+        """Record a goal or request."""
         answer = self._answer(goal.name)
         answer = replace(answer, result={**self._result, **answer.result})
         run = ScriptedGoal(goal, answer, self.clock)
@@ -215,7 +215,7 @@ class ScriptedEnvironment:
         return run
 
     def publish(self, goal: SkillGoal) -> None:
-        """Store a message."""
+        """Record a message."""
         self.published.append(goal)
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> ScriptedInbox:
@@ -227,25 +227,25 @@ class ScriptedEnvironment:
         return inbox
 
     def open_plugin_node(self, path: str) -> None:
-        """Return none, as there is no ROS."""
+        """Return None, because there is no ROS."""
 
     def log(self, level: str, text: str) -> None:
-        """Store a line."""
+        """Record a line."""
         self.logged.append((level, text))
 
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> ScriptedGoal:
-        """Store feedback; it is accepted unless the service of this name answers otherwise."""
+        """Record feedback; it is accepted unless the service of this name answers otherwise."""
         self.feedback_given.append(GivenFeedback(kind=kind, values=values, reason=reason))
         fields: dict[str, Plain] = {"kind": int(kind), "values": values, "reason": reason}
         goal = SkillGoal(kind=BindingKind.SERVICE, name=GIVE_FEEDBACK, type="", fields=fields)
         return ScriptedGoal(goal, self._answer(GIVE_FEEDBACK), self.clock)
 
     def arrive(self, topic: str, message: Mapping[str, Plain]) -> bool:
-        """Let a message arrive in the open inboxes of a topic; return whether there are any.
+        """Deliver a message to the open inboxes of a topic; return whether there are any.
 
-        Latched ones find it later too.
+        Latched inboxes opened later get it, too.
         """
         self._last[topic] = message
         inboxes = [one for name, one in self._inboxes if name == topic and not one.closed]
@@ -254,7 +254,7 @@ class ScriptedEnvironment:
         return bool(inboxes)
 
     def running(self) -> list[str]:
-        """Return the names of the goals that their servers still carry out."""
+        """Return the names of the goals that their servers still execute."""
         return [run.goal.name for run in self.goals if not run.confirmed]
 
     def _answer(self, name: str) -> ScriptedReply:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base of the decorators that leave their child out."""
+"""Base class of the decorators that can skip their child."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from bt_agents.engine.light_behaviour import FAILURE, RUNNING, SUCCESS
 
 
 class Skip(Decorator):
-    """Decides when the child would start whether it is skipped, which is a SUCCESS.
+    """Decides at each start of the child whether to skip it; a skip is a SUCCESS.
 
     Below a selector a skip is a FAILURE, so that the next alternative is tried.
     """
 
     def skip_reason(self) -> str:
-        """Return why the child is skipped, empty when it takes part; may raise."""
+        """Return why the child is skipped; empty if it is ticked; may raise."""
         raise NotImplementedError
 
     def short_circuit(self) -> Status | None:

@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scheduler of ticks: at a fixed rate, and at once when something has arrived."""
+"""Scheduler of ticks: at a fixed rate, and soon after something has arrived."""
 
 from __future__ import annotations
 
 import math
 
 REST_S = 0.002
-"""Least time between the end of a tick and an extra one [s]."""
+"""Shortest time between the end of a tick and an extra one [s]."""
 
 
 class TickScheduler:
-    """Schedule of the next tick, the first of which is due at once; all times are steady [s].
+    """Schedule of the next tick; the first is due at once. All times are steady [s].
 
-    Regular ticks stay on a grid of periods; those that were missed are left out. An extra tick
-    comes after a rest as long as the last tick took, so that a flood of messages takes at most
-    half of the time.
+    Regular ticks stay on a grid of periods; missed ones are skipped. An extra tick follows after a
+    rest as long as the last tick, so a flood of messages uses at most half of the time.
 
     Attributes:
         due: When the next tick is due.
@@ -28,31 +27,31 @@ class TickScheduler:
         self._requested = False
 
     def change(self, period_s: float, now: float) -> None:
-        """Set the period from now on."""
+        """Change the period from now on."""
         self._period_s = period_s
         self._grid = now + period_s
         self.due = min(self.due, self._grid)
 
     def request(self, now: float) -> None:
-        """Request a tick, as something has arrived, as soon as the rest is over."""
+        """Request a tick as soon as the rest is over, because something has arrived."""
         self._requested = True
         self.due = min(self.due, max(now, self._rested))
 
     def now(self, now: float) -> None:
-        """Request a tick at once, rested or not."""
+        """Request a tick at once, without a rest."""
         self.due = min(self.due, now)
 
     def started(self) -> None:
-        """Receive the begin of a tick, which answers all requests so far."""
+        """Handle the start of a tick, which answers all previous requests."""
         self._requested = False
 
     def finished(self, began: float, now: float, latest: float = math.inf) -> None:
-        """Receive the end of a tick; ``latest`` is when something ends by time alone."""
+        """Handle the end of a tick; ``latest`` is when time alone next ends something."""
         self._rested = now + max(now - began, REST_S)
         if now >= self._grid:
             missed = math.floor((now - self._grid) / self._period_s)
             self._grid += (missed + 1) * self._period_s
         self.due = min(self._grid, max(latest, now))
         if self._requested:
-            # What came during the tick may concern a node that had been ticked before.
+            # A request during the tick may concern a node that was already ticked.
             self.due = min(self.due, self._rested)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ticker of trees by plain calls, which reports nodes whose status or message has changed."""
+"""Ticks trees by plain calls and reports nodes whose status or message has changed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from py_trees.common import Status
 from bt_agents.engine.light_behaviour import INVALID, RUNNING, LightBehaviour
 
 Tick = Callable[[], Status]
-"""Ticks one node and those below it; returns the node's status."""
+"""Ticks one node and its descendants; returns the node's status."""
 
 OnChange = Callable[[Behaviour], None]
 """Receives a node whose status or message has changed, or whose side effect was repeated."""
@@ -22,11 +22,11 @@ OnVisit = Callable[[Behaviour, Status], None]
 """Receives each node that was ticked, with its status."""
 
 WrapLeaf = Callable[[Tick, Behaviour], Tick]
-"""Takes the tick of a leaf, and the leaf; returns the tick that is used instead."""
+"""Takes the tick of a leaf and the leaf; returns the tick to use instead."""
 
 
 class CallTicked(LightBehaviour):
-    """A composite or decorator, ticked by plain calls instead of the generators of py_trees."""
+    """A composite or decorator that is ticked by plain calls instead of py_trees generators."""
 
     def tick_children(self, ticker: Ticker) -> Status:
         """Tick or reset the children; return the status of this node.
@@ -39,7 +39,7 @@ class CallTicked(LightBehaviour):
         return self.status
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick, for tools of py_trees; yield the nodes that were ticked."""
+        """Tick for tools of py_trees; yield the ticked nodes."""
         visited: list[Behaviour] = []
         Ticker(self, on_visit=lambda node, _: visited.append(node)).tick()
         yield from visited
@@ -54,9 +54,9 @@ class CallTicked(LightBehaviour):
 
 @dataclass(slots=True)
 class LastReport:
-    """Status and message with which a node was last reported; INVALID before that.
+    """Last reported status and message of a node; INVALID before the first report.
 
-    The node is kept alive, as reports are found by its ``id()``.
+    It keeps the node alive, because reports are found by ``id()``.
     """
 
     node: Behaviour
@@ -65,7 +65,7 @@ class LastReport:
 
     @property
     def outdated(self) -> bool:
-        """True when the node has changed since; the message of an INVALID node does not count."""
+        """True if the node has changed since; the message of an INVALID node does not count."""
         node = self.node
         return node.status is not self.status or (
             node.feedback_message != self.message and node.status is not INVALID
@@ -73,20 +73,20 @@ class LastReport:
 
 
 class Ticker:
-    """Ticks a tree of :class:`CallTicked` nodes and leaves as ``root.tick_once()`` would.
+    """Ticks a tree of :class:`CallTicked` nodes and leaves like ``root.tick_once()``.
 
-    A leaf is any behaviour without children: its ``initialise``, ``update`` and ``terminate`` are
-    called as py_trees calls them, and its ``update`` may not return INVALID.
+    A leaf is any behaviour without children. Its ``initialise``, ``update`` and ``terminate`` are
+    called as in py_trees; its ``update`` must not return INVALID.
 
     Args:
-        on_change: Called once per changed node after each tick of it: ticked nodes in the order
-            of their answers, then stopped nodes in the order of the tree. Nodes that have
-            ``has_side_effects`` are reported at every end.
+        on_change: Called once per changed node after each of its ticks: ticked nodes in order of
+            their answers, then stopped nodes in tree order. Nodes with ``has_side_effects`` are
+            reported at every end.
         wrap_leaf: Wraps the tick of each leaf.
 
     Attributes:
-        ticks: Node → its tick, made when it is first used.
-        pending: Roots of subtrees whose statuses may have changed without being ticked.
+        ticks: Node → its tick, created on first use.
+        pending: Roots of subtrees whose statuses may have changed without a tick.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Ticker:
         """Tick the tree once; return its status.
 
         Raises:
-            Exception: What a leaf raises. Some changes are never reported then.
+            Exception: A leaf raised it; some changes are then never reported.
         """
         status = self._tick()
         if self.pending:
@@ -125,47 +125,47 @@ class Ticker:
         self._report_pending()
 
     def tick_child(self, node: Behaviour) -> Status:
-        """Tick a node below the one that is being ticked; return its status."""
+        """Tick a descendant of the node that is being ticked; return its status."""
         return self.ticks[node]()
 
     def replace_tick(self, node: Behaviour, tick: Tick) -> None:
-        """Replace the tick of a node of the tree from its next tick on."""
+        """Replace the tick of a node, from its next tick on."""
         self.ticks[node] = tick
         if node is self.root:
             self._tick = tick
 
     def report_visits(self, on_visit: OnVisit | None) -> None:
-        """Report visits to another listener from the next tick on, or to none.
+        """Report visits to another listener from the next tick on; None stops that.
 
-        Replaced ticks are the plain ones again.
+        This undoes :meth:`replace_tick`.
         """
         self._on_visit = on_visit
         self.ticks.clear()
         self._tick = self.ticks[self.root]
 
     def reset_child(self, node: Behaviour) -> None:
-        """Stop a node below the one that is being ticked unless it is INVALID already."""
+        """Stop a descendant of the node that is being ticked, unless it is already INVALID."""
         if node.status is not INVALID:
             node.stop(INVALID)
         self.pending.append(node)
 
     def last_report(self, node: Behaviour) -> LastReport:
-        """Return with what a node was last reported."""
+        """Return the last report of a node."""
         return self._reports.setdefault(id(node), LastReport(node))
 
     def report_if_changed(self, last: LastReport, *, again: bool = False) -> None:
-        """Report a node if it has changed since its last report, or ``again`` in any case."""
+        """Report a node if it has changed since its last report; with ``again`` always."""
         node = last.node
         if again or last.outdated:
             last.status, last.message = node.status, node.feedback_message
             assert self._on_change is not None
             self._on_change(node)
         elif node.status is not INVALID:
-            # An equal text in another string, which is from now on told apart by identity.
+            # An equal text in another string; later comparisons by identity use this one.
             last.message = node.feedback_message
 
     def _tick_of(self, node: Behaviour) -> Tick:
-        """Return the tick of a node, with all that is done around it."""
+        """Return the tick of a node with everything around it."""
         last = None if self._on_change is None else self.last_report(node)
         make = _call_tick if isinstance(node, CallTicked) else _leaf_tick
         if last is not None and getattr(node, "has_side_effects", False):
@@ -198,14 +198,14 @@ class Ticker:
             found.append(node)
 
     def _place(self, node: Behaviour) -> int:
-        """Return the place of a node in the order of the tree."""
+        """Return the position of a node in tree order."""
         if not self._places:
             self._places = {id(node): place for place, node in enumerate(self.root.iterate())}
         return self._places[id(node)]
 
 
 class _Ticks(dict[Behaviour, Tick]):
-    """Node → its tick, made when it is first used."""
+    """Node → its tick, created on first use."""
 
     def __init__(self, make: Callable[[Behaviour], Tick]) -> None:
         self._make = make
@@ -215,7 +215,7 @@ class _Ticks(dict[Behaviour, Tick]):
         return tick
 
 
-# Changes are detected inside of the tick: a call around each tick would cost a third of it.
+# Changes are detected inside the tick: a call around each tick would cost a third of it.
 
 
 def _call_tick(node: Any, ticker: Ticker, last: LastReport | None) -> Tick:
@@ -265,7 +265,7 @@ def _reported_ends(tick: Tick, last: LastReport, ticker: Ticker) -> Tick:
 
 
 def _own(node: Behaviour, name: str) -> Any:
-    """Return a method of a node; None where its class leaves it empty."""
+    """Return a method of a node; None if its class does not override it."""
     return None if getattr(type(node), name) is getattr(Behaviour, name) else getattr(node, name)
 
 

@@ -14,13 +14,13 @@ from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.text import ellipsize, printable_line
 
 LONGEST_VALUE = 200
-"""Characters of a value as text."""
+"""Most characters of a value as text."""
 
 _MOST_ITEMS = 20
 
 
 class TracedValue(NamedTuple):
-    """A value that a node has read or written."""
+    """A value that a node read or wrote."""
 
     path: str
     name: str
@@ -30,7 +30,7 @@ class TracedValue(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class _TracedNames:
-    """The names that a node sees, with a note of each value that it reads or writes."""
+    """The names that a node sees; each read or written value is noted."""
 
     path: str
     names: Scope
@@ -52,9 +52,8 @@ class _TracedNames:
 class ValueTrace:
     """Reads and writes of all nodes of a tree from now until :meth:`close`.
 
-    A tree without a trace is ticked as if this did not exist. Only values are noted that differ
-    from those which the same node has read or written under the name before, or ``repeated`` ones
-    as well.
+    A tree without a trace has no overhead. Only values are noted that differ from the last one
+    that the same node read or wrote under the name; with ``repeated``, all values are noted.
     """
 
     def __init__(self, root: Behaviour, *, repeated: bool = False) -> None:
@@ -70,13 +69,13 @@ class ValueTrace:
                 node.scope = fields.names
 
     def take(self) -> list[TracedValue]:
-        """Return what was noted since the last call, in the order in which it happened."""
+        """Return what was noted since the last call, in order."""
         news = list(self._news.values())
         self._news.clear()
         return news
 
     def close(self) -> None:
-        """Note nothing more."""
+        """Stop the trace."""
         for node in self._nodes:
             names = self._untraced(node.fields.names)
             node.fields = replace(node.fields, names=names)
@@ -88,7 +87,7 @@ class ValueTrace:
         return _TracedNames(path=path, names=names, note=self._note)
 
     def _untraced(self, names: _TracedNames) -> Scope:
-        """Return the names without this trace; another one of the same tree goes on."""
+        """Return the names without this trace; other traces of the tree continue."""
         if names.note == self._note:
             return names.names
         inner = names.names
@@ -105,7 +104,7 @@ class ValueTrace:
 
 
 def as_written(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
-    """Return a value in one line as an author writes it, cut where it is long."""
+    """Return a value on one line as an author writes it; a long one is truncated."""
     if field_type in QUANTITIES:
         return format_value(value, field_type)
     return ellipsize(printable_line(_written(value)), LONGEST_VALUE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Variants of the texts of one node: another one each time, never the same twice running."""
+"""Variants of the texts of one node: never the same variant twice in a row."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from bt_agents_language.model.specs import Computed, Literal, Reference, Text, V
 
 
 class VariantPicker:
-    """Picks of one node, which is at ``path``; they last as long as its run."""
+    """Picks of the node at ``path``, kept for its run."""
 
     def __init__(self, context: RunContext, path: str) -> None:
         self._context = context
@@ -16,7 +16,7 @@ class VariantPicker:
         self._last: dict[Variants, int] = {}
 
     def settled(self, value: Value) -> Value:
-        """Return a value with one text in the place of its variants."""
+        """Return a value with one text instead of its variants."""
         match value:
             case Variants():
                 return self._pick(value)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Registry of the agents of one host: their profiles, their bids for a scene, and declines."""
+"""Registry of the agents of one host: profiles, bids for a scene, and declines."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from bt_agents_language.model.specs import AgentSpec
 
 @dataclass(kw_only=True, slots=True)
 class HostedAgent:
-    """One agent and what has changed since its file was read.
+    """One agent, with what has changed since its file was read.
 
     Attributes:
         on_change: Called after an attribute was set.
-        spec: The file.
-        profile: What it bids now.
-        revision: Ledger revision of that profile; 0 for the one in the file.
+        spec: Content of its file.
+        profile: Its current profile, which it bids.
+        revision: Ledger revision of the profile; 0 for the profile in the file.
         layers: Profile and ledger revision for a person or a place, by ``person/anna``.
-        learning_rate: 0..1.
+        learning_rate: Learning rate, 0..1.
         tunables: Current values by name; a running tree reads the same mapping.
-        agent_id: Id from the market; 0 while it is not registered.
-        refusal: Why the market does not take it; empty when it does.
-        removal_reason: Why it is removed and bids no more; empty when it stays.
+        agent_id: Id from the market; 0 while not registered.
+        refusal: Why the market refused it; empty if it did not.
+        removal_reason: Why it is being removed and no longer bids; empty if it stays.
     """
 
     on_change: Callable[[], None] = field(repr=False, compare=False)
@@ -52,12 +52,12 @@ class HostedAgent:
         self.on_change()
 
     def profile_for(self, scene: Scene) -> Vector:
-        """Return what it bids for a scene: for the person, else for the place, else for all."""
+        """Return its bid for a scene: for the person, else for the place, else for all."""
         return self._profile_in(layers_of(scene))
 
     @property
     def obstacle(self) -> str:
-        """Reason why its tree cannot run here, whatever the scene; empty if it can."""
+        """Why its tree cannot run here for any scene; empty if it can."""
         return self.removal_reason or "; ".join(self.spec.unoffered)
 
     def _profile_in(self, named: Mapping[str, str]) -> Vector:
@@ -69,15 +69,15 @@ class HostedAgent:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BidderColumns:
-    """Agents that bid, column by column, as messages have them; shared, so not to be changed.
+    """Bidding agents by column, as in messages; shared, so do not modify.
 
     Attributes:
-        members: The agents; N of them.
+        members: The N agents.
         names: Their names.
         ids: Their ids.
-        vectors: What they bid for a scene, one after the other; N times n.
-        weights: How much each parameter counts for each of them, as the vectors; empty when all
-            count as scene.yaml says.
+        vectors: Their bids for a scene, concatenated; N times n.
+        weights: Weight of each parameter for each agent, in the form of the vectors; empty if all
+            use the weights of ``scene.yaml``.
     """
 
     members: tuple[HostedAgent, ...]
@@ -88,11 +88,11 @@ class BidderColumns:
 
 
 class Decline(NamedTuple):
-    """Reason of an agent for not bidding.
+    """Reason why an agent does not bid.
 
     Attributes:
-        unmet: What the scene lacks of its requirement.
-        undecided: True when its requirement cannot be decided.
+        unmet: Part of its requirement that the scene lacks.
+        undecided: True if its requirement cannot be decided.
     """
 
     reason: str
@@ -109,7 +109,7 @@ class HostBids:
 
     @property
     def undecided(self) -> Mapping[str, str]:
-        """Reasons of the agents whose requirement cannot be decided, by name."""
+        """Reasons for the agents whose requirement cannot be decided, by name."""
         return {name: one.reason for name, one in self.declined.items() if one.undecided}
 
     def fields(self) -> dict[str, Any]:
@@ -126,9 +126,9 @@ class HostBids:
 
 @dataclass(frozen=True, kw_only=True)
 class _Registered:
-    """Registered agents, prepared for scenes that name no layer.
+    """Registered agents, prepared for scenes without a layer.
 
-    The conditional ones may decline a scene; when layered, any of all has a profile for a layer.
+    ``conditional`` agents may decline a scene; ``layered``: some agent has a profile for a layer.
     """
 
     bidders: BidderColumns
@@ -140,7 +140,7 @@ class AgentRegistry:
     """All agents of a host by name.
 
     Attributes:
-        undecided: See :class:`HostBids`; of the last call that was answered.
+        undecided: Those of the last answered call; see :class:`HostBids`.
     """
 
     def __init__(self, space: SceneSpace, agents: Iterable[AgentSpec]) -> None:
@@ -153,7 +153,7 @@ class AgentRegistry:
             self.add(spec)
 
     def add(self, spec: AgentSpec) -> HostedAgent:
-        """Add an agent, as its file says; return it."""
+        """Add an agent from its file; return it."""
         member = self.members[spec.name] = HostedAgent(
             on_change=self._invalidate,
             spec=spec,
@@ -196,10 +196,10 @@ class AgentRegistry:
         obstacle: str = "",
         clock: Callable[[], LocalTime] | None = None,
     ) -> HostBids:
-        """Return the bids for a scene, of registered agents that are not excluded by name.
+        """Return the bids for a scene, from registered agents that are not excluded.
 
-        An obstacle is the reason why no agent of this host can run; empty if they can. The clock
-        returns the local time; None where nobody knows it.
+        ``obstacle`` is the reason why no agent of this host can run; empty if they can. ``clock``
+        returns the local time; None where it is unknown.
         """
         registered = self._registered or self._register()
         everybody = registered.bidders
@@ -228,9 +228,9 @@ class AgentRegistry:
         *,
         of_ledger: bool = False,
     ) -> HostedAgent:
-        """Give an agent a new profile, for all or for a person or a place; return the agent.
+        """Set the profile of an agent, for all or for a person or a place; return the agent.
 
-        One of the ledger replaces any other, also one of a higher revision.
+        A profile from the ledger replaces any other, even one with a higher revision.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``BAD_LAYER``, ``TOO_MANY_LAYERS``, ``STALE_REVISION``, or
@@ -258,7 +258,7 @@ class AgentRegistry:
         return member
 
     def remove_layer(self, name: str, layer: str) -> None:
-        """Remove the profile of an agent for a person or a place; all of all with empty names.
+        """Remove the profile of an agent for a person or a place; empty names mean all.
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``BAD_LAYER``.
@@ -287,7 +287,7 @@ class AgentRegistry:
     def _columns_of(
         self, members: Iterable[HostedAgent], named: Mapping[str, str]
     ) -> BidderColumns:
-        """Return agents column by column for scenes that name these layers."""
+        """Return agents by column for scenes with these layers."""
         bidders = tuple(members)
         vectors, weights = array("d"), array("d")
         for member in bidders:
@@ -312,9 +312,9 @@ class AgentRegistry:
         excluded: Collection[str],
         clock: Callable[[], LocalTime] | None,
     ) -> dict[str, Decline]:
-        """Return the declines of a scene by name."""
+        """Return the declines of a scene by agent name."""
         declined = {}
-        unmet_ones: dict[str, Decline | None] = {}  # a condition knows but scene and time
+        unmet_ones: dict[str, Decline | None] = {}  # a condition depends only on scene and time
         for member in conditional:
             name, requires = member.spec.name, member.spec.requires
             if name in excluded:
@@ -342,7 +342,7 @@ def unmet(
     tunables: Mapping[str, Plain],
     clock: Callable[[], LocalTime] | None = None,
 ) -> Decline | None:
-    """Return the decline of an agent whose requirement is not met now; None if it is."""
+    """Return the decline of an agent whose requirement is not met now; None if it is met."""
     requires = spec.requires
     if requires is None:
         return None

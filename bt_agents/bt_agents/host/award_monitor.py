@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monitor of an award: what the heartbeat of the market says about the run of its host."""
+"""Monitors an award: what the heartbeat of the market says about the run of the host."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _POLL_AGAIN_S = 0.1
 
 
 class AwardMonitor:
-    """Monitor of the run that the market names; a host that has stalled waits for it to act.
+    """Monitor of the run that the market names; a stalled host waits for it before it acts.
 
-    All times are on the steady clock [s]. Its ``stall`` detects that this process was suspended.
+    All times are on the steady clock [s]. ``stall`` detects that this process was suspended.
     """
 
     def __init__(self, now: float) -> None:
@@ -20,7 +20,7 @@ class AwardMonitor:
         self._named: RunKey | None = None
 
     def on_heartbeat(self, named: RunKey, run: RunKey | None, now: float) -> bool:
-        """Handle the run that a market names; return whether the one under way was given away."""
+        """Handle the run that a market names; return whether the current run was given away."""
         if run is not None and run.epoch != named.epoch:
             return False
         before, self._named = self._named, named
@@ -29,18 +29,18 @@ class AwardMonitor:
         if run is None or named == run:
             self.stall.confirmed = True
             return False
-        # Twice, as the first may be from before the award.
+        # Two heartbeats are needed, because the first may be from before the award.
         return before is not None and before.epoch == run.epoch and before != run
 
     def is_over(self, run: RunKey) -> bool:
-        """Return whether the market is at a later round already."""
+        """Return whether the market is already at a later round."""
         named = self._named
         return named is not None and named.epoch == run.epoch and named.round > run.round
 
     def hold_off_s(self, run: RunKey, now: float) -> float:
-        """Return how long to wait before a run goes on [s].
+        """Return how long to wait before a run continues [s].
 
-        A market that has never named a run is not waited for.
+        It does not wait for a market that has never named a run.
         """
         wait_s = self.stall.hold_off_s(now)
         names_runs = self._named is not None and self._named.epoch == run.epoch
@@ -48,10 +48,10 @@ class AwardMonitor:
 
 
 class MarketLease:
-    """Lease of the market on the run under way; all times are on the steady clock [s].
+    """Lease of the market on the current run; all times are on the steady clock [s].
 
-    A market is gone when it has been silent for ``lease_s``, also one that dies before its first
-    heartbeat has come.
+    A market is gone when it has been silent for ``lease_s``, even if it dies before its first
+    heartbeat arrives.
     """
 
     def __init__(self, lease_s: float) -> None:
@@ -60,16 +60,16 @@ class MarketLease:
         self._last = 0.0
 
     def begin(self, epoch: str, now: float) -> None:
-        """Begin with a run of a market, which is a sign of life of it."""
+        """Start the lease with a run of a market, which is a sign of life."""
         self._epoch = epoch
         self._last = now
 
     def end(self) -> None:
-        """End with the run."""
+        """End the lease with the run."""
         self._epoch = None
 
     def on_heartbeat(self, epoch: str, now: float) -> None:
-        """Renew the lease, if it is that of this market."""
+        """Renew the lease if this market holds it."""
         if epoch == self._epoch:
             self._last = now
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Service by which people pause, step and resume the run of a host, and set breakpoints."""
+"""Service with which people pause, step and resume the run of a host and set breakpoints."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LONGEST_AUTHOR = 100
 
 
 class ControlService:
-    """Serves ``~/control``, and publishes on ``~/run_control`` what is in force.
+    """Serves ``~/control``, and publishes the state of the control on ``~/run_control``.
 
     Args:
         node: The host's node.
@@ -48,7 +48,7 @@ class ControlService:
         return response
 
     def _act(self, request: ControlRun.Request) -> str:
-        """Do what a request asks for; return what is so now, in words."""
+        """Execute a request; return the new state in words."""
         author = ellipsize(printable_line(request.author), _LONGEST_AUTHOR)
         if request.action == ControlRun.Request.BREAKPOINTS:
             return self._set_breakpoints(request, author)

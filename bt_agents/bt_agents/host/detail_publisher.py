@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publisher of what the nodes of a running tree read, write and wait for, to who listens."""
+"""Publishes what the nodes of a running tree read, write and wait for."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from bt_agents_ros import qos
 from bt_agents_ros.messages import header_at
 
 _MOST_VALUES = 500
-"""Values in one message, the latest."""
+"""Most values in one message; the latest are kept."""
 
 _MOST_COUNTDOWNS = 500
 
 _DRIFT_S = 0.05
-"""How far the end of a countdown moves on the steady clock before it is sent again [s]."""
+"""Shift of the end of a countdown on the steady clock after which it is sent again [s]."""
 
 
 class _WatchedTree:
-    """One tree whose values are traced."""
+    """One tree with traced values."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -40,9 +40,9 @@ class _WatchedTree:
 
 
 class DetailPublisher:
-    """Publishes on ``~/details`` after ticks that have read, written or begun something.
+    """Publishes on ``~/details`` after ticks that read, wrote or began something.
 
-    While nobody subscribes, nothing is traced and nothing computed.
+    Without subscribers, nothing is traced or computed.
     """
 
     def __init__(self, node: Node, runs: RunServer, instance: str) -> None:
@@ -57,7 +57,7 @@ class DetailPublisher:
         runs.on_end(lambda *_: self._forget())
 
     def check_subscribers(self) -> None:
-        """Take over whether somebody listens; called with each heartbeat."""
+        """Check whether there are subscribers; called with each heartbeat."""
         before, self._wanted = self._wanted, self._publisher.get_subscription_count() > 0
         if before == self._wanted:
             return
@@ -80,7 +80,7 @@ class DetailPublisher:
             return
         tree = self._tree
         values = tree.values.take()[-_MOST_VALUES:]
-        # Not the clock of the run: what that shows is recorded.
+        # Not the clock of the run, whose readings are recorded.
         now = self._runs.environment.clock()
         running = tree.countdowns.running(run.deadlines, now)[:_MOST_COUNTDOWNS]
         ends = {f"{one.path} {one.ends_at is None}": self._end_of(one, now) for one in running}
@@ -110,10 +110,10 @@ class DetailPublisher:
         )
 
     def _end_of(self, countdown: Countdown, now: float) -> tuple[float, int]:
-        """Return when a countdown ends on the steady clock, and what is left of attempts."""
+        """Return when a countdown ends on the steady clock, and the remaining attempts."""
         if countdown.ends_at is None:
             return (0.0, countdown.remaining or 0)
-        # Of a paused run the rest counts, as it stays the same.
+        # For a paused run, the remaining time counts, which does not change.
         base = 0.0 if self._runs.control.paused else time.monotonic()
         return (countdown.ends_at - now + base, 0)
 

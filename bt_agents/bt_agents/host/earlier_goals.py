@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals that an earlier start of this host has left open, cancelled before this one takes part."""
+"""Cancels the goals that an earlier start of this host left open, before this one takes part."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from bt_agents_ros.goal_cancellation import GoalCanceller
 
 
 class EarlierGoals:
-    """Cancellation of what stands in the file of open goals.
+    """Cancellation of the goals in the file of open goals.
 
-    The file keeps them until it is over: who is killed meanwhile cancels them at its next start.
+    The file keeps them until it is over, so a host killed meanwhile retries at its next start.
 
     Attributes:
-        ended: True once all have ended, or :data:`bt_agents_core.open_goals.TAKEOVER_S` is over.
+        ended: True once all have ended or :data:`bt_agents_core.open_goals.TAKEOVER_S` has passed.
     """
 
     def __init__(self, node: Node, file: OpenGoalsFile) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of a host: its files, its ticks, and the servers of its skills."""
+"""Health of a host: its files, its ticks and the servers of its skills."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from bt_agents_core.text import join_first
 
 @dataclass(frozen=True, kw_only=True)
 class TickCounts:
-    """Ticks of the run under way, else of the last one.
+    """Ticks of the current run, else of the last one.
 
     Attributes:
-        agent: Whose tree; empty before the first run.
-        overruns: Ticks that took longer than the time between two.
+        agent: The agent of the tree; empty before the first run.
+        overruns: Ticks that took longer than the period.
     """
 
     agent: str = ""
@@ -24,7 +24,7 @@ class TickCounts:
 
 
 def files_health(agents: int, problems: Collection[tuple[str, str]]) -> PartHealth:
-    """Return the health of the files of the agents; a problem is a place and a text."""
+    """Return the health of the agents' files; a problem is a place and a text."""
     values = dict(problems)
     if problems:
         level = Health.ERROR
@@ -49,7 +49,7 @@ def servers_health(silent: Mapping[str, str], doubtful: Mapping[str, str]) -> Pa
 
     Args:
         silent: Server → why it has not answered.
-        doubtful: Server → what else keeps it from acting as it is meant to.
+        doubtful: Server → what else keeps it from working as intended.
     """
     level, message = Health.OK, "every server has answered the last goal"
     if silent:

@@ -33,16 +33,16 @@ from bt_agents_ros.installed import InstalledInterfaces
 
 
 class HostCardPublisher:
-    """Publisher of the card, trees and files of a host; latched.
+    """Publishes the card, trees and files of a host, latched.
 
-    The card stands under the name of the host. Only the host that the market has registered may
-    have one: a card of another host of the same name would replace it.
+    The card is published under the name of the host. Only the host that the market has registered
+    publishes one: the card of another host of the same name would replace it.
 
     Args:
-        other_problems: Returns what is wrong beside the files.
+        other_problems: Returns problems outside the files.
 
     Attributes:
-        problems: All of them, when the card was last asked for.
+        problems: All problems at the time of the last card.
     """
 
     def __init__(
@@ -107,8 +107,8 @@ class HostCardPublisher:
         )
 
     def trees(self) -> None:
-        """Publish the structure of all trees, the clean-up branches included."""
-        # Made anew each time, as the nodes of 1,000 agents take 2 MB.
+        """Publish the structure of all trees, including the clean-up branches."""
+        # Created each time, because the nodes of 1,000 agents take 2 MB.
         self._trees.publish(
             Trees(
                 host=self._host,
@@ -121,7 +121,7 @@ class HostCardPublisher:
         )
 
     def files(self) -> None:
-        """Publish the texts that the agents in force are made from, if they have changed."""
+        """Publish the texts of the agents in force, if they have changed."""
         found = source_bundle(self._versions, InstalledInterfaces().has_package)
         if found == self._bundle:
             return
@@ -160,7 +160,7 @@ class HostCardPublisher:
 
 
 def learning_to_msg(rule: LearningRule, space: SceneSpace) -> Learning:
-    """Return the message of a learning rule, its values in the order of the space of profiles."""
+    """Return the message of a learning rule, with values in the order of the profile space."""
     weights = {**WEIGHTS, **rule.weights}
     return Learning(
         rates=space.ordered(rule.rates),

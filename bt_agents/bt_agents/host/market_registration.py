@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Registers the host at the market, again after a restart of either, and reports ended runs."""
+"""Registers the host with the market, also after restarts of either, and reports ended runs."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.workarounds.sender_identity import SenderRates, create_identified_subscription
 
 MARKET_LEASE = "market_lease"
-"""Parameter of hosts: how long a run goes on without a sign of life of its market."""
+"""Parameter of hosts: how long a run continues without a sign of life of its market."""
 
 _REMEMBERED = 50
 _LIMIT_S = 1.0
 _RETRY_S = 1.0
 _POLL_S = 0.02
 _ALIVE_S = 0.3
-"""A market that was heard this long ago announces the end of a run [s]."""
+"""Longest silence after which a market still counts as alive and announces run ends [s]."""
 
 _LOG_PERIOD_S = 30.0
 
@@ -45,8 +45,8 @@ _LOG_PERIOD_S = 30.0
 class UnreportedRuns:
     """Ended runs of a host that their market has not closed yet.
 
-    A market has closed a run when it has announced itself that it ended, was lost or was refused.
-    More than :data:`MOST_UNREPORTED` push the oldest ones out.
+    A market closes a run by announcing that it has ended, was lost or was refused. Beyond
+    :data:`MOST_UNREPORTED` runs, the oldest are dropped.
     """
 
     def __init__(self) -> None:
@@ -55,9 +55,9 @@ class UnreportedRuns:
         self._stops: deque[Run] = deque(maxlen=MOST_UNREPORTED)
 
     def store(self, run: Run) -> None:
-        """Store a run that has ended, unless its market has closed it before.
+        """Store an ended run, unless its market has already closed it.
 
-        One that its market has stopped says by whom and why, as far as the market has said.
+        If its market stopped it, the run says by whom and why, once the market has reported that.
         """
         key = RunKey.of(run)
         if key in self._closed:
@@ -69,7 +69,7 @@ class UnreportedRuns:
             del self._runs[next(iter(self._runs))]
 
     def on_run_event(self, run: Run) -> None:
-        """Remove a run that its market has closed, or take from it who stops the run."""
+        """Remove a run that its market has closed, or record who stops a run."""
         if run.event in (Run.ENDED, Run.REFUSED):
             self._close(run)
         elif run.event == Run.CANCELLING:
@@ -77,7 +77,7 @@ class UnreportedRuns:
             self._explain(run)
 
     def of_others(self, epoch: str) -> list[Run]:
-        """Return the runs of other markets than this one, the oldest first."""
+        """Return the runs of markets other than this one, oldest first."""
         return [run for run in self._runs.values() if run.epoch != epoch]
 
     def waits(self, epoch: str) -> bool:
@@ -102,25 +102,25 @@ class UnreportedRuns:
 
 
 class MarketRegistration:
-    """Registration of a host's agents; its action is open only while the market has them.
+    """Registration of a host's agents; the host's action is open only while it is registered.
 
-    A run whose market falls silent is cancelled. Its end, and that of every other run which its
-    market has not announced, is reported to the next market.
+    A run whose market falls silent is cancelled. Its end, and every other run end that its market
+    has not announced, is reported to the next market.
 
     Args:
         node: The host's node.
-        registry: Its agents.
-        runs: Its action.
+        registry: The host's agents.
+        runs: The host's action.
         instance: This start of the host.
-        earlier: The start before in the same process; empty for none.
+        earlier: The previous start in the same process; empty for none.
         slowness: Factor for the lease of the market; see :func:`declare_slow_network`.
-        ready: Returns whether the host may register; until then it waits.
+        ready: Returns whether the host may register; it waits until then.
         matched: Returns whether calls and bids are matched in both directions; if not, the host
-            registers after a second all the same.
-        changed: Called after the market has taken or refused the host or some of its agents.
+            registers after a second anyway.
+        changed: Called after the market has accepted or refused the host or some of its agents.
 
     Attributes:
-        epoch: Of the market that has answered last; empty before the first.
+        epoch: Epoch of the last market that answered; empty before the first.
         accepted: Whether it has registered the host.
     """
 
@@ -177,26 +177,26 @@ class MarketRegistration:
 
     @property
     def complete(self) -> bool:
-        """True when the market has taken every agent of this host."""
+        """True when the market has accepted every agent of this host."""
         return bool(self.epoch) and all(m.agent_id for m in self._registry.members.values())
 
     @property
     def awaits_end(self) -> bool:
-        """True while the market, which is alive, has not announced the end of the last run."""
+        """True while the market is alive and has not announced the end of the last run."""
         alive = time.monotonic() - self._heard_at < _ALIVE_S
         return alive and self._unreported.waits(self.epoch)
 
     def defer(self, action: Callable[[], None]) -> bool:
-        """Defer an action until the market answers; return False when it is not asked.
+        """Defer an action until the market answers; return False if no registration is pending.
 
-        A market may call for bids before its answer to the registration has been read.
+        A call for bids may arrive before the answer to the registration has been read.
         """
         if self._registering:
             self._deferred = action
         return self._registering
 
     def refresh(self) -> None:
-        """Register the present agents, where a market is known."""
+        """Register the current agents, if a market is known."""
         if self.epoch:
             self._stale = self._registering
             self._register(self.epoch)
@@ -247,7 +247,7 @@ class MarketRegistration:
             self._heard_at = now
         self._lease.on_heartbeat(heartbeat.epoch, now)
         self._runs.on_market_heartbeat(heartbeat)
-        # Two markets of one name must not have the host register with each heartbeat.
+        # With two markets of one name, the host must not register at each heartbeat.
         if heartbeat.epoch != self.epoch and now - self._asked_at >= _RETRY_S:
             self._register(heartbeat.epoch)
 
@@ -256,7 +256,7 @@ class MarketRegistration:
         now = time.monotonic()
         gap_s = now - self._checked_at
         if gap_s > self._lease.lease_s / 2:
-            # After a stall, the heartbeats of that time still wait to be read.
+            # After a stall, the heartbeats of that time are still unread.
             self._lease.extend_after_stall(self._checked_at, now)
         if gap_s > STALL_S:
             # Another start of this host may have taken its place.
@@ -285,7 +285,7 @@ class MarketRegistration:
         self._register_matched()
 
     def _register_matched(self) -> None:
-        """Register as soon as no bid would be lost."""
+        """Register as soon as no bid can be lost."""
         waits = not self._matched() and time.monotonic() - self._asked_at < _LIMIT_S
         if waits or not self._ready():
             self._match_timer.reset()
@@ -298,7 +298,7 @@ class MarketRegistration:
             host=host,
             host_instance=self._instance,
             earlier_instance=self._earlier,
-            # rclpy does not remap actions, so neither is their name here.
+            # rclpy does not remap actions, so this name is not remapped either.
             run_action=f"{host}/run",
             heartbeat=self._node.resolve_topic_name("~/heartbeat"),
             parameters=list(self._registry.space.names),

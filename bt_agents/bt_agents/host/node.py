@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The host node: many agents from one trees folder, bidding and running as one."""
+"""The host node: bids with and runs many agents from one trees folder."""
 
 from __future__ import annotations
 
@@ -80,14 +80,13 @@ MARKET = StartParameter(
 
 @dataclass(frozen=True, kw_only=True)
 class HostConfiguration:
-    """What a host is made of.
+    """Inputs from which a host is built.
 
     Attributes:
-        folder: Its agents.
-        tunings: File in which tunings outlive it; empty keeps them in memory.
-        open_goals: File of what it has open at servers, so that a later start ends it; empty for
-            none.
-        market: Whether a marketplace awards its runs; else any program runs an agent by its name.
+        folder: The trees folder with its agents.
+        tunings: File that keeps tunings across restarts; empty keeps them in memory.
+        open_goals: File of its open goals, so that a later start can cancel them; empty for none.
+        market: Whether a marketplace awards its runs; if not, any program runs an agent by name.
     """
 
     folder: TreesFolder
@@ -100,7 +99,7 @@ class HostNode(ManagedNode[HostConfiguration]):
     """Host of the agents of a trees folder: registers them, bids, and ticks the winner's tree.
 
     Attributes:
-        instance: Its activation, by which others know it from those before.
+        instance: Identifier of this activation, different from all earlier ones.
     """
 
     instance = ""
@@ -196,8 +195,8 @@ class HostNode(ManagedNode[HostConfiguration]):
                 ),
                 changed=self._on_registration,
             )
-            # The market learns from it that the goal is not refused, before its tree acts, as
-            # nothing else tells it that a host has acted that dies at once.
+            # It reports to the market, before the tree acts, that the goal is not refused;
+            # otherwise a host that dies at once would leave no sign that it has acted.
             self._runs.on_begin(lambda _: self._publish_heartbeat())
         self._reloading = ReloadService(
             self, self._versions, self._runs, apply=self._change, applied=self._publish_changes
@@ -222,7 +221,7 @@ class HostNode(ManagedNode[HostConfiguration]):
 
     @property
     def host(self) -> str:
-        """The fully qualified name, under which the market knows this host."""
+        """The fully qualified name, which is this host's name in the market."""
         return str(self.get_fully_qualified_name())
 
     @property
@@ -234,16 +233,16 @@ class HostNode(ManagedNode[HostConfiguration]):
         self._runs.stop("the host is stopping")
 
     def has_stopped(self) -> bool:
-        """Return True when no tree runs, and a market that is there has announced its end."""
+        """Return True when no tree runs and a live market has announced the last run's end."""
         awaited = self._registration is not None and self._registration.awaits_end
         return not self._runs.busy and not awaited
 
     def keeps(self, parameter: str) -> bool:
-        """Return whether it is none of the tunables, which their file keeps."""
+        """Return whether a parameter is no tunable; the file of the tunings keeps those."""
         return parameter not in self._tunables
 
     def _other_problems(self) -> Iterator[str]:
-        """Yield what is wrong beside the files, for people."""
+        """Yield the problems outside the files, in words."""
         trees = self._versions.trees
         yield from binding_problems(trees.symbols.skills, trees.robot)
         yield from self._tunables.left_out.values()
@@ -291,7 +290,7 @@ class HostNode(ManagedNode[HostConfiguration]):
             self._runs.environment.prepare(spec)
 
     def _tidy_up(self) -> None:
-        """Destroy clients and topics that no agent uses any more, when no tree runs."""
+        """Destroy clients and topics that no agent uses any more, if no tree runs."""
         if self._changed and not self._runs.busy:
             self._changed = False
             members = self.registry.members.values()
@@ -300,7 +299,7 @@ class HostNode(ManagedNode[HostConfiguration]):
             )
 
     def _change(self, effect: ReloadEffect) -> None:
-        """Apply a change of one agent, or none of it; a running tree keeps what it began with."""
+        """Apply a change of one agent completely or not at all; a running tree stays as it is."""
         name, agent = effect.name, effect.agent
         if effect.action is ReloadAction.REMOVE:
             self.registry.remove(name)
@@ -340,7 +339,7 @@ class HostNode(ManagedNode[HostConfiguration]):
         self._prepare(agent)
 
     def _publish_changes(self, effects: Sequence[ReloadEffect]) -> None:
-        """Publish changed agents, each topic once."""
+        """Publish changed agents, once on each topic."""
         actions = {effect.action for effect in effects}
         if self._registration and actions & {ReloadAction.ADD, ReloadAction.REMOVE}:
             self._registration.refresh()
@@ -348,7 +347,7 @@ class HostNode(ManagedNode[HostConfiguration]):
             self._host_card.trees()
             self._changed = True
             self._tidy_up()
-        # Not of its agents alone: the rules of the market stand in its folder.
+        # Always, because the files include the rules of the market.
         self._host_card.files()
         self._host_card.card()
         self._health.update()
@@ -400,12 +399,12 @@ class HostNode(ManagedNode[HostConfiguration]):
             return response
         response.accepted = True
         if not layer and not request.remove:
-            # The feedback node waits for the answer, nobody for the card.
+            # The feedback node waits for the answer; the card can follow later.
             self.executor.create_task(self._host_card.card)
         return response
 
     def _check_feedback_node(self, sender: str) -> bool:
-        """Return whether a request is from the feedback node; False where nobody knows it.
+        """Return whether a request is from the feedback node; False while that node is unknown.
 
         Raises:
             Refused: ``OTHER_PARTICIPANT``.
@@ -456,17 +455,17 @@ def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:
 
 
 def make_node() -> HostNode:
-    """Create the node with the agents of the folder that its parameter names.
+    """Create the node with the agents of the folder given by its parameter.
 
     Raises:
         Refused: ``UNKNOWN_MARKET``.
-        BtAgentsError: There is no such folder, or its scene or skills are broken.
+        BtAgentsError: The folder does not exist, or its scene or skills are broken.
     """
     return make_managed(HostNode)
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run a host until it is told to stop; return the exit code."""
+    """Run a host until it is stopped; return the exit code."""
     return run(make_node, args)
 
 

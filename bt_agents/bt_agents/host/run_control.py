@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control of a host's runs by people: a pause, single steps, and breakpoints."""
+"""Control of a host's runs by people: pause, single steps and breakpoints."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from bt_agents_core.text import join_quoted
 from bt_agents_language.diagnostics.collection import did_you_mean
 
 MOST_BREAKPOINTS = 500
-"""Breakpoints of all agents of a host."""
+"""Most breakpoints of all agents of a host."""
 
 _LONGEST_SHOWN = 80
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlledRun:
-    """The run that a person can pause; an epoch and a round are never used twice."""
+    """A run that a person can pause; its epoch and round identify it uniquely."""
 
     epoch: str
     round: int
@@ -26,16 +26,16 @@ class ControlledRun:
 
 
 class RunControl:
-    """Pause of the run under way, and breakpoints of all agents, which outlive the runs.
+    """Pause of the current run, and breakpoints of all agents, which outlive runs.
 
     Args:
-        changed: Called after each change, to be told to others.
+        changed: Called after each change, to publish it.
 
     Attributes:
-        run: The run under way; None without one.
-        paused: Whether its tree is not ticked until it is resumed or stepped.
-        paused_at: Path of the node whose breakpoint paused it; empty otherwise.
-        author: Who has paused it, or changed the breakpoints last.
+        run: The current run; None without one.
+        paused: Whether its tree is ticked only by steps until it is resumed.
+        paused_at: Path of the node whose breakpoint paused it; else empty.
+        author: Who paused it or last changed the breakpoints.
         breakpoints: Agent → paths of the nodes before which its runs pause.
     """
 
@@ -49,25 +49,25 @@ class RunControl:
         self._ticking = False
 
     def begin(self, run: ControlledRun) -> None:
-        """Begin with a run, whose tree will be ticked."""
+        """Start the control of a run whose tree will be ticked."""
         self.run, self._ticking = run, True
         self._changed()
 
     def end(self) -> None:
-        """End with the run, and with its pause."""
+        """End the control of the run and its pause."""
         self.run, self._ticking = None, False
         self.paused, self.paused_at = False, ""
         self._changed()
 
     def end_ticking(self) -> None:
-        """Take over that the tree has ended or was stopped: its clean-up is not paused."""
+        """Handle the end or stop of the tree; its clean-up is not paused."""
         self._ticking = False
         if self.paused:
             self.paused, self.paused_at = False, ""
             self._changed()
 
     def check(self, epoch: str, round_number: int) -> ControlledRun:
-        """Return the run under way if a request is about it; empty and 0 mean whatever runs.
+        """Return the current run if a request is about it; empty and 0 mean any run.
 
         Raises:
             Refused: ``NOT_RUNNING``, ``OTHER_ROUND`` or ``ENDING``.
@@ -89,7 +89,7 @@ class RunControl:
         return run
 
     def pause(self, author: str) -> None:
-        """Pause the run under way.
+        """Pause the current run.
 
         Raises:
             Refused: ``ALREADY_PAUSED``.
@@ -110,7 +110,7 @@ class RunControl:
         self._changed()
 
     def check_paused(self) -> None:
-        """Refuse what only a paused run can do.
+        """Check that the run is paused.
 
         Raises:
             Refused: ``NOT_PAUSED``.
@@ -119,7 +119,7 @@ class RunControl:
             raise Refused("NOT_PAUSED", "the run is not paused; pause it first")
 
     def on_tick(self, held: Sequence[str]) -> bool:
-        """Take over before which nodes a tick has stopped; return whether that pauses the run."""
+        """Handle the nodes that a tick held; return whether that pauses the run."""
         at = held[0] if held else ""
         pauses = bool(at) and not self.paused
         if at != self.paused_at:
@@ -130,7 +130,7 @@ class RunControl:
     def set_breakpoints(
         self, agent: str, paths: Sequence[str], nodes: Collection[str], author: str
     ) -> None:
-        """Set all breakpoints of an agent, whose tree has these nodes.
+        """Set all breakpoints of an agent; ``nodes`` are the paths in its tree.
 
         Raises:
             Refused: ``UNKNOWN_NODE`` or ``TOO_MANY``.
@@ -155,12 +155,12 @@ class RunControl:
 
     @property
     def pause_text(self) -> str:
-        """What the pause is, in words."""
+        """Description of the pause."""
         return pause_text(self.paused_at, self.author)
 
 
 def pause_text(paused_at: str, author: str) -> str:
-    """Return what a pause is, in words: ``paused by anna``, ``paused before tree/1.ask``."""
+    """Return a description of a pause: ``paused by anna``, ``paused before tree/1.ask``."""
     if paused_at:
         return f"paused before {paused_at}"
     return f"paused by {author}" if author else "paused"

@@ -26,7 +26,7 @@ _STATUS = {status: getattr(StatusChangeMsg, status.name) for status in Status}
 def tree_status(
     stamp: Any, goal: Any, instance: str, run: Run, changes: Sequence[StatusChange]
 ) -> TreeStatus:
-    """Return the message of a tick, with the run after it and what it has changed, in order."""
+    """Return the message of a tick: the state of the run after it and its changes, in order."""
     return TreeStatus(
         header=header_at(stamp),
         epoch=goal.epoch,
@@ -54,20 +54,20 @@ def run_result_to_msg(result: RunResult) -> RunAgent.Result:
 
 
 def cancellation_from_msg(message: RunMsg) -> Cancellation:
-    """Return who stops a run and why, of the news that it is being stopped."""
+    """Return who stops a run and why, from the message that it is being stopped."""
     by = stopper(StopCause.BY_MARKET, StoppedBy.of(message.stopped_by))
     reason = ellipsize(printable_line(message.stop_reason), _LONGEST_REASON)
     return Cancellation(by=by, reason=reason)
 
 
 def not_begun(error: Exception) -> RunResult:
-    """Return how a run has ended whose tree could not be made."""
+    """Return the result of a run whose tree could not be built."""
     reason = error.reason if isinstance(error, Refused) else f"{type(error).__name__}: {error}"
     return failed(f"it could not begin: {reason}")
 
 
 def failed(reason: str) -> RunResult:
-    """Return how a run has ended of which nothing but the reason is known."""
+    """Return the result of a failed run of which only the reason is known."""
     return RunResult(
         outcome=TreeOutcome.FAILED,
         message=reason,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publisher of the recordings of runs, for as long as there are subscribers."""
+"""Publishes the recordings of runs while there are subscribers."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from bt_agents_ros.messages import header_at
 from bt_agents_ros.timers import steady_timer
 
 _MOST_CHARACTERS = 8_000
-"""Characters of lines that are published at once; fewer of them after :data:`_WAIT_S`."""
+"""Characters of lines per message; fewer after :data:`_WAIT_S`."""
 
 _WAIT_S = 0.5
-"""Longest time for which lines are collected [s]; those of a killed host are lost."""
+"""Longest time for which lines are collected [s]; a killed host loses them."""
 
 _SEED_BITS = 53
 
 
 class RunRecords:
-    """Publisher of recordings on ``~/records``, several steps in one message.
+    """Publishes recordings on ``~/records``, several steps per message.
 
-    A run is recorded when there are subscribers of both the records and the status of trees at
-    its begin: a recording alone can be replayed, but not be compared with what happened.
+    A run is recorded if both the records and the status of trees have subscribers when it begins:
+    a recording alone can be replayed, but not compared with what happened.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class RunRecords:
         self._characters = 0
 
     def run(self, goal: Any, spec: AgentSpec, *, environment: Environment, **how: Any) -> Run:
-        """Return the run of a goal, recorded when there are subscribers; see :class:`Run`."""
+        """Return the run of a goal, recorded if there are subscribers; see :class:`Run`."""
         if not self._has_subscribers():
             return Run(spec, environment=environment, host=self._host, **how)
         self.flush()
@@ -72,7 +72,7 @@ class RunRecords:
         )
 
     def flush(self) -> None:
-        """Publish what was collected."""
+        """Publish the collected lines."""
         self._timer.cancel()
         if not self._lines:
             return

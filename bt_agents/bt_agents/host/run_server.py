@@ -45,14 +45,14 @@ RESULT_TIMEOUT_S = 2
 """Time for which rclpy stores a result [s]; its default of 900 s slows acceptance 25-fold."""
 
 MOST_REFUSALS = 20
-"""Refused goals within :data:`RESULT_TIMEOUT_S` that get a result; more are rejected without."""
+"""Most refused goals within :data:`RESULT_TIMEOUT_S` that get a result; others are rejected."""
 
 _STOP_SETTLE_S = 0.7
-"""Longest wait of a host that is stopped for goals to end [s], of a second for everything."""
+"""Longest wait for goals to end when a host is stopped [s], out of one second for everything."""
 
 _OVERRUNS_REPORTED_S = 5.0
 _FAREWELL_S = 0.2
-"""Time for the last result to go out before the action leaves the graph [s]."""
+"""Time to send the last result before the action leaves the graph [s]."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -60,12 +60,12 @@ class _Stop:
     """Order to stop the running tree.
 
     Attributes:
-        reason: For people.
-        cause: For the market.
-        clean_up: False leaves the agent's ``on_cancel`` out.
-        host_reason: True when the reason says more than that the market stopped it.
-        cancellation: For the agent's ``on_cancel``; None while the market has not said.
-        begun: True once the run was cancelled with it.
+        reason: Reason in words.
+        cause: Cause for the market.
+        clean_up: False skips the agent's ``on_cancel``.
+        host_reason: True if the reason says more than that the market stopped it.
+        cancellation: Who and why, for the agent's ``on_cancel``; None until the market reports it.
+        begun: True once it has cancelled the run.
     """
 
     reason: str
@@ -79,23 +79,23 @@ class _Stop:
 class RunServer:
     """Action ``~/run``: takes one goal at a time and ticks its tree until it has ended.
 
-    A goal that it does not take ends at once as ``REFUSED``, with a code and the reason. Without a
-    market it takes goals of anybody, which name an agent and need nothing else.
+    A refused goal ends at once as ``REFUSED``, with a code and the reason. Without a market, any
+    client may send a goal, which only needs the name of an agent.
 
     Args:
         node: The host's node.
-        registry: Its agents.
+        registry: The host's agents.
         instance: This start of the host; goals meant for another one are refused.
-        live: Begins with the scene of a run; returns a function for its live scene.
-        version: Returns the version of an agent's file that is in force.
-        open_goals_file: Keeps what its trees have open over a kill; None keeps nothing.
-        market: False where no market awards its runs.
-        slowness: Factor for limits of servers; see :class:`RosEnvironment`.
+        live: Takes the scene of a run; returns a function for its live scene.
+        version: Returns the version in force of an agent's file.
+        open_goals_file: Keeps the open goals of its trees across a kill; None keeps nothing.
+        market: False if no market awards its runs.
+        slowness: Factor of the limits of servers; see :class:`RosEnvironment`.
 
     Attributes:
-        goal: The goal under way; None without one.
-        run: Its run; None before its tree was made.
-        control: Its pause, and the breakpoints of all agents.
+        goal: The current goal; None without one.
+        run: Its run; None before its tree is built.
+        control: Its pause and the breakpoints of all agents.
         tick_began: When the last tick began, on the steady clock [s].
     """
 
@@ -156,16 +156,16 @@ class RunServer:
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
         self._records = RunRecords(node, instance, self._status, version)
-        # It is set anew for each tick: a timer that is late makes up for nothing.
+        # Set again for each tick, because a late timer does not catch up.
         self._timer = steady_timer(node, self._period_s, self._tick, running=False)
         self._server: QuietActionServer | None = None
         self._award_key = b""
 
     def open(self, award_key: bytes = b"") -> None:
-        """Open the action; two servers of one name would each take every goal.
+        """Open the action; two servers with the same name would both take every goal.
 
-        Goals without the key of the market that has registered the host are refused; where no
-        market awards runs, there is no key.
+        It refuses goals without the award key of the market that registered the host; without a
+        market there is no key.
         """
         self._award_key = award_key if any(award_key) else b""
         self._withdrawing = False
@@ -186,7 +186,7 @@ class RunServer:
             )
 
     def withdraw(self, reason: str) -> None:
-        """Take the action off the graph, but first stop the running tree, without its clean-up."""
+        """Stop the running tree without its clean-up, then take the action off the graph."""
         self._withdrawing = True
         self.cancel(reason, clean_up=False)
         if not self.busy and time.monotonic() - self._free_since >= _FAREWELL_S:
@@ -200,22 +200,22 @@ class RunServer:
 
     @property
     def busy(self) -> bool:
-        """True from the acceptance of a goal until its result is on its way."""
+        """True from the acceptance of a goal until its result is sent."""
         return self.goal is not None
 
     @property
     def running(self) -> str:
-        """Name of the agent whose goal is under way; empty without one."""
+        """Name of the agent of the current goal; empty without one."""
         return str(self.goal.agent) if self.goal is not None else ""
 
     @property
     def tip(self) -> tuple[str, str]:
-        """Path and name of the node that decides the status of the tree; empty without one."""
+        """Path and name of the node that decides the status of the tree; empty without a run."""
         run = self.run
         return (run.tip, run.tip_name) if run is not None and run.ticks else ("", "")
 
     def names(self) -> RunScope:
-        """Return the names of the run; who reads them leaves no mark in its recording."""
+        """Return the names of the run; reading them leaves no trace in its recording."""
         assert self.run is not None
         assert self._live_now is not None
         return replace(
@@ -226,7 +226,7 @@ class RunServer:
         )
 
     def set_rate(self, hertz: float) -> None:
-        """Tick this often from now on [1/s]."""
+        """Set the tick rate from now on [1/s]."""
         self._period_s = 1.0 / hertz
         if self.run is not None:
             self.run.period_s = self._period_s
@@ -234,22 +234,22 @@ class RunServer:
             self._set_timer()
 
     def on_begin(self, listener: Callable[[Any], None]) -> None:
-        """Register a listener for each goal that was accepted."""
+        """Register a listener for each accepted goal."""
         self._begin_listeners.append(listener)
 
     def on_start(self, listener: Callable[[Run], None]) -> None:
-        """Register a listener for each run whose tree was made, before it is ticked."""
+        """Register a listener for each run whose tree is built and not ticked yet."""
         self._start_listeners.append(listener)
 
     def on_end(self, listener: Callable[[Any, RunAgent.Result], None]) -> None:
-        """Register a listener for each goal that is over and its result, before that goes out.
+        """Register a listener for each ended goal with its result, before the result is sent.
 
-        The host is not busy any more then.
+        The host is no longer busy then.
         """
         self._end_listeners.append(listener)
 
     def on_control(self, listener: Callable[[], None]) -> None:
-        """Register a listener for each change of the pause and of the breakpoints."""
+        """Register a listener for each change of the pause or the breakpoints."""
         self._control_listeners.append(listener)
 
     def on_tick(self, listener: Callable[[], None]) -> None:
@@ -287,7 +287,7 @@ class RunServer:
         spec = self._registry.member(agent).spec
         nodes = {node.path for node in iter_nodes(spec.tree)}
         if self.run is not None and self.running == agent:
-            # It keeps the tree that it began with.
+            # The run keeps the tree that it began with.
             nodes |= {node.path for node in iter_nodes(self.run.spec.tree)}
         self.control.set_breakpoints(agent, paths, nodes, author)
         if self.run is not None and self.running == agent:
@@ -296,9 +296,9 @@ class RunServer:
     def cancel(
         self, reason: str, *, cause: StopCause = StopCause.BY_HOST, clean_up: bool = True
     ) -> None:
-        """Stop the running tree; the first reason and its cause count.
+        """Stop the running tree; the first reason and cause count.
 
-        Without the clean-up the agent's ``on_cancel`` is left out, also that of an earlier order.
+        Without clean-up the agent's ``on_cancel`` is skipped, even that of an earlier order.
         """
         if not self.busy:
             return
@@ -319,7 +319,7 @@ class RunServer:
         self._tick_soon()
 
     def explain_stop(self, run: RunKey, cancellation: Cancellation) -> None:
-        """Handle the news of the market who stopped a run; it may come before the order itself."""
+        """Handle the market's news of who stopped a run; it may arrive before the order itself."""
         if not self.busy or run != RunKey.of(self.goal):
             return
         self._cancellation = cancellation
@@ -329,7 +329,7 @@ class RunServer:
             self._tick_soon()
 
     def stop(self, reason: str) -> None:
-        """Stop the running tree soon, without its clean-up, and reject later goals."""
+        """Stop the running tree soon, without its clean-up, and reject further goals."""
         self._shutting_down = True
         self.cancel(reason, clean_up=False)
         if self.run is not None:
@@ -344,13 +344,13 @@ class RunServer:
             self.close()
 
     def on_market_heartbeat(self, heartbeat: MarketHeartbeat) -> None:
-        """Handle a heartbeat of a market, which names the run that it knows of."""
+        """Handle a heartbeat of a market, which names its current run."""
         run = RunKey.of(self.goal) if self.busy else None
         if self._award_monitor.on_heartbeat(RunKey.of(heartbeat), run, time.monotonic()):
             self.cancel("the market has given its run away", clean_up=False)
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
-        """Accept a goal, also one that is refused: only an accepted goal has a result."""
+        """Accept a goal, even one to refuse: only an accepted goal has a result."""
         self._refusal = None
         try:
             self._scene = self._check(goal)
@@ -363,7 +363,7 @@ class RunServer:
         return GoalResponse.ACCEPT
 
     def _may_explain(self) -> bool:
-        """Return whether one more refused goal may have a result, which is stored for a while."""
+        """Return whether one more refused goal may have a result, which rclpy stores."""
         now, times = time.monotonic(), self._refused_at
         if len(times) == MOST_REFUSALS and now - times[0] < RESULT_TIMEOUT_S:
             return False
@@ -371,7 +371,7 @@ class RunServer:
         return True
 
     def _begin(self, handle: Any) -> None:
-        """Begin a goal whose acceptance is on its way; a cancel with it is handled first."""
+        """Begin a goal whose acceptance is being sent; a cancel sent with it is handled first."""
         refusal, self._refusal = self._refusal, None
         if refusal is not None:
             handle.execute(lambda goal: _refuse(goal, refusal))
@@ -416,7 +416,7 @@ class RunServer:
         return scene_from_msg(goal.scene, self._registry.space)
 
     def _check_direct(self, goal: Any) -> Scene:
-        """Check a goal that no market has awarded; what its scene leaves open is as of nobody."""
+        """Check a goal without a market; missing fields of its scene mean an unknown person."""
         if not goal.agent:
             known = ", ".join(self._registry.members) or "none"
             raise Refused("EMPTY", f"the goal names no agent; there are: {known}")
@@ -426,7 +426,7 @@ class RunServer:
         return partial_scene_from_msg(goal.scene, self._registry.space)
 
     def _complete(self, goal: Any) -> None:
-        """Fill in what a market would have said: which run it is, and its whole scene."""
+        """Fill in what a market would have set: the identity of the run and its whole scene."""
         self._runs_begun += 1
         goal.epoch, goal.round = self._instance, self._runs_begun
         goal.host_instance, goal.scene = self._instance, scene_to_msg(self._scene)
@@ -467,7 +467,7 @@ class RunServer:
             self._notify(listener, goal, answer)
         _close(handle, result)
         if self._stopped is not None:
-            # The result goes out in a callback of its own, before what that begins.
+            # Two tasks deep, so that the callback that sends the result runs first.
             begin = self._node.executor.create_task
             begin(begin, self._publish_stopped, goal, *self._stopped)
             self._stopped = None
@@ -497,7 +497,7 @@ class RunServer:
         self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
 
     def _notify(self, listener: Callable[..., None], *what: Any) -> None:
-        """Call a listener, whose errors must not stand between the market and the result."""
+        """Call a listener; its errors must not keep the result from the market."""
         try:
             listener(*what)
         except Exception:
@@ -534,7 +534,7 @@ class RunServer:
         self._timer.reset()
 
     def _tick_if_queued(self) -> None:
-        """Tick, unless a cancel has done so since this was asked for."""
+        """Tick, unless a cancel has done so since the request."""
         if self._tick_queued:
             self._tick()
 
@@ -546,14 +546,14 @@ class RunServer:
             return
         self.tick_began = began = time.monotonic()
         if self._hold_off_s(began) and self._stop is None:
-            # The market may have given the run to another agent meanwhile, and will say so.
+            # The market may have given the run to another agent; its heartbeat will show that.
             self._set_timer()
             return
         self._scheduler.started()
         try:
             self._advance(run)
         except Exception as error:
-            # What a node raises is its FAILURE; this is a fault of the engine, and ends the run.
+            # Exceptions of nodes become a FAILURE; this one is an engine fault and ends the run.
             self._end(self._give_up(run, f"{type(error).__name__}: {error}"))
             return
         self._after_tick(run)
@@ -606,17 +606,17 @@ class RunServer:
     def _cancel_now(self, run: Run, stop: _Stop) -> Sequence[StatusChange]:
         reason, clean_up = stop.reason, stop.clean_up
         if self._hold_off_s(time.monotonic()):
-            # Another agent may have the robot by now.
+            # Another agent may control the robot by now.
             stall_s = self._award_monitor.stall.last_stall_s
             reason += f", after this host had been held up for {stall_s:.1f} s"
             clean_up = False
-            # A tree that was stopped before does not take the longer reason.
+            # A tree that was already stopped does not get the longer reason.
             stop.host_reason = stop.host_reason or not stop.begun
         stop.begun = True
         return run.cancel(reason, clean_up=clean_up, cancellation=stop.cancellation)
 
     def _hold_off_s(self, now: float) -> float:
-        """Return how long not to tick, as the run may have been given away meanwhile [s]."""
+        """Return how long not to tick, because the run may have been given away [s]."""
         if not self._market:
             return 0.0
         return self._award_monitor.hold_off_s(RunKey.of(self.goal), now)
@@ -638,7 +638,7 @@ class RunServer:
     def _publish_stopped(
         self, goal: Any, run: Run, changes: Sequence[StatusChange], ticked: Time
     ) -> None:
-        """Publish what a cancel has changed, when its result is on its way."""
+        """Publish the changes of a cancel after its result is sent."""
         if changes:
             self._status.publish(self._status_of(goal, run, changes, ticked))
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recording of what reaches a run from outside, and its replay."""
+"""Recording of all inputs of a run from outside, and their replay."""

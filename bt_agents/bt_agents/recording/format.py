@@ -1,40 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Format of recordings: lines of JSON, one for the begin and one for each step with changes.
+"""Format of recordings: lines of JSON, one for the start and one for each step with changes.
 
-A step is a tick with the cancel before it. During one the outside stands still: clock, live scene
-and goals answer each time as they did first, a goal that is cancelled excepted. So one entry a
-step is enough. A step in which nothing new came has no entry.
+A step is a tick with the cancel before it. During a step the outside is frozen: clock, live scene
+and goals always repeat their first answer, except a goal that is cancelled. So one entry per step
+is enough. A step without news has no entry.
 
-``NaN`` and ``Infinity`` are written as Python writes them. The first line has what was known
+``NaN`` and ``Infinity`` are written as in Python. The first line has what was known
 before: ``format``, ``agent``, ``host``, ``version``, ``file``, ``seed``, ``limits``,
 ``parameters``, ``scene``, ``profile``, ``tunables``, ``live``, ``t``. The others have:
 
 ============ =====================================================================================
 ``step``     number of the step, from 1
-``quiet``    how many steps without an entry came right before; without it none
-``changes``  how many nodes have changed in it; without it none
-``t``        the trees' clock, when it was read and differs from before [s]; not when only a
-             deadline was compared with it that has not come
-``s``        the same of the steady clock, which only the end of a run reads [s]
-``live``     what is new in the live scene that was read
-``tunables`` all of them, when one has changed
-``clock``    ``{"hour", "weekday"}``, when the local time was read and differs from before
-``calls``    what the host did besides: ``{"call": "cancel", "reason", "clean_up"}``, with the
-             ``"cancellation"``: ``{"by", "reason"}`` where it is known who stopped it, or
+``quiet``    number of steps without an entry right before; 0 if missing
+``changes``  number of nodes that have changed in it; 0 if missing
+``t``        the trees' clock, if it was read and differs from before [s]; not if it was only
+             compared with a deadline that has not come
+``s``        the same for the steady clock, which only the end of a run reads [s]
+``live``     changes of the live scene, if it was read
+``tunables`` all of them, if one has changed
+``clock``    ``{"hour", "weekday"}``, if the local time was read and differs from before
+``calls``    other calls of the host: ``{"call": "cancel", "reason", "clean_up"}``, with the
+             ``"cancellation"``: ``{"by", "reason"}`` if it is known who stopped the run, or
              ``{"call": "shorten_settling", "settle_s"}`` each
-``kept``     paths of the nodes that a breakpoint kept from starting in it; they start in the next
-             tick, if their turn has not passed by then
-``goals``    what is new about goals that were polled: ``{"goal", "field", "value"}`` each, with
-             ``"after_cancel": true`` where only a cancel in the same step brought it out; goals
-             are numbered as sent, from 0
-``messages`` messages that were taken: ``{"inbox", "message"}`` each, inboxes numbered as opened
-``plugins``  answers of behaviours of packages: ``{"path", "status", "message"}`` each; what went
-             wrong at the end of one has no status; with the ``"writes"`` of names, if any
-``settling`` paths of such behaviours, one for each goal that is not confirmed ended, when changed
-``requests`` what was asked for: ``{"kind", "name", "fields"}`` each; one that was refused has the
+``kept``     paths of the nodes that a breakpoint held in it; they start in the next tick, unless
+             their turn has passed by then
+``goals``    changes of polled goals: ``{"goal", "field", "value"}`` each, with
+             ``"after_cancel": true`` if only a cancel in the same step revealed it; goals are
+             numbered in order of sending, from 0
+``messages`` messages taken: ``{"inbox", "message"}`` each; inboxes are numbered as opened, from 0
+``plugins``  answers of behaviours of packages: ``{"path", "status", "message"}`` each, with the
+             ``"writes"`` of names, if any; an error at the end of a behaviour has no status
+``settling`` paths of such behaviours, one for each goal without a confirmed end, if changed
+``requests`` requests: ``{"kind", "name", "fields"}`` each; a refused one has the
              ``"error"``: ``{"code", "reason"}``, or ``{"type", "message"}`` of another exception
-``end``      how the run has ended
-``stopped``  why nothing more is recorded
+``end``      how the run ended
+``stopped``  why the recording stops here
 ============ =====================================================================================
 """
 
@@ -48,10 +48,10 @@ from typing import Any
 from bt_agents_core.errors import Refused
 
 FORMAT = 2
-"""The format that is written and read."""
+"""Number of the format that is written and read."""
 
 MOST_STEPS = 10_000_000
-"""Most steps of a recording; more of them are a slip of the pen."""
+"""Most steps of a recording; a larger number is an error in the file."""
 
 Entry = dict[str, Any]
 """One line of a recording."""
@@ -64,7 +64,7 @@ class Recording:
     """A recorded run.
 
     Attributes:
-        head: What was known before the first step.
+        head: The first line: what was known before the first step.
         entries: Number of a step → its entry.
         stopped: Why the entries end before the run, or where some are missing; else empty.
     """
@@ -75,20 +75,20 @@ class Recording:
 
     @property
     def steps(self) -> int:
-        """Number of the last step that has an entry."""
+        """Number of the last step with an entry."""
         return max(self.entries, default=0)
 
     @property
     def complete(self) -> bool:
-        """Whether it goes on to the end of the run."""
+        """Whether it covers the run to its end."""
         return bool(self.entries) and "end" in self.entries[self.steps]
 
 
 def to_line(entry: Entry) -> str:
-    """Return an entry as JSON; most have only numbers, which are written much quicker.
+    """Return an entry as JSON, with a faster path for entries of only numbers.
 
     Raises:
-        TypeError, ValueError, RecursionError: It holds something else than plain data.
+        TypeError, ValueError, RecursionError: It contains other than plain data.
     """
     if entry.keys() <= _NUMBERS:
         return "{" + ",".join([f'"{key}":{value!r}' for key, value in entry.items()]) + "}"
@@ -98,7 +98,7 @@ def to_line(entry: Entry) -> str:
 def read_recording(lines: Iterable[str]) -> Recording:
     """Return a recording from its lines, in order.
 
-    What follows a missing line cannot be replayed and is left out.
+    Lines after a missing line cannot be replayed and are skipped.
 
     Raises:
         Refused: ``BAD_RECORD``; the first line is missing or names another format, or a line
@@ -153,7 +153,7 @@ def _parse(line: str) -> Entry:
 
 
 def _to_plain(value: object) -> object:
-    """Return a value that JSON has no form for as one that it has a form for."""
+    """Convert a value without a JSON form into one with a JSON form."""
     if isinstance(value, Mapping):
         return dict(value)
     if isinstance(value, (bytes, bytearray)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals and inboxes that stand still during a step: recorded, and replayed."""
+"""Goals and inboxes that are frozen during a step: recorded, and replayed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bt_agents_core.field_types import Plain
 
 @dataclass(kw_only=True)
 class _GoalFields:
-    """Fields of :class:`GoalRun`; as long as they are as right after the sending, no entry."""
+    """Fields of :class:`GoalRun`; there is no entry while they are as right after sending."""
 
     state: GoalState = GoalState.PENDING
     confirmed: bool = False
@@ -26,9 +26,9 @@ class _GoalFields:
 
 
 class RecordingGoal:
-    """A goal whose fields are recorded when they are polled; a cancel may change them at once.
+    """A goal whose fields are recorded when polled; a cancel may change them at once.
 
-    Its number is that in the order in which goals were sent.
+    Its number is its position in the order of sending.
     """
 
     def __init__(self, run: GoalRun, number: int, log: StepLog) -> None:
@@ -87,14 +87,14 @@ class RecordingGoal:
 
 
 class ReplayGoal(_GoalFields):
-    """A goal that has the recorded fields."""
+    """A goal with the recorded fields."""
 
     def __init__(self) -> None:
         super().__init__()
         self._after_cancel: dict[str, Any] = {}
 
     def load(self, entry: Entry) -> None:
-        """Take an entry; what came out after a cancel comes out with the cancel."""
+        """Load an entry; values recorded after a cancel appear with the cancel."""
         name, value = entry["field"], entry["value"]
         if name not in _GoalFields.__annotations__:
             raise ValueError(f"a goal has no '{name}'")
@@ -106,7 +106,7 @@ class ReplayGoal(_GoalFields):
             setattr(self, name, value)
 
     def cancel(self) -> None:
-        """Bring out what came out after the recorded cancel."""
+        """Apply the values that were recorded after the cancel."""
         for name, value in self._after_cancel.items():
             setattr(self, name, value)
         self._after_cancel.clear()
@@ -116,7 +116,7 @@ class RecordingInbox:
     """An inbox whose messages are recorded when taken; numbered in the order of opening."""
 
     def __init__(self, inbox: Inbox, number: int, log: StepLog) -> None:
-        # Closures: a leaf that waits asks at each tick, mostly for nothing.
+        # Closures are faster: a waiting leaf asks at each tick, mostly in vain.
         take_next = inbox.take
 
         def take() -> Mapping[str, Plain] | None:
@@ -130,7 +130,7 @@ class RecordingInbox:
 
 
 class ReplayInbox:
-    """An inbox that has the recorded messages of a step which were not taken yet."""
+    """An inbox with the recorded messages of a step that were not taken yet."""
 
     def __init__(self) -> None:
         self.messages: deque[Mapping[str, Plain]] = deque()
@@ -139,4 +139,4 @@ class ReplayInbox:
         return self.messages.popleft() if self.messages else None
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing, because nothing is open."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The environment of a run: one that is recorded, and one that answers from the recording."""
+"""The environment of a recorded run, and one that answers from the recording."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class RecordingEnvironment:
     """The environment of a recorded run, with clocks, live scene and tunables; see :class:`Run`.
 
     Attributes:
-        steps: The entry of the current step.
+        steps: Log with the entry of the current step.
         clock: The trees' clock.
         steady: Clock of the bounded waits.
-        tunables: Current values; may change between steps.
-        recorded_tunables: Their values as they were recorded last.
+        tunables: Current values; they may change between steps.
+        recorded_tunables: The last recorded values.
     """
 
     def __init__(
@@ -66,18 +66,18 @@ class RecordingEnvironment:
         self._inboxes = 0
 
     def first(self) -> Entry:
-        """Return what is known before the first step, which begins with that."""
+        """Return what is known before the first step, which starts from it."""
         self.live()
         now = self.clock()
         self.steps.end()
         return {"tunables": self.recorded_tunables, "live": self._recorded_live, "t": now}
 
     def record_tunables(self) -> None:
-        """Record the tunables, of which one has changed."""
+        """Record the tunables after a change."""
         self.steps.entry["tunables"] = self.recorded_tunables = dict(self.tunables)
 
     def local_time(self) -> LocalTime:
-        """Return the local time, which stands still during a step."""
+        """Return the local time, which is frozen during a step."""
         if self._local_time is None or self._local_time_step != self.steps.step:
             self._local_time_step = self.steps.step
             before, self._local_time = self._local_time, self._environment.local_time()
@@ -103,22 +103,22 @@ class RecordingEnvironment:
         return RecordingInbox(inbox, self._inboxes - 1, self.steps)
 
     def open_plugin_node(self, path: str) -> PluginNode | None:
-        """Return the node for a plug-in, of which only the answers are recorded."""
+        """Return the node for a plug-in; only the plug-in's answers are recorded."""
         return self._environment.open_plugin_node(path)
 
     def log(self, level: str, text: str) -> None:
-        """Write a line into the log, which is not recorded."""
+        """Log a line; it is not recorded."""
         self._environment.log(level, text)
 
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> GoalRun:
-        """Ask for a change of the profile; see :class:`Environment`."""
+        """Request a change of the profile; see :class:`Environment`."""
         with self._request("feedback", kind.name, _feedback_fields(values, reason)):
             return self._track(self._environment.give_feedback(kind, values, reason))
 
     def live(self) -> Scene:
-        """Return the live scene, which stands still during a step."""
+        """Return the live scene, which is frozen during a step."""
         if self._scene is not None and self._scene_step == self.steps.step:
             return self._scene
         self._scene_step = self.steps.step
@@ -135,12 +135,12 @@ class RecordingEnvironment:
     def plugin(
         self, spec: NodeSpec, context: RunContext, scope: Scope, _build: BuildChild
     ) -> Leaf:
-        """Return the leaf of a behaviour of a package."""
+        """Return the leaf for a behaviour of a package."""
         return RecordingPlugin(spec, context, scope, self.steps)
 
     @contextmanager
     def _request(self, kind: str, name: str, fields: Mapping[str, Plain]) -> Iterator[None]:
-        """Record a request, and the error of the call inside."""
+        """Record a request, and the error of the call in the block."""
         request: Entry = {"kind": kind, "name": name, "fields": fields}
         self.steps.add("requests", request)
         try:
@@ -158,7 +158,7 @@ class RecordingEnvironment:
 
 
 class RecordingContext(RunContext):
-    """Shared state of the nodes of a recorded run; a deadline not reached leaves no entry."""
+    """Shared state of the nodes of a recorded run; deadlines not reached leave no entry."""
 
     def __init__(self, environment: Environment, scope: RunScope, random: Random) -> None:
         super().__init__(environment, scope, random)
@@ -174,7 +174,7 @@ class RecordingContext(RunContext):
         return False
 
     def plugin_goals(self) -> tuple[str, ...]:
-        """Return the paths of plug-ins with open goals; what is new about them is recorded."""
+        """Return the paths of plug-ins with open goals; changes are recorded."""
         before, self._plugin_goals = self._plugin_goals, super().plugin_goals()
         if self._plugin_goals != before:
             self._steps.entry["settling"] = list(self._plugin_goals)
@@ -191,9 +191,9 @@ class ReplayContext(RunContext):
 
 
 class ReplayEnvironment:
-    """Answers as the environment did when the run was recorded, in this step.
+    """Answers as the environment did in this step of the recorded run.
 
-    Its requests are what the tree has asked for in this step, in the form of the recording.
+    Its requests are those of the tree in this step, in the form of the recording.
     """
 
     def __init__(self, head: Mapping[str, Any], scene: Scene) -> None:
@@ -238,7 +238,7 @@ class ReplayEnvironment:
         self._errors = deque(request.get("error") for request in entry.get("requests", ()))
 
     def local_time(self) -> LocalTime:
-        """Return the local time as it was recorded."""
+        """Return the recorded local time."""
         return self._local_time
 
     def send(self, goal: SkillGoal) -> GoalRun:
@@ -257,7 +257,7 @@ class ReplayEnvironment:
         return self._inboxes[self._opened - 1]
 
     def open_plugin_node(self, path: str) -> None:
-        """Return none, as plug-ins do not run."""
+        """Return None, because plug-ins do not run."""
 
     def log(self, level: str, text: str) -> None:
         """Write nothing: the line was logged when the run was recorded."""
@@ -288,7 +288,7 @@ class ReplayEnvironment:
         request["error"] = error
         if "code" in error:
             raise Refused(str(error["code"]), str(error["reason"]))
-        # Its name and text are all that a node shows.
+        # A node shows only its name and text.
         error_type: type[Exception] = type(str(error["type"]), (Exception,), {})
         raise error_type(error["message"])
 
@@ -298,7 +298,7 @@ def _feedback_fields(values: Mapping[str, float], reason: str) -> dict[str, Plai
 
 
 def _live_fields(scene: Scene) -> Entry:
-    """Return what a tree can read of a live scene."""
+    """Return the parts of a live scene that a tree can read."""
     return {
         "person": scene.person,
         "person_id": scene.person_id,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Behaviours of packages: their answers are recorded, and replayed without the packages."""
+"""Records the answers of behaviours of packages, and replays them without the packages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class RecordingPlugin(PluginLeaf):
-    """A behaviour of a package whose answers are recorded."""
+    """A behaviour of a package with recorded answers."""
 
     def __init__(self, spec: NodeSpec, context: RunContext, scope: Scope, log: StepLog) -> None:
         super().__init__(spec, context, scope)
@@ -47,7 +47,7 @@ class RecordingPlugin(PluginLeaf):
 class ReplayPlugin(Leaf):
     """A leaf with the recorded answers of a behaviour.
 
-    Its ``answers`` are, by the path of a node, the entries of this step that were not used yet.
+    ``answers`` are the entries of this step that were not used yet, by node path.
     """
 
     has_side_effects = True
@@ -70,7 +70,7 @@ class ReplayPlugin(Leaf):
         return cast(Status, Status[answer["status"]])
 
     def terminate(self, new_status: Status) -> None:
-        """Take the recorded error of its end, if there was one."""
+        """Use the recorded error of its end as the message, if there was one."""
         answers = self._answers[self.spec.path]
         if answers and "status" not in answers[0]:
             self.feedback_message = answers.popleft()["message"]

@@ -24,23 +24,23 @@ from bt_agents_core.stop_cause import Cancellation
 from bt_agents_language.model.specs import AgentSpec
 
 MOST_CHARACTERS = 2_000_000
-"""Longest recording; 45 min of 20 ticks a second do fit in."""
+"""Longest recording, enough for 45 min at 20 ticks per second [characters]."""
 
 Sink = Callable[[int, str], None]
 """Receives one line of the recording: number of the tick, the line."""
 
 
 class RecordingRun(Run):
-    """A :class:`Run` that records what comes from the outside and what it asks for.
+    """A :class:`Run` that records its inputs from outside and its requests.
 
     See :mod:`bt_agents.recording.format`.
 
     Args:
-        spec: See :class:`Run`, as for the other arguments of this name.
-        seed: Of the random source of the nodes.
-        version: Of the agent's file.
+        spec: See :class:`Run`, also for the other arguments with the same names.
+        seed: Seed of the random source of the nodes.
+        version: Version of the agent's file.
         sink: Receives the lines.
-        most: Characters after which nothing more is recorded.
+        most: Number of characters after which the recording stops.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class RecordingRun(Run):
         return result
 
     def _record_call(self, call: Entry) -> None:
-        """Record a call of the host, which begins the step of the next tick."""
+        """Record a call of the host, which starts the step of the next tick."""
         recorded = self._recorded
         steps = recorded.steps
         if not steps.began and recorded.recorded_tunables != recorded.tunables:
@@ -179,10 +179,10 @@ class RecordingRun(Run):
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayedStep:
-    """One step of a replayed run beside what was recorded about it.
+    """One step of a replayed run, with what was recorded about it.
 
-    The tick is the number of ticks of the tree so far. Requests have the form of the recording; of
-    changes only the number was recorded. The result and the recorded end are None before the end.
+    ``tick`` is the number of ticks of the tree so far. Requests have the form of the recording; of
+    changes, only the number was recorded. The result and the recorded end are None before the end.
     """
 
     tick: int
@@ -195,10 +195,10 @@ class ReplayedStep:
 
 
 def replay(recording: Recording, spec: AgentSpec, space: SceneSpace) -> Iterator[ReplayedStep]:
-    """Replay a run step by step, up to its end or to that of its recording.
+    """Replay a run step by step, to its end or the end of the recording.
 
     Raises:
-        Refused: ``BAD_RECORD``; an entry has not the form that it should have.
+        Refused: ``BAD_RECORD``; an entry is malformed.
     """
     try:
         yield from _replay(recording, spec, space)

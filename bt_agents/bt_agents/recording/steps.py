@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps of a recording: the entry of each, and the clocks, which stand still during one."""
+"""Steps of a recording: the entry of each, and the clocks, which are frozen during a step."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from bt_agents.recording.format import Entry
 
 
 class StepLog:
-    """Collects the entry of one step after the other, for all recording proxies.
+    """Collects the entries of the steps, one at a time, for all recording proxies.
 
     Attributes:
-        step: Steps that have ended; −1 before the begin of the recording.
-        began: Whether a call of the host has begun the current step before its tick.
-        entry: What is recorded about the current step so far.
-        closed: Whether nothing is recorded any more; the outside still stands still in a step.
+        step: Number of ended steps; −1 before the start of the recording.
+        began: Whether a call of the host has started the current step before its tick.
+        entry: Entry of the current step so far.
+        closed: Whether recording has stopped; the outside is still frozen during a step.
     """
 
     def __init__(self) -> None:
@@ -58,9 +58,9 @@ class RecordingClock:
         return self._now
 
     def is_due(self, at: float) -> bool:
-        """Return whether a time has come [s]; as long as it has not, nothing is recorded.
+        """Return whether a time [s] has come; while it has not, nothing is recorded.
 
-        By the time that was recorded last, it has not come either.
+        Replay gets the same answer: at the last recorded time, it has not come either.
         """
         if self._step != self._log.step:
             self._step, self._now = self._log.step, self._clock()

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Behaviours of the node types, one file each, which names its keys in ``BEHAVIOURS``."""
+"""Behaviours of the node types, one module each; ``BEHAVIOURS`` names the keys."""

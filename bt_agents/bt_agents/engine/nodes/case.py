@@ -10,15 +10,15 @@ from bt_agents.engine.node_errors import reason_of
 
 
 class Case(Decorator):
-    """Passes on the status of its child; without a condition it is the one that fits otherwise.
+    """Passes on the status of its child; a case without a condition always matches.
 
-    One whose condition cannot be decided is taken, and is a FAILURE.
+    A case whose condition cannot be decided is taken and is a FAILURE.
     """
 
     _undecided = ""
 
     def mismatch(self) -> str:
-        """Return why the case does not fit now, empty when it is to be taken."""
+        """Return why the case does not match now; empty if it is to be taken."""
         self._undecided = ""
         try:
             return self.why_not("condition") if "condition" in self.fields else ""

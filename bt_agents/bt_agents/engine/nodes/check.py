@@ -10,7 +10,7 @@ from bt_agents.engine.light_behaviour import FAILURE, SUCCESS
 
 
 class Check(Leaf):
-    """SUCCESS when the condition is true, FAILURE when it is false or not known."""
+    """SUCCESS if the condition is true, FAILURE if it is false or unknown."""
 
     def step(self) -> Status:
         if self.fields.is_true("condition"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choose: the first case whose condition is true, and no other."""
+"""Choose: only the first case whose condition is true."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bt_agents_core.errors import Refused
 
 
 class Choose(ChooseOne):
-    """Ticks the first case that fits when it starts; no later one is tried instead."""
+    """Ticks the first case that matches at the start; it tries no other if that one fails."""
 
     def pick(self) -> Behaviour:
         mismatches = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cooldown: skips the child for a time after it has ended."""
+"""Cooldown: skips the child for some time after it has ended."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from bt_agents.engine.skips import Skip
 
 
 class Cooldown(Skip):
-    """Skips the child for a time after its end, on the trees' clock; the time may be tuned."""
+    """Skips the child for some time after its end, on the trees' clock; the time can be tuned."""
 
     _ended_at: float | None = None
 
     @property
     def over_at(self) -> float | None:
-        """When the child may start again, on the trees' clock [s]; None while nobody knows.
+        """When the child may start again, on the trees' clock [s]; None while unknown.
 
-        Nobody knows it of a duration that is no constant, unless the child was just skipped.
+        It is unknown for a duration that is not constant, unless the child was just skipped.
         """
         duration = self.fields.constant("duration")
         if self._ended_at is None or not isinstance(duration, int | float):

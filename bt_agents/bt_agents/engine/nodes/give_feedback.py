@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Give_feedback: feedback on the running agent, as a person gives it by a button."""
+"""Give_feedback: feedback on the running agent, like that of a person who presses a button."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DIRECT = "direct feedback"
 
 
 class GiveFeedback(Leaf):
-    """SUCCESS when the feedback was accepted, FAILURE with the reason of its refusal."""
+    """SUCCESS if the feedback was accepted, FAILURE with the reason if it was refused."""
 
     has_side_effects = True
     _run: GoalRun | None = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log: writes a line into the log."""
+"""Log: logs a line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bt_agents.engine.light_behaviour import SUCCESS
 
 
 class Log(Leaf):
-    """Writes a line into the log, which is the node's message, too; always SUCCESS."""
+    """Logs a line, which is also the node's message; always SUCCESS."""
 
     has_side_effects = True
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""On_failure: what is done instead when a node has failed."""
+"""On_failure: runs a handler when a node has failed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from bt_agents.engine.nodes.selector import LightSelector
 
 
 class OnFailure(LightSelector):
-    """A selector with memory of two children: the node, and after its FAILURE the handler.
+    """A selector with memory and two children: the node, and the handler for its FAILURE.
 
     The failure is handled: the status is that of the handler.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Once: skips the child after it has ended once in this run."""
+"""Once: skips the child after it has ended in this run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bt_agents.engine.skips import Skip
 
 
 class Once(Skip):
-    """Skips the child after its first SUCCESS or FAILURE; one that was stopped has not ended."""
+    """Skips the child after its first SUCCESS or FAILURE; a stop does not count."""
 
     _done = False
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parallel: children at the same time, until it is certain how they end."""
+"""Parallel: runs its children at the same time until the result is certain."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ _ENDED = (SUCCESS, FAILURE)
 
 
 class CountingParallel(Composite, composites.Parallel):
-    """Ticks each child until it ends; ends itself as soon as it is certain how.
+    """Ticks each child until it ends; ends as soon as its own result is certain.
 
     ============== ================================== ==========================================
     ``succeed_on`` SUCCESS when                       FAILURE when
     ============== ================================== ==========================================
     all            every child has succeeded          any child has failed
-    one, N         so many children have succeeded    fewer than so many can still succeed
+    one, N         that many children have succeeded  fewer than that many can still succeed
     names          each of those has succeeded        any child has failed, one of those or not
     ============== ================================== ==========================================
 
-    A failure in the tick of the last success of those named counts, as in py_trees. Children that
-    still run at the end are stopped.
+    A failure in the same tick as the last success of the named children counts, as in py_trees.
+    Children that still run at the end are stopped.
     """
 
     def __init__(
         self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
     ) -> None:
         super().__init__(spec, context, scope, build)
-        # Read by the drawings of py_trees.
+        # The display functions of py_trees read it.
         self.policy = ParallelPolicy.SuccessOnAll()
         self._count: int | None = None
         self._named = self.children
@@ -68,7 +68,7 @@ class CountingParallel(Composite, composites.Parallel):
         return status
 
     def stop(self, new_status: Status) -> None:
-        """Take the new status; INVALID stops the children, too, those that run first."""
+        """Set the status; INVALID also stops the children, running ones first."""
         if new_status is INVALID:
             for child in self._with(RUNNING):
                 child.stop(INVALID)

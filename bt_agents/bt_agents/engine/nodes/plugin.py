@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plug-ins: a behaviour of a package, kept apart from the run around it."""
+"""Plug-ins: a behaviour of a package, isolated from the run around it."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.specs import NodeSpec
 
 BLOCKS_S = 0.25
-"""How long a call into a plug-in may take [s], well below what the market waits for a host."""
+"""Time limit of a call into a plug-in [s], well below the time the market waits for a host."""
 
 BLOCKED_SHARE = 0.2
-"""Each time that a behaviour blocks its next call gets this part of the limit of the last one."""
+"""Factor of the time limit after each call of a behaviour that blocks."""
 
 _LEAST_S = 0.001
 
@@ -35,15 +35,15 @@ T = TypeVar("T")
 
 
 class PluginLeaf(Leaf):
-    """Makes one behaviour for the run, sets it up once, and starts and ticks it as py_trees does.
+    """Creates one behaviour for the run, sets it up once, and starts and ticks it like py_trees.
 
-    The behaviour is no part of the tree: it gets its name and copies of its fields, the keys of
-    the blackboard that its class declares, and in ``setup`` a ROS node where there is one. Fields
-    with other values than at its last start, and an error, make a new one. What it has set up is
-    taken down after the run. Whatever it raises, and a call of it that blocks, is a FAILURE.
+    The behaviour is not part of the tree: it gets its name, copies of its fields, the blackboard
+    keys that its class declares, and a ROS node in ``setup`` where there is one. A new behaviour
+    is created after an error, and when its fields have other values than at the last start. What
+    it set up is cleaned up after the run. Its exceptions and blocking calls become a FAILURE.
 
     Attributes:
-        written: Names that it has given a value in the last tick.
+        written: Names to which it gave a value in the last tick.
     """
 
     has_side_effects = True
@@ -95,7 +95,7 @@ class PluginLeaf(Leaf):
         return status
 
     def end(self) -> None:
-        """Stop it unless it has ended by itself; one that has raised is taken down."""
+        """Stop it unless it has ended by itself; shut it down if it has raised."""
         behaviour = self._behaviour
         if behaviour is None:
             return
@@ -136,7 +136,7 @@ class PluginLeaf(Leaf):
             self.context.environment.log("warning", f"at the end of the run: {text}")
 
     def _close(self) -> None:
-        """Take down what it has set up, and remove its keys from the blackboard."""
+        """Clean up what it has set up, and remove its keys from the blackboard."""
         behaviour, self._behaviour = self._behaviour, None
         plugin_node, self._node = self._node, None
         if behaviour is None:
@@ -154,7 +154,7 @@ class PluginLeaf(Leaf):
         clients = [client for node in behaviour.iterate() for client in node.blackboards]
         keys = {key for client in clients for key in client.remappings.values()}
         for client in clients:
-            # Not by ``unregister``, which fails where two names of a client are one key.
+            # ``unregister`` fails if two names of a client map to the same key.
             Blackboard.clients.pop(client.id(), None)
             for key in client.remappings.values():
                 users = Blackboard.metadata[key]
@@ -168,7 +168,7 @@ class PluginLeaf(Leaf):
                 Blackboard.unset(key)
 
     def _write(self) -> None:
-        """Give the names values that the behaviour has put on the blackboard."""
+        """Copy the values that the behaviour wrote to the blackboard to their names."""
         for name, key in self.spec.outputs.items():
             if Blackboard.exists(key):
                 value = Blackboard.get(key)
@@ -201,10 +201,10 @@ class PluginLeaf(Leaf):
         return made
 
     def _contained(self, call: Callable[[], T]) -> T:
-        """Return what a call of the plug-in returns; it may neither block nor end the program.
+        """Return the result of a call into the plug-in; it may neither block nor end the program.
 
         Raises:
-            Refused: ``BLOCKED``, ``EXIT``. Every other error is passed on.
+            Refused: ``BLOCKED`` or ``EXIT``. Every other error is passed on.
         """
         try:
             return bounded(call, self._limit_s)
@@ -227,7 +227,7 @@ def _absolute(key: str) -> str:
 
 
 def _is_plain(value: object, levels: int = 20) -> bool:
-    """Return whether a value is of texts, numbers, lists and mappings, not nested too deeply."""
+    """Return whether a value has only texts, numbers, lists and mappings, not nested too deep."""
     match value:
         case None | bool() | int() | float() | str():
             return True
@@ -241,4 +241,4 @@ def _is_plain(value: object, levels: int = 20) -> bool:
 
 
 BEHAVIOURS: dict[str, NodeMaker] = {}
-"""None of its own: every key that a package brings is made by :class:`PluginLeaf`."""
+"""Empty: :class:`PluginLeaf` makes every key of a package."""

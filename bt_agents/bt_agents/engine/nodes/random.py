@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random: one of the children, drawn by their weights."""
+"""Random: draws one child by weight."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class RandomChoice(ChooseOne):
-    """Ticks one child, drawn at each start, the more often the larger its weight.
+    """Ticks one child, drawn at each start with a probability proportional to its weight.
 
-    Without repeats, those that had their turn are left out until all have had theirs; the last one
-    does not come twice in a row even then.
+    Without repeats, children that were drawn are left out until all have been drawn; even then,
+    no child is drawn twice in a row.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class RandomChoice(ChooseOne):
             raise Refused("NO_WEIGHT", "all weights are 0, expected at least one larger number")
         if not self._repeats:
             weights = self._not_had(weights)
-        # Scaled, so that the sum of large weights is finite.
+        # Scaled, so that the sum of large weights stays finite.
         shares = [weight / max(weights.values()) for weight in weights.values()]
         [picked] = self._random.choices(list(weights), shares)
         return picked

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remember: keeps values of the person who is there, if that is known by name."""
+"""Remember: stores values about the present person, if the person's name is known."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bt_agents_language.nodes.remember import BINDING
 
 
 class Remember(SceneLayerLeaf):
-    """SUCCESS when the scene layer has stored the values, FAILURE with the reason else."""
+    """SUCCESS if the scene layer has stored the values, else FAILURE with the reason."""
 
     has_side_effects = True
     binding = BINDING

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Repeat: starts the child again after a SUCCESS."""
+"""Repeat: restarts the child after a SUCCESS."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from bt_agents_language.expression.expressions import MissingValue
 
 
 class Repeat(Loop):
-    """SUCCESS after so many rounds in all, or when a condition is true between two of them.
+    """SUCCESS after a number of rounds, or when a condition is true between two of them.
 
-    A FAILURE of the child ends it. A condition with a missing value is not true yet.
+    A FAILURE of the child ends it. A condition with a missing value is not true.
     """
 
     limit_field = "times"
@@ -29,7 +29,7 @@ class Repeat(Loop):
         return self.again("round", times)
 
     def begun(self) -> Status | None:
-        """Look at the condition again, as it may have become true during the pause."""
+        """Evaluate the condition again, because it may have become true during the pause."""
         return SUCCESS if self._is_over() else None
 
     def _is_over(self) -> bool:

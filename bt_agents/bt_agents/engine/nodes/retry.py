@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Retry: starts the child again after a FAILURE."""
+"""Retry: restarts the child after a FAILURE."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bt_agents.engine.loops import Loop
 
 
 class Retry(Loop):
-    """SUCCESS with the first SUCCESS of the child, FAILURE after so many attempts in all."""
+    """SUCCESS at the first SUCCESS of the child, FAILURE after a number of attempts."""
 
     limit_field = "attempts"
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Selector: children one after the other, until one succeeds."""
+"""Selector: ticks its children in order until one succeeds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bt_agents.engine.ticker import Ticker
 class LightSelector(InOrder, composites.Selector):
     """Ticks its children in order; the first that does not fail decides.
 
-    S, F and R are the answers of the children a, b and c, I is INVALID, a bracket was not ticked.
+    S, F and R are the answers of the children a, b and c; I is INVALID; brackets: not ticked.
 
     ==== ================== ================= ==================== =================
     tick with memory: a b c status            without memory: a b c status
@@ -28,20 +28,20 @@ class LightSelector(InOrder, composites.Selector):
     5    F F F              FAILURE           F F F                FAILURE
     ==== ================== ================= ==================== =================
 
-    With memory the children before the one that ran are made INVALID. A start does not touch the
-    children: those behind the one that decides are stopped, and made INVALID, only when it is
-    another than the last one.
+    With memory, the children before the one that ran become INVALID. A start does not touch the
+    children: those after the deciding child are stopped and become INVALID only if the deciding
+    child differs from the last one.
     """
 
     def tick_children(self, ticker: Ticker) -> Status:
         ticks, children = ticker.ticks, self.children
-        # Start: go on from the first child.
+        # Start at the first child.
         starts = self.status is not RUNNING
         if starts:
             self.current_child = children[0]
         last = self.current_child
         rest = iter(children)
-        # With memory: pass over the children before the one that ran.
+        # With memory: skip the children before the one that ran.
         if self.memory and last is not children[0]:
             for child in islice(rest, children.index(last)):
                 if child.status is not INVALID:
@@ -51,7 +51,7 @@ class LightSelector(InOrder, composites.Selector):
             if status is not FAILURE:
                 break
         self.current_child = child
-        # Stop the children behind one that has interrupted another.
+        # Stop the children after one that has interrupted another.
         if status is not FAILURE:
             if child is not last:
                 for child in rest:

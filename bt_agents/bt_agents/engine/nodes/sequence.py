@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sequence: children one after the other, until one fails."""
+"""Sequence: ticks its children in order until one fails."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bt_agents.engine.ticker import Ticker
 class LightSequence(InOrder, composites.Sequence):
     """Ticks its children in order; the first that does not succeed decides.
 
-    S, F and R are the answers of the children a, b and c, I is INVALID, a bracket was not ticked.
+    S, F and R are the answers of the children a, b and c; I is INVALID; brackets: not ticked.
 
     ==== ================== ================= ==================== =================
     tick with memory: a b c status            without memory: a b c status
@@ -28,8 +28,8 @@ class LightSequence(InOrder, composites.Sequence):
     5    S F (I)            FAILURE           S S S                SUCCESS
     ==== ================== ================= ==================== =================
 
-    A start, which is a tick when it was not RUNNING, makes all children INVALID first. Without
-    memory each tick begins at the first child, and those behind the one that decides are stopped.
+    A start (a tick while it is not RUNNING) first makes all children INVALID. Without memory, each
+    tick begins at the first child, and the children after the deciding one are stopped.
     """
 
     def tick_children(self, ticker: Ticker) -> Status:
@@ -42,7 +42,7 @@ class LightSequence(InOrder, composites.Sequence):
                     child.stop(INVALID)
             rest = iter(children)
         elif self.memory:
-            # Go on with the child that ran.
+            # Continue with the child that ran.
             status = ticks[self.current_child]()
             if status is not SUCCESS:
                 return status
@@ -56,7 +56,7 @@ class LightSequence(InOrder, composites.Sequence):
             status = ticks[child]()
             if status is not SUCCESS:
                 break
-        # Stop those behind it; with memory they have not run since the start.
+        # Stop the children after it; with memory they have not run since the start.
         if status is not SUCCESS and (starts or not self.memory):
             for child in rest:
                 if starts or child.status is not INVALID:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Set: gives names values, and puts what the person has told into the scene."""
+"""Set: assigns values to names, and puts what the person said into the scene."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from bt_agents.engine.scene_layer_leaf import SceneLayerLeaf
 from bt_agents_language.nodes.set import BINDING, SCENE
 
 _SHOWN_WITHIN_S = 0.5
-"""Longest wait for a live scene with what was told; something newer may take its place [s]."""
+"""Longest wait for a live scene with the values [s]; newer values may replace them."""
 
 
 class Set(SceneLayerLeaf):
-    """Gives names values, one after the other.
+    """Assigns values to names, in order.
 
-    SUCCESS at once, but where values of the scene are among them: then when the live scene has
-    them, and FAILURE with the reason when the scene layer does not take them.
+    SUCCESS at once, unless values of the scene are among them: then SUCCESS once the live scene
+    has them, and FAILURE with the reason if the scene layer refuses them.
     """
 
     binding = BINDING

@@ -33,20 +33,20 @@ _WHY = {
     GoalState.ABORTED: "its server gave up and says nothing about why",
     GoalState.CANCELLED: "somebody else has stopped it",
 }
-"""Reasons for failures where the server gives none."""
+"""Reasons for failures if the server gives none."""
 
 _NO_PLACES = "no skills file has the key 'places'"
-"""Reason that a place is not known where none is."""
+"""Reason for an unknown place if no places are declared at all."""
 
 _LONGEST_REASON = 300
-"""Most characters of a server's message that are passed on."""
+"""Most characters of a server's message in a reason."""
 
 
 class SkillLeaf(Leaf):
     """Uses an action, service or topic, directly or through a skill.
 
-    Its failure says which of the ways to fail it was: the server is unreachable, has rejected,
-    aborted or cancelled the goal, or has timed out.
+    Its failure message says what happened: the server is unreachable, has rejected, aborted or
+    cancelled the goal, or has timed out.
     """
 
     has_side_effects = True
@@ -141,7 +141,7 @@ class SkillLeaf(Leaf):
         return Status.SUCCESS
 
     def _error_in(self, result: Mapping[str, Plain]) -> str:
-        """Return code and reason of a result that says that it failed; empty for all others."""
+        """Return code and reason of a result that reports a failure; empty for others."""
         declared = self._binding().error_code
         if declared is None or not result:
             return ""
@@ -150,23 +150,23 @@ class SkillLeaf(Leaf):
             return ""
         message: Plain = None
         if declared.message:
-            # Without the reason the code is still a failure.
+            # Even without a reason, the code means a failure.
             with suppress(MissingValue, Refused):
                 message = field_of(result, declared.message, f"result.{declared.message}")
         return ellipsize(f"code {code}: {message}" if message else f"code {code}", _LONGEST_REASON)
 
     def _store_feedback(self, feedback: Mapping[str, Plain] | None) -> None:
-        """Write the names that the latest feedback of the action gives values to."""
+        """Write the values of the latest feedback of the action to their names."""
         if feedback is None or feedback is self._last_feedback:
             return
         self._last_feedback = feedback
         for name, path in self.spec.feedback.items():
-            # Feedback without the field is no reason to give the goal up.
+            # Feedback without the field does not fail the goal.
             with suppress(MissingValue, Refused):
                 self.scope.write(name, field_of(feedback, path, f"feedback.{path}"))
 
     def _format_main_input(self, inputs: Mapping[str, Plain]) -> str:
-        """Format the main input, for a node that is named by references."""
+        """Return the text of the main input, for a node whose name contains references."""
         skill = self.spec.skill
         assert skill is not None
         if skill.main is None or isinstance(self.spec.fields[skill.main], Literal):
@@ -176,7 +176,7 @@ class SkillLeaf(Leaf):
 
 
 def _place(binding: Binding, inputs: Mapping[str, Plain]) -> Place | None:
-    """Return the place that an input names; None where none does."""
+    """Return the place that an input names; None without one."""
     if not binding.place:
         return None
     name = str(inputs[binding.place])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subtree: a tree with names of its own, of which the caller sees the declared outputs."""
+"""Subtree: a tree with its own names; the caller sees only the declared outputs."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class Subtree(Decorator):
-    """Ends as its tree does; each start forgets what an earlier one has written.
+    """Ends as its tree does; each start forgets the values of earlier ones.
 
-    An output to which nothing was written leaves the caller's name as it is.
+    An output without a value leaves the caller's name unchanged.
     """
 
     def __init__(

@@ -11,9 +11,9 @@ from bt_agents.engine.light_behaviour import RUNNING
 
 
 class Timeout(Decorator):
-    """FAILURE when the child still runs after a time, on the trees' clock; it may be tuned.
+    """FAILURE if the child still runs after a time on the trees' clock; the time can be tuned.
 
-    A child that ends in the tick in which its time is up ends as it does.
+    A child that ends in the very tick in which its time is up keeps its result.
     """
 
     _start = 0.0
@@ -30,7 +30,7 @@ class Timeout(Decorator):
         return RUNNING
 
     def _missing(self) -> str:
-        """Return what the child still waits for, where its tip says so."""
+        """Return what the child still waits for, if its tip reports that."""
         tip = self.decorated.tip()
         missing = tip.missing() if isinstance(tip, Leaf) else ""
         return f": {missing}" if missing else ""

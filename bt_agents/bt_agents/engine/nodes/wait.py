@@ -11,7 +11,7 @@ from bt_agents_language.model.specs import Literal
 
 
 class Wait(Leaf):
-    """SUCCESS after a time on the trees' clock; the time may be tuned while it passes."""
+    """SUCCESS after a time on the trees' clock; the time can be tuned during the wait."""
 
     _start = 0.0
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wait_for: SUCCESS when a condition is true, or when a message has come."""
+"""Wait_for: SUCCESS when a condition is true or a message has arrived."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 class _Hold:
-    """Time since which something has been true without a break, on the trees' clock."""
+    """Start of the time in which something has been continuously true, on the trees' clock."""
 
     def __init__(self) -> None:
         self._since: float | None = None
 
     def update(self, true_now: bool, clock: Clock) -> None:
-        """Take over whether it is true now."""
+        """Set whether it is true now."""
         if not true_now:
             self._since = None
         elif self._since is None:
             self._since = clock()
 
     def due(self, seconds: float) -> float:
-        """Return when it will have been true for so long [s]; infinite while it is not."""
+        """Return when it will have been true for ``seconds`` [s]; infinite while it is false."""
         return math.inf if self._since is None else self._since + seconds
 
 
 class WaitForCondition(Leaf):
-    """SUCCESS when a condition has been true for a time; one with a missing value is not true."""
+    """SUCCESS once a condition has been true for a time; with a missing value it is not true."""
 
     def begin(self) -> None:
         self._hold = _Hold()
@@ -50,7 +50,7 @@ class WaitForCondition(Leaf):
         return SUCCESS if self.context.is_due(self.spec.path, due) else RUNNING
 
     def missing(self) -> str:
-        """Return what its names are now, unless the condition is true already."""
+        """Return the current values of its names, unless the condition is already true."""
         return self._explain_false() if self.feedback_message else ""
 
     def _is_true(self) -> bool:
@@ -60,7 +60,7 @@ class WaitForCondition(Leaf):
                 return True
         except MissingValue as missing:
             self._unknown = missing
-        # Made once: the current values of the names would be a change at each tick.
+        # Formatted once: with current values the message would change at each tick.
         if not self._explanation or _kind(before) != _kind(self._unknown):
             self._explanation = self._explain_false()
         self.feedback_message = self._explanation
@@ -79,9 +79,9 @@ def _kind(unknown: MissingValue | None) -> tuple[type, str] | None:
 
 
 class WaitForMessage(Leaf):
-    """SUCCESS when a message has come that fits, and for a time after it none that does not.
+    """SUCCESS after a matching message that no other message contradicts for a time.
 
-    What a message says is true until the next one. Without a time the first that fits is enough.
+    A message holds until the next one. Without a time, the first match is enough.
     """
 
     _inbox: Inbox | None = None
@@ -137,7 +137,7 @@ class WaitForMessage(Leaf):
 
 
 def wait_for(spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild) -> Leaf:
-    """Return the leaf of a ``wait_for``, which waits for a message if it names a topic."""
+    """Return the leaf of a ``wait_for``; it waits for a message if the node names a topic."""
     leaf = WaitForMessage if "topic" in spec.fields else WaitForCondition
     return leaf(spec, context, scope, build)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weight: a child of ``random`` with the weight of its draw."""
+"""Weight: a child of ``random`` with its weight."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from bt_agents.engine.skips import Skip
 
 
 class When(Skip):
-    """Skips the child unless the condition is true; one with a missing value is not true."""
+    """Skips the child unless the condition is true; with a missing value it is not true."""
 
     def skip_reason(self) -> str:
         return self.why_not("condition")

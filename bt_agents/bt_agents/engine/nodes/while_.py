@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""While: stops the child as soon as a condition is not true."""
+"""While: stops the child as soon as a condition is no longer true."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bt_agents.engine.light_behaviour import RUNNING
 
 
 class While(Decorator):
-    """FAILURE as soon as the condition is not true; evaluated at each tick, before the child."""
+    """FAILURE as soon as the condition is not true; evaluates it at each tick before the child."""
 
     def short_circuit(self) -> Status | None:
         verb = "not so any more" if self.status is RUNNING else "not so"

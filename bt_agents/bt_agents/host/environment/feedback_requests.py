@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback of trees: awaited for a moment, resent until the feedback node has answered."""
+"""Feedback of trees: awaited briefly, resent until the feedback node has answered."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ WAIT_S = 1.0
 """Longest wait of a leaf for the feedback node's answer [s]."""
 
 STORED = "stored: the feedback node is away and gets it when it is back"
-"""Message of feedback that nobody has answered yet."""
+"""Message of feedback without an answer so far."""
 
 
 class FeedbackRequests:
-    """Requests for feedback of running trees; none is lost while the feedback node is away.
+    """Feedback requests of running trees; none is lost while the feedback node is away.
 
-    Its arguments are as in ``RosEnvironment``; an answer that a leaf may wait for wakes the host.
+    Arguments as in ``RosEnvironment``; an answer that a leaf may wait for wakes the host.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class FeedbackRequests:
         self.outbox = Outbox(node, client)
 
     def give(self, kind: FeedbackKind, values: Mapping[str, float], reason: str) -> FeedbackRun:
-        """Request a change of a profile; as :meth:`Environment.give_feedback`."""
+        """Request a change of a profile; see :meth:`Environment.give_feedback`."""
         direct = kind is FeedbackKind.DIRECT
         request = GiveFeedback.Request(
             feedback_id=f"tree/{uuid.uuid4()}",
@@ -79,13 +79,13 @@ class FeedbackRequests:
 
 
 class FeedbackRun:
-    """Feedback that was sent; after :data:`WAIT_S` its leaf succeeds, but it still arrives."""
+    """Feedback that was sent; its leaf succeeds after :data:`WAIT_S`, but delivery continues."""
 
     feedback: Mapping[str, Plain] | None = None
-    """None: a service has no feedback."""
+    """None, because a service has no feedback."""
 
     confirmed = True
-    """Nothing of it can be orphaned, so that a run need not wait for it."""
+    """Always True: it cannot be orphaned, so a run need not wait for it."""
 
     def __init__(self) -> None:
         self.message = ""
@@ -95,7 +95,7 @@ class FeedbackRun:
 
     @property
     def state(self) -> GoalState:
-        """Its current state; reading it compares the wait with the clock."""
+        """Its current state; reading it checks the wait against the clock."""
         if not self._state.ended and time.monotonic() >= self._wait_until:
             self._end(GoalState.SUCCEEDED, STORED)
         return self._state
@@ -108,7 +108,7 @@ class FeedbackRun:
             self._end(GoalState.REJECTED, answer.message or answer.code)
 
     def cancel(self) -> None:
-        """Stop waiting for the answer; what was given stays given."""
+        """Stop waiting for the answer; the feedback stays valid."""
         self._end(GoalState.CANCELLED, "its answer is not waited for")
 
     def _end(self, state: GoalState, message: str = "") -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals of actions and requests of services over rclpy: state machine, client and deadlines."""
+"""Goals of actions and requests of services over rclpy: state machine, clients, deadlines."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import MessageView
 
 SECOND_POLL_S = 0.02
-"""Time between the poll that finds a heartbeat lost and the one that decides so [s].
+"""Time between the poll that first misses a heartbeat and the one that decides it is lost [s].
 
-A process that was stalled itself finds its timers before the messages that came meanwhile.
+After a stall, a process handles its timers before the messages that arrived meanwhile.
 """
 
 MOST_UNCONFIRMED = 100
-"""Most goals that were given up and are still remembered; then the oldest are abandoned."""
+"""Most given-up goals that are remembered; beyond it, the oldest are abandoned."""
 
 REPEATS = 4
-"""How often a server that has joined is asked, one :data:`GRAPH_S` apart.
+"""Number of times that a server that has joined is asked, :data:`GRAPH_S` apart.
 
-It may not be matched yet when it is seen, and then a request or its answer is lost.
+A server that appears on the graph may not be matched yet; a request or its answer is then lost.
 """
 
 GRAPH_S = 0.25
-"""Time between two looks at the graph while a goal is under way [s]."""
+"""Time between two looks at the graph while a goal is open [s]."""
 
 TURN_S = 2.0
 """Longest wait for the end of an earlier goal of the same server before the next one is sent [s].
 
-Many servers take one goal at a time, and need a while to stop.
+Many servers take one goal at a time and need some time to stop.
 """
 
 _SEARCH_S = 0.02
@@ -74,8 +74,8 @@ class GoalTrack:
     """State machine of one goal of an action, or of one request of a service.
 
     The client reports what the server does: :meth:`sent`, :meth:`accepted`, :meth:`ended` and so
-    on. :meth:`poll` compares that with the clock. What ends once stays ended for the leaf; what
-    comes later only confirms that the server has ended it too. The attributes are those of
+    on. :meth:`poll` compares this with the clock. A goal that has ended stays ended for the leaf;
+    later events only confirm that the server has ended it too. The attributes are those of
     :class:`bt_agents.engine.environment.GoalRun`.
 
     =================== ==================================== ============================
@@ -100,11 +100,11 @@ class GoalTrack:
 
     Args:
         goal: The goal or request.
-        steady: A clock that never stands still [s].
+        steady: A clock that never stops [s].
         last_heartbeat: Returns the time of the server's last heartbeat [s], minus infinity for
-            none so far; None where it has no heartbeat.
-        on_end: Called with state and message when it has ended for its leaf.
-        obstacle: Returns what the graph shows instead of its server; empty for nothing.
+            none so far; None for a server without heartbeats.
+        on_end: Called with state and message when the goal has ended for its leaf.
+        obstacle: Returns what the graph shows instead of the server; empty for nothing.
     """
 
     def __init__(
@@ -140,17 +140,17 @@ class GoalTrack:
 
     @property
     def unsent(self) -> bool:
-        """True while it waits for its server to be found."""
+        """True while it waits for the discovery of its server."""
         return self._sent_at is None and not self.state.ended
 
     @property
     def is_ending(self) -> bool:
-        """True from its cancel, or its end for the leaf, until its server has surely ended it."""
+        """True from its cancel, or its end for the leaf, until its server confirms the end."""
         over = self._cancel_asked or self.state.ended
         return over and self._sent_at is not None and not self.confirmed
 
     def take_turn(self, earlier: bool) -> bool:
-        """Return whether to send it now that its server is there.
+        """Return whether to send it now that its server is available.
 
         Args:
             earlier: Whether an earlier goal of the server is ending.
@@ -161,19 +161,19 @@ class GoalTrack:
             return True
         if self._waits_since is None:
             self._waits_since = now
-        # Its server is there, so that it is not to be looked for any more.
+        # Its server is available, so the time limit of the discovery restarts.
         self._made_at = now
         overtakes = now >= self._waits_since + TURN_S
         self.message = _OVERTOOK if overtakes else _WAITS
         return overtakes
 
     def note(self, text: str) -> None:
-        """Say something about its server while it is under way."""
+        """Set a message about its server while it is open."""
         if text and not self.state.ended:
             self.message = text
 
     def sent(self, servers: frozenset[str] = frozenset()) -> None:
-        """Handle that it was sent to the servers that the graph shows.
+        """Handle the sending, to the servers that the graph shows.
 
         A service accepts every request.
         """
@@ -185,27 +185,27 @@ class GoalTrack:
             self.accepted()
 
     def accepted(self) -> None:
-        """Handle its acceptance, which may come after it was given up."""
+        """Handle its acceptance, which may arrive after it was given up."""
         self._accepted_at = self._seen_at = self._steady()
         if not self.state.ended:
             self.state = GoalState.ACTIVE
 
     def rejected(self, alone: bool) -> None:
-        """Handle its rejection, by the only server or by the first of several."""
+        """Handle its rejection by the only server (``alone``) or by the first of several."""
         self._end(GoalState.REJECTED, self.message)
         self.confirmed = self.confirmed or alone
 
     def ended(self, state: GoalState, message: str = "", alone: bool = True) -> None:
-        """Handle its end, which may come after it was given up, as :meth:`rejected`."""
+        """Handle its end, possibly after it was given up; ``alone`` as in :meth:`rejected`."""
         self._end(state, message)
         self.confirmed = self.confirmed or alone
 
     def lost(self, message: str) -> None:
-        """Handle that its server will not answer any more, though it may go on."""
+        """Handle the loss of its server's answer; the goal itself may still run."""
         self._give_up(GoalState.UNREACHABLE, message)
 
     def cancel(self) -> None:
-        """Ask for the end."""
+        """Request its end."""
         self._cancel_asked = True
         if self.state.ended:
             return
@@ -215,7 +215,7 @@ class GoalTrack:
             self.ended(GoalState.CANCELLED, "stopped before the answer")
 
     def take_cancel(self) -> bool:
-        """Return whether a cancel has to be sent to the server now; True once only."""
+        """Return whether to send a cancel to the server now; True only once."""
         due = (
             self._accepted_at is not None
             and not self.confirmed
@@ -226,7 +226,7 @@ class GoalTrack:
         return due
 
     def take_look(self) -> bool:
-        """Return whether to look now which servers there are; True once in :data:`GRAPH_S`."""
+        """Return whether to look for servers now; True once per :data:`GRAPH_S`."""
         now = self._steady()
         due = self._sent_at is not None and not self.state.ended and now >= self._look_at
         if due:
@@ -234,13 +234,13 @@ class GoalTrack:
         return due
 
     def is_repeated(self, servers: frozenset[str]) -> bool:
-        """Return whether to ask again, with all servers that the graph shows.
+        """Return whether to ask again, given all servers that the graph shows.
 
         A server that has joined may be the next start of the one that was asked: the graph shows a
-        server that was killed until its lease ends, and its heartbeat goes on. Before acceptance
-        the goal is sent again, which no server takes twice; after that the result is asked for
-        again, and the answer tells whether the goal is unknown. Where the graph shows several at
-        once, one of them may be dead and another one new.
+        killed server until its lease ends, and the heartbeat continues. Before acceptance the goal
+        is sent again, which no server accepts twice. After acceptance the result is requested
+        again, and the answer shows whether the goal is unknown. If the graph shows several servers
+        at once, one of them may be dead and another one new.
         """
         if not servers <= self._servers:
             self._repeats = REPEATS
@@ -250,7 +250,7 @@ class GoalTrack:
         return due
 
     def poll(self, server_there: bool) -> None:
-        """Compare it with the clock, and with whether its server is on the graph."""
+        """Check its deadlines, and whether its server is on the graph."""
         if self.state.ended:
             return
         now, timeouts = self._steady(), self._timeouts
@@ -313,7 +313,7 @@ class GoalTrack:
 
     def _give_up(self, state: GoalState, message: str) -> None:
         self._end(state, message)
-        # Of a request nothing can be stopped; a goal may go on.
+        # A request cannot be stopped; a goal may still run.
         self.confirmed = self.confirmed or self._kind is not BindingKind.ACTION
 
     def _end(self, state: GoalState, message: str = "") -> None:
@@ -329,8 +329,8 @@ class Servers:
 
     Attributes:
         participants: Their participants.
-        several: Whether there is more than one, of which one may be dead.
-        note: What people should know about that; empty for nothing.
+        several: Whether there is more than one; one of them may be dead.
+        note: Remark about this for people; empty for none.
     """
 
     participants: frozenset[str] = frozenset()
@@ -339,10 +339,10 @@ class Servers:
 
 
 class SentGoal:
-    """Base of the clients of one goal or one request; sends it when its server appears.
+    """Base class of the clients of one goal or request; sends it when its server appears.
 
     Reading its state polls the server and the clock. It calls ``reschedule`` when its deadline may
-    have changed, and ``wake`` when it has ended for its leaf, or is confirmed ended.
+    have changed, and ``wake`` when it has ended for its leaf or its end is confirmed.
     """
 
     def __init__(
@@ -387,7 +387,7 @@ class SentGoal:
 
     @property
     def is_ending(self) -> bool:
-        """True while its server may still be busy with it, though its leaf is done with it."""
+        """True while its server may still work on it although its leaf is done with it."""
         return self._track.is_ending
 
     def cancel(self) -> None:
@@ -406,7 +406,7 @@ class SentGoal:
                 future.cancel()
 
     def poll(self) -> None:
-        """Compare it with the clock, and send it as soon as its server is there."""
+        """Check its deadlines, and send it as soon as its server is available."""
         if self._track.state.ended:
             return
         there = self._server_ready()
@@ -426,7 +426,7 @@ class SentGoal:
 
     @contextmanager
     def _transition(self) -> Iterator[None]:
-        """Follow up a transition of the track inside: send a cancel, reschedule, wake."""
+        """Follow up a transition of the track in the block: send a cancel, reschedule, wake."""
         before = (self._track.state.ended, self._track.confirmed)
         yield
         self._follow_up()
@@ -438,11 +438,11 @@ class SentGoal:
         raise NotImplementedError
 
     def _is_behind(self) -> bool:
-        """Return whether an earlier goal of its server is ending; of requests none ever is."""
+        """Return whether an earlier goal of its server is ending; always False for requests."""
         return False
 
     def _servers(self) -> frozenset[str]:
-        """Return who serves it, as the graph shows it; nobody where it is sent only once."""
+        """Return its servers on the graph; empty if it is sent only once."""
         return frozenset()
 
     def _send(self) -> Any:
@@ -457,7 +457,7 @@ class SentGoal:
         raise NotImplementedError
 
     def _expect(self, future: Any, then: Callable[[Any], None]) -> None:
-        """Handle an answer when it comes, which may be after the goal was given up."""
+        """Handle an answer when it arrives, possibly after the goal was given up."""
         self._futures.append(future)
 
         def handle(future: Any) -> None:
@@ -477,14 +477,14 @@ class SentGoal:
 class RosGoalRun(SentGoal):
     """A goal of an action; see :class:`SentGoal`.
 
-    It is in the list of open goals from before it is sent until its end is confirmed. It may
+    The list of open goals contains it from before it is sent until its end is confirmed. It may
     subscribe to feedback, and warns when its server refuses a cancel.
 
     Args:
-        servers: Looks who serves the action.
+        servers: Looks up the servers of the action.
         earlier_is_ending: Returns whether an earlier goal of the client is ending.
-        pursue: Has a goal that was given up cancelled until its server, or the next start of that,
-            or each of several, does nothing for it; then it calls back.
+        pursue: Cancels a given-up goal until its server (or its next start, or each of several
+            servers) has stopped working on it; then calls back.
     """
 
     def __init__(
@@ -559,7 +559,7 @@ class RosGoalRun(SentGoal):
 
     def _answered(self, handle: Any) -> None:
         if self._handle is not None:
-            return  # a server takes a goal that is sent again only once
+            return  # a server accepts a repeated goal only once
         if not handle.accepted:
             self._track.rejected(alone=not self._found.several)
             return
@@ -619,7 +619,7 @@ class RosRequest(SentGoal):
 
 
 def _feedback_callback(goal: RosGoalRun) -> Callable[[Any], None]:
-    """Return a callback for feedback; rclpy keeps it for ever when a goal is rejected."""
+    """Return a callback with a weak reference: rclpy keeps it forever if a goal is rejected."""
     known = weakref.ref(goal)
 
     def handle(message: Any) -> None:

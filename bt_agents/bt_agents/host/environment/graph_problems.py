@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the ROS graph shows that can keep a skill from being done as it is meant."""
+"""Problems on the ROS graph that can keep a skill from working as intended."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from bt_agents_core.text import join_first
 MOST_PROBLEMS = 200
 
 FORGOTTEN_S = 25.0
-"""Time after which the graph has surely forgotten a process that was killed [s]."""
+"""Time after which the graph has certainly dropped a killed process [s]."""
 
 
 class GraphProblems:
-    """Problems of actions and topics by name, until they are over.
+    """Current problems of actions and topics, by name.
 
     Args:
         clock: Steady time [s].
 
     Attributes:
-        messages: Name of the action or topic → what is wrong, for people.
-        on_change: Called when there are others.
+        messages: Name of the action or topic → description of the problem.
+        on_change: Called when the problems have changed.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -32,9 +32,9 @@ class GraphProblems:
         self._since: dict[str, float] = {}
 
     def look(self, action: str, servers: Sequence[str]) -> str:
-        """Take the nodes that serve an action; return what people should know about them.
+        """Check the nodes that serve an action; return a remark for people.
 
-        Two servers of one name may be a server that was killed and its next start.
+        Two servers with the same name may be a killed server and its next start.
         """
         if len(servers) < 2:
             self._since.pop(action, None)
@@ -51,11 +51,11 @@ class GraphProblems:
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """The actions that have had several servers at the last look."""
+        """The actions that had several servers at the last look."""
         return tuple(self._since)
 
     def report(self, name: str, message: str) -> str:
-        """Take what is wrong with an action or a topic, empty for nothing; return it."""
+        """Set the problem of an action or a topic, empty for none; return it."""
         others = {one: said for one, said in self.messages.items() if one != name}
         if message and len(others) < MOST_PROBLEMS:
             others[name] = message
@@ -66,12 +66,12 @@ class GraphProblems:
 
 
 def topic_problem(topic: str, expected: str, published: Collection[str], *, kept: bool) -> str:
-    """Return why a leaf hears nothing new on a topic; empty for no known reason.
+    """Return why a leaf receives nothing new on a topic; empty for no known reason.
 
     Args:
-        topic: Its name.
+        topic: Name of the topic.
         expected: Type that the leaf waits for.
-        published: Types with which the graph shows its publishers.
+        published: Types of its publishers on the graph.
         kept: Whether an earlier message counts.
     """
     if published and expected not in published:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open goals of this host: published and stored before each is sent, and when each has ended."""
+"""Open goals of this host: published and stored before each is sent and after each has ended."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _LOG_PERIOD_S = 30.0
 
 
 class OpenGoalList:
-    """Topic ``bt_agents/open_goals`` of a host, and the file in which its list outlives it.
+    """Topic ``bt_agents/open_goals`` of a host, and the file in which the list outlives the host.
 
-    A goal is in the list before it is sent, so that whoever kills the host in between leaves at
-    worst the id of a goal that no server knows.
+    A goal is added before it is sent, so a kill of the host in between leaves at worst the id of
+    a goal that no server knows.
 
     Args:
         node: The host's node.
         instance: This start of the host.
-        run: Returns the goal of the run under way; None without one.
+        run: Returns the goal of the current run; None without one.
         file: None keeps the list in memory.
     """
 
@@ -55,12 +55,12 @@ class OpenGoalList:
         self._report()
 
     def remove(self, goal_id: bytes) -> None:
-        """Remove a goal whose end is confirmed, or which nobody follows any more, if it is in."""
+        """Remove a goal, if listed, when its end is confirmed or it is abandoned."""
         if self._goals.pop(goal_id, None) is not None:
             self._report()
 
     def _report(self) -> None:
-        # The latest ones, as they are the likeliest to be under way.
+        # The latest ones, because they are the most likely to still run.
         named = list(self._goals.values())[-MOST_OPEN_GOALS:]
         self._message.goals = [message for _, message in named]
         self._publisher.publish(self._message)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""File of the open goals of a host, from which a later start of it learns what to cancel."""
+"""File of the open goals of a host, which tells its next start what to cancel."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _RECORD_BYTES = 128 * 1024
 
 
 class OpenGoalsFile:
-    """File with two records, written in turn, so that one is whole whenever the process is killed.
+    """File with two records, written in turn, so that one is intact after a kill at any time.
 
-    It is written within a tick, in a few microseconds: neither flushed to the disk nor replaced,
-    for which a disk may take its time. The process that has it open holds it; a second one neither
-    reads nor writes it.
+    A write within a tick takes a few microseconds: the file is neither flushed to the disk nor
+    replaced, which could take long. The process that has it open holds a lock; a second process
+    can neither read nor write it.
 
     Args:
-        path: The file; made, with its folder, when it is not there.
+        path: The file; created with its folder if missing.
 
     Raises:
         OSError: It cannot be opened, or another process holds it.
@@ -43,13 +43,13 @@ class OpenGoalsFile:
             raise
 
     def read(self) -> tuple[OpenGoal, ...]:
-        """Return what an earlier start has left open; nothing from a file that is damaged."""
+        """Return the goals that an earlier start left open; none from a damaged file."""
         records = [_read(os.pread(self._file, _RECORD_BYTES, at)) for at in (0, _RECORD_BYTES)]
         self._sequence, goals = max(records, key=lambda record: record[0])
         return goals
 
     def write(self, goals: Sequence[OpenGoal]) -> None:
-        """Write what is open now.
+        """Write the goals that are open now.
 
         Raises:
             OSError: It cannot be written.
@@ -61,12 +61,12 @@ class OpenGoalsFile:
         os.pwrite(self._file, record, (self._sequence % 2) * _RECORD_BYTES)
 
     def close(self) -> None:
-        """Let another process have it."""
+        """Release the file for other processes."""
         os.close(self._file)
 
 
 def _read(record: bytes) -> tuple[int, tuple[OpenGoal, ...]]:
-    """Return the number of a record and its goals; 0 and none of one that is not whole."""
+    """Return the number and the goals of a record; 0 and no goals if it is not intact."""
     line, _, _ = record.partition(b"\n")
     checksum, _, text = line.partition(b" ")
     with suppress(ValueError, TypeError, Refused, RecursionError):

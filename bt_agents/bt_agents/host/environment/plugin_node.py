@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The host's node as behaviours of plug-ins see it: what they make with it ends with the run."""
+"""The host's node as plug-ins get it: what they create with it ends with the run."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _UNANSWERED = (GoalState.UNREACHABLE, GoalState.TIMED_OUT)
 
 
 class PluginGoal(RosGoalRun):
-    """A goal that a behaviour has sent through its own action client, followed like any other.
+    """A goal that a behaviour sends through its own action client, tracked like any other.
 
-    It is sent when its server is there. The behaviour gets the handle when the goal is accepted or
-    rejected; a cancel of its own is known here.
+    It is sent when its server is available. The behaviour gets the handle when the goal is
+    accepted or rejected; a cancel by the behaviour is tracked here.
 
     Args:
-        answer: Future that the behaviour has got for its goal.
-        on_feedback: Its callback; None for none.
+        answer: Future that the behaviour got for its goal.
+        on_feedback: Feedback callback of the behaviour; None for none.
         how: See :class:`RosGoalRun`.
     """
 
@@ -48,7 +48,7 @@ class PluginGoal(RosGoalRun):
         super().__init__(*how, feedback=False, **more)
 
     def give_up(self) -> None:
-        """Let go of it at the end of the run; it is cancelled on, as long as it may be there."""
+        """Give it up at the end of the run; cancelling continues as long as it may exist."""
         with self._transition():
             if not self._track.confirmed:
                 self._track.lost("the run is over")
@@ -72,7 +72,7 @@ class PluginGoal(RosGoalRun):
         cancel = handle.cancel_goal_async
 
         def cancelled() -> Any:
-            # The cancel that follows is the one that would be sent for it.
+            # The resulting cancel counts as the one that the track would send.
             self._track.cancel()
             self._track.take_cancel()
             return cancel()
@@ -83,11 +83,11 @@ class PluginGoal(RosGoalRun):
 
 
 SendGoal = Callable[[Any, Any, bytes, str, Future, Any], PluginGoal]
-"""Makes a goal: client, message, identifier, name of the action, answer, callback for feedback."""
+"""Makes a goal: client, message, identifier, name of the action, answer, feedback callback."""
 
 
 class _RememberingNode:
-    """A node that remembers publishers, subscriptions, clients and timers made with it."""
+    """A node that remembers the publishers, subscriptions, clients and timers created with it."""
 
     def __init__(self, node: Node, on_action_client: Callable[[Any], None]) -> None:
         self._node = node
@@ -109,20 +109,20 @@ class _RememberingNode:
         return create
 
     def add_waitable(self, waitable: Any) -> None:
-        """Add an action client, which adds itself to its node, or something else to wait for."""
+        """Add a waitable; an action client adds itself to its node this way."""
         self._node.add_waitable(waitable)
         if isinstance(waitable, ActionClient):
             self._action_clients.append(waitable)
             self._on_action_client(waitable)
 
     def remove_waitable(self, waitable: Any) -> None:
-        """Remove what was added, as an action client does that is destroyed."""
+        """Remove a waitable; an action client does so when it is destroyed."""
         if waitable in self._action_clients:
             self._action_clients.remove(waitable)
         self._node.remove_waitable(waitable)
 
     def destroy_all(self) -> None:
-        """Destroy what was made and is still there."""
+        """Destroy everything that was created and still exists."""
         for client in list(self._action_clients):
             client.destroy()
         for destroy, made in reversed(self._made):
@@ -133,7 +133,7 @@ class _RememberingNode:
 class RosPluginNode:
     """See :class:`bt_agents.engine.environment.PluginNode`.
 
-    Action clients made with it never wait for their server in ``setup``: a goal waits for it.
+    Its action clients never wait for their server in ``setup``; their goals do.
 
     Args:
         node: The host's node.
@@ -171,7 +171,7 @@ class RosPluginNode:
     def plain(self, value: object) -> Plain:
         if hasattr(value, "get_fields_and_field_types"):
             return to_plain(value)
-        return value  # type: ignore[return-value]  # the engine looks at it
+        return value  # type: ignore[return-value]  # the engine checks it
 
     def close(self) -> None:
         for goal in (*self._settled, *self._goals):
@@ -181,7 +181,7 @@ class RosPluginNode:
         self._remembering.destroy_all()
 
     def _take_over(self, client: Any) -> None:
-        """Follow the goals of an action client that a behaviour has made."""
+        """Track the goals of an action client that a behaviour has created."""
         plain = SimpleNamespace(
             send_goal_async=client.send_goal_async, server_is_ready=client.server_is_ready
         )

@@ -47,7 +47,7 @@ from bt_agents_ros.goal_cancellation import GoalCanceller
 from bt_agents_ros.types import fill, load_type
 
 PURSUED_S = 10.0
-"""Time in which the server of a goal that was given up may come back, to end it surely [s]."""
+"""Time in which the server of a given-up goal may return, so that its end is certain [s]."""
 
 _RUN_TYPE = "bt_agents_interfaces/RunKey"
 
@@ -59,11 +59,11 @@ class _Source(Enum):
 
 
 class TreeClock:
-    """Returns the trees' time [s]; only differences mean something.
+    """Returns the trees' time [s]; only differences are meaningful.
 
-    It is steady time, or simulated time under ``use_sim_time``. When simulated time jumps back,
-    as a bag that starts again makes it, and when the source changes, the trees' time goes on from
-    where it was. It stands still until the first message has come on ``/clock``.
+    It is steady time, or simulated time under ``use_sim_time``. When simulated time jumps back
+    (for example because a bag restarts) or the source changes, the trees' time continues from its
+    last value. Simulated time stands still until the first message on ``/clock``.
     """
 
     def __init__(self, node: Node) -> None:
@@ -84,24 +84,24 @@ class TreeClock:
         return self._last
 
     def stop(self) -> None:
-        """Let time stand still from now on."""
+        """Stop time from now on."""
         self()
         self._stopped = True
 
     def advance(self, seconds: float) -> None:
-        """Let a time pass at once, while time stands still [s]."""
+        """Advance the stopped time at once [s]."""
         if self._stopped:
             self._last += seconds
 
     def go_on(self) -> None:
-        """Let time pass again, from where it was stopped."""
+        """Resume time from where it was stopped."""
         if self._stopped:
             self._stopped = False
             self._source, raw = self._read()
             self._offset = self._last - raw
 
     def obstacle(self) -> str:
-        """Return why time stands still; empty when it passes."""
+        """Return why time stands still; empty while it passes."""
         source, _ = self._read()
         published = source is _Source.SIMULATED and self._node.count_publishers("/clock")
         if source is _Source.STEADY or published:
@@ -120,19 +120,19 @@ class RosEnvironment:
     """Environment of the trees of one host: clients, publishers and subscriptions of its node.
 
     Args:
-        node: The host's node; there is one client for each name.
+        node: The host's node; it has one client per name.
         wake: Called when something has arrived that a leaf may wait for.
-        open_goals: Where the goals that are sent stand until their end is confirmed.
+        open_goals: List of the sent goals until their end is confirmed.
         space: The scene parameters.
         agent: Returns the name of the agent whose tree is running.
         scene: Returns the scene of its run as awarded.
-        run: Returns that run, which goals and requests carry where their type has a place for it;
-            None without one.
-        slowness: Factor for how long a server may take to be found, to accept and to be silent.
+        run: Returns that run, None without one; goals and requests carry it if their type has
+            fields for it.
+        slowness: Factor of the time limits for discovery, acceptance and silence of a server.
 
     Attributes:
-        silent_servers: Those that have not answered the last goal.
-        graph_problems: What the graph shows of the actions that trees use.
+        silent_servers: Servers that have not answered the last goal.
+        graph_problems: Problems that the graph shows for the actions and topics of trees.
     """
 
     def __init__(
@@ -172,9 +172,9 @@ class RosEnvironment:
         return local_time(self._node.get_clock().now().nanoseconds * 1e-9)
 
     def prepare(self, spec: NodeSpec) -> None:
-        """Create what a node will use ahead of its first use, so that discovery is over by then.
+        """Create what a node will use in advance, so that discovery is over by its first use.
 
-        What cannot be created is logged; the node fails when it is ticked.
+        Errors are logged; the node then fails when it is ticked.
         """
         try:
             resources = type_of(spec).resources(spec)
@@ -188,9 +188,9 @@ class RosEnvironment:
             self._node.get_logger().warning(f"{spec.path}, {spec.position}: {error}")
 
     def retain(self, specs: Iterable[NodeSpec]) -> None:
-        """Destroy what none of these nodes uses; called while no tree runs.
+        """Destroy what none of these nodes use; called while no tree runs.
 
-        A goal whose end is not confirmed yet holds its client until the next call.
+        A goal without a confirmed end keeps its client until the next call.
         """
         clients, publishers, latched, heartbeats = set(), set(), set(), set()
         for spec in specs:
@@ -225,7 +225,7 @@ class RosEnvironment:
         """Send a goal or request.
 
         Raises:
-            Refused: The fields do not fit the type, or there is no such type.
+            Refused: The fields do not fit the type, or the type does not exist.
         """
         goal = _prolonged(goal, self._slowness)
         client = self._client(goal.kind, goal.name, goal.type)
@@ -260,14 +260,14 @@ class RosEnvironment:
         """Publish a message.
 
         Raises:
-            Refused: The fields do not fit the type, or there is no such type.
+            Refused: The fields do not fit the type, or the type does not exist.
         """
         message = load_type(goal.type, BindingKind.TOPIC)()
         fill(message, goal.fields)
         self._publisher(goal.name, goal.type).publish(message)
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
-        """Subscribe to a topic; if it is latched, its last message from before comes first.
+        """Subscribe to a topic; if it is latched, its last earlier message comes first.
 
         Raises:
             Refused: ``UNKNOWN_TYPE``.
@@ -303,9 +303,9 @@ class RosEnvironment:
         return RosPluginNode(self._node, send)
 
     def log(self, level: str, text: str) -> None:
-        """Write a line into the log, under the name of the running agent."""
+        """Log a line under the name of the running agent."""
         logger = self._node.get_logger().get_child(self._agent())
-        # One call a level: rclpy refuses a line of code that changes its level.
+        # One call per level: rclpy refuses a line of code that changes its level.
         match level:
             case "error":
                 logger.error(text)
@@ -317,11 +317,11 @@ class RosEnvironment:
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> GoalRun:
-        """Ask the feedback node for a change of the running agent's profile."""
+        """Request a change of the running agent's profile from the feedback node."""
         return self._feedback_requests().give(kind, values, reason)
 
     def close(self) -> None:
-        """Destroy the action clients, which a node does not do; log undelivered feedback."""
+        """Destroy the action clients, which a node leaves alone; log undelivered feedback."""
         for (kind, _, _), client in self._clients.items():
             if kind is BindingKind.ACTION:
                 client.destroy()
@@ -330,7 +330,7 @@ class RosEnvironment:
             self._feedback.outbox.close()
 
     def _name_run(self, message: Any) -> None:
-        """Fill in the run that a goal or a request belongs to, where its type has a place."""
+        """Fill in the run of a goal or a request, if its type has fields for it."""
         run = self._run()
         if run is not None and message.get_fields_and_field_types().get("run") == _RUN_TYPE:
             message.run = RunKeyMsg(epoch=run.epoch, round=run.round, agent=run.agent)
@@ -344,7 +344,7 @@ class RosEnvironment:
             self._heartbeats.subscribe(binding.heartbeat)
 
     def look_again(self) -> None:
-        """Look at the graph again: at its problems, and at publishers of topics."""
+        """Look at the graph again, for problems and for publishers of topics."""
         for latched in self._latched.values():
             latched.look()
         for topic, type_name in self._watched:
@@ -360,14 +360,14 @@ class RosEnvironment:
         self.graph_problems.report(topic, problem)
 
     def _other_type(self, goal: SkillGoal) -> str:
-        """Return with which type the graph shows the server of a goal; empty for the same."""
+        """Return in words that the graph shows another type for a goal's server; else empty."""
         shown = types_on_graph(self._node, goal.kind, goal.name)
         if not shown or goal.type in shown:
             return ""
         return f"the graph shows {goal.name} as {join_first(sorted(shown))}, expected {goal.type}"
 
     def _look(self, action: str) -> Servers:
-        """Return who serves an action; several servers are a problem."""
+        """Return the servers of an action; several servers are a problem."""
         endpoints = self._node.get_publishers_info_by_topic(f"{action}/_action/status")
         nodes = [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in endpoints]
         return Servers(
@@ -384,7 +384,7 @@ class RosEnvironment:
         self._canceller.cancel([goal], within_s=PURSUED_S, several=several, on_end=report)
 
     def _following(self, goal: SkillGoal, goal_id: bytes, client: Any) -> dict[str, Any]:
-        """Return what it takes to follow a goal of an action to its end."""
+        """Return the arguments for tracking a goal of an action to its end."""
         identity = self._identify(goal, goal_id)
         return {
             "reschedule": self._deadlines.reschedule,
@@ -398,7 +398,7 @@ class RosEnvironment:
         }
 
     def _identify(self, goal: SkillGoal, goal_id: bytes) -> OpenGoal:
-        """Return what others have to know of a goal to cancel it."""
+        """Return what other processes need to cancel a goal."""
         node = self._node
         # rclpy does not remap actions.
         action = expand_topic_name(goal.name, node.get_name(), node.get_namespace())
@@ -446,7 +446,7 @@ class RosEnvironment:
 
 
 def _prolonged(goal: SkillGoal, factor: float) -> SkillGoal:
-    """Return a goal with the patience that a slow network needs; its result has its own limit."""
+    """Return a goal with longer limits for a slow network, except that of its result."""
     heartbeat, timeouts = goal.heartbeat, goal.timeouts
     if heartbeat is not None:
         heartbeat = replace(heartbeat, within_s=heartbeat.within_s * factor)

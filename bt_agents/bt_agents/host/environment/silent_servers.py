@@ -16,14 +16,14 @@ class SilentServers:
     """Servers whose last goal was unreachable, until they answer one.
 
     Attributes:
-        reasons: Name of the action or service → why, as its leaf says.
+        reasons: Name of the action or service → the reason that its leaf gives.
     """
 
     def __init__(self) -> None:
         self.reasons: Mapping[str, str] = {}
 
     def ended(self, server: str, state: GoalState, message: str) -> None:
-        """Take the end of a goal; a cancel or a timeout says nothing of its server."""
+        """Handle the end of a goal; a cancel or a timeout says nothing about its server."""
         others = {name: reason for name, reason in self.reasons.items() if name != server}
         if state is GoalState.UNREACHABLE and len(others) < MOST_SERVERS:
             self.reasons = {**others, server: message}

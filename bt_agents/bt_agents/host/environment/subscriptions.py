@@ -25,11 +25,11 @@ from bt_agents_ros.types import MessageView, load_type
 from bt_agents_ros.workarounds.cached_wait_set import PolledGroup
 
 DEPTH = 100
-"""Most messages of an inbox; then the oldest are dropped."""
+"""Most messages of an inbox; beyond it, the oldest are dropped."""
 
 
 class TopicInbox:
-    """Messages of a topic for one leaf; ``on_close`` is called with it when it is closed."""
+    """Messages of a topic for one leaf; closing it calls ``on_close`` with it."""
 
     def __init__(self, on_close: Callable[[TopicInbox], None]) -> None:
         self._messages: deque[Any] = deque(maxlen=DEPTH)
@@ -49,9 +49,9 @@ class TopicInbox:
 
 
 def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> TopicInbox:
-    """Return an inbox of a topic, which is subscribed to until the inbox is closed.
+    """Return an inbox with a subscription to a topic, which closing the inbox ends.
 
-    A message that has come wakes the leaf.
+    Each message wakes the leaf.
     """
 
     def receive(message: Any) -> None:
@@ -64,11 +64,11 @@ def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> T
 
 
 class LatchedTopic:
-    """A topic whose last message counts, too; subscribed to until it is closed.
+    """Subscription to a topic whose last message counts, too, until it is closed.
 
-    A message that has come while an inbox is open wakes the leaf. Publishers that are volatile or
-    best effort do not match a latched subscription; while the graph shows one, a second
-    subscription hears them. What comes through both is dropped once.
+    A message that arrives while an inbox is open wakes the leaf. Volatile or best-effort
+    publishers do not match a latched subscription; while the graph shows one, a second
+    subscription receives them. Messages that arrive through both are dropped once.
     """
 
     def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:
@@ -84,11 +84,11 @@ class LatchedTopic:
 
     @property
     def keeps_message(self) -> bool:
-        """True when a message has come, which counts for every leaf that waits later."""
+        """True if a message has arrived, which counts for every leaf that waits later."""
         return self._last is not None
 
     def open(self) -> TopicInbox:
-        """Return an inbox that begins with the last message, if there was one."""
+        """Return an inbox that begins with the last message, if any."""
         self.look()
         inbox = TopicInbox(self._inboxes.remove)
         if self._last is not None:
@@ -103,7 +103,7 @@ class LatchedTopic:
             self._node.destroy_subscription(self._second)
 
     def look(self) -> None:
-        """Look on the graph whether a publisher needs the second subscription."""
+        """Check on the graph whether a publisher needs the second subscription."""
         name = self._subscription.topic_name
         needed = any(
             one.qos_profile.durability is not DurabilityPolicy.TRANSIENT_LOCAL
@@ -140,7 +140,7 @@ class Heartbeats:
         self._subscriptions: dict[tuple[str, str], Any] = {}
 
     def subscribe(self, spec: HeartbeatSpec) -> Callable[[], float]:
-        """Return a function for the time of the last one [s], minus infinity for never.
+        """Return a function for the time of the last heartbeat [s], minus infinity for none.
 
         Raises:
             Refused: ``UNKNOWN_TYPE``.
@@ -152,21 +152,21 @@ class Heartbeats:
             def receive(_message: object) -> None:
                 self._last[key] = time.monotonic()
 
-            # Its content does not matter, so it is not even decoded.
+            # The content does not matter, so it is not decoded.
             self._subscriptions[key] = self._node.create_subscription(
                 kind, spec.topic, receive, qos.SENSOR, raw=True, callback_group=self._group
             )
         return lambda: self._last.get(key, -math.inf)
 
     def retain(self, wanted: Collection[tuple[str, str]]) -> None:
-        """Unsubscribe from all others than these topics, each with its type."""
+        """Unsubscribe from all topics except these, each with its type."""
         for key in self._subscriptions.keys() - set(wanted):
             self._node.destroy_subscription(self._subscriptions.pop(key))
             self._last.pop(key, None)
 
 
 class LiveScene:
-    """The live scene of the run under way."""
+    """The live scene of the current run."""
 
     def __init__(self, node: Node, space: SceneSpace) -> None:
         self._node = node
@@ -176,7 +176,7 @@ class LiveScene:
         node.create_subscription(SceneMsg, "bt_agents/scene/live", self._on_live_scene, qos.SENSOR)
 
     def begin_run(self, awarded: Scene) -> Callable[[], Scene]:
-        """Begin with the scene of a run; return a function that returns it as it is now."""
+        """Start with the scene of a run; return a function for its current state."""
         self._view = LiveSceneView(awarded, time.monotonic, self._lease_s)
         return self._view.now
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Difference between two good versions of an agent, as text, and whether it is in the tree."""
+"""Difference between two good versions of an agent as text, and whether it affects the tree."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DIGITS = 6
 
 
 def changes_tree(before: AgentFile, after: AgentFile) -> bool:
-    """Return whether the tree, its clean-up or its names differ: no running one takes that."""
+    """Return whether the tree, its clean-up or its names differ; a running tree cannot change."""
     return before.prints != after.prints or _types(before.agent) != _types(after.agent)
 
 

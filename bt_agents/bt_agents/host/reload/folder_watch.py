@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watch of a trees folder: polls it, and reads what has changed once it stands still."""
+"""Watches a trees folder: polls it, and reads changed files once they are stable."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import SUFFIXES, Trees, text_of
 
 MAX_UNSETTLED_POLLS = 6
-"""Polls after which files are read although some file of the folder changes all the time."""
+"""Polls after which files are read even if some file in the folder keeps changing."""
 
 
 class WatchStopped(BtAgentsError):
-    """Raised out of a reading by :meth:`FolderWatch.stop`."""
+    """Ends a reading after :meth:`FolderWatch.stop`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileWrite:
-    """Result of writing an earlier text into an agent file, which is None when that failed.
+    """Result of writing an earlier text into an agent file; the file is None if that failed.
 
-    The text is a description for people; empty when there is nothing to say.
+    The text is a remark for people; empty for none.
     """
 
     trees: Trees
@@ -36,9 +36,9 @@ class FileWrite:
 
 
 class FolderWatch:
-    """Watch of one trees folder, as it was read at the start; used by one thread only.
+    """Watch of one trees folder, starting from its first reading; used by one thread only.
 
-    Before each file is read, ``pause`` yields to other threads.
+    ``pause`` yields to other threads before each file is read.
     """
 
     def __init__(self, trees: Trees, pause: Callable[[], None] = lambda: None) -> None:
@@ -52,15 +52,15 @@ class FolderWatch:
         self._missing_text = ""
 
     def stop(self) -> None:
-        """Have a reading that is under way raise :class:`WatchStopped`; from any thread."""
+        """Make a reading in progress raise :class:`WatchStopped`; callable from any thread."""
         self._stopped = True
 
     def poll(self, *, settle: bool = True) -> Trees | None:
-        """Return the folder when it differs from the last time; None while nothing has changed.
+        """Return the folder if it has changed since the last call, else None.
 
         Args:
-            settle: Files that differ between two polls are still being written and wait for the
-                next one; False reads them as they are.
+            settle: True defers files that differ between two polls to the next one, because they
+                are still being written; False reads them as they are.
 
         Raises:
             WatchStopped: See :meth:`stop`.
@@ -86,10 +86,10 @@ class FolderWatch:
         return self._trees() if back or self._known is not before else None
 
     def write(self, path: Path, version: AgentFile, known_texts: Collection[str]) -> FileWrite:
-        """Write an earlier text of an agent into its file, which counts as read with that.
+        """Write an earlier text of an agent into its file, and count the file as read.
 
-        A text that is not among the known ones, which are stored elsewhere, would be lost: it is
-        stored beside it, in a file with a ``~`` behind its name.
+        If the replaced text is not among the known texts, which are stored elsewhere, it is saved
+        in a file with ``~`` appended to the name.
         """
         assert version.text is not None
         assert version.agent is not None
@@ -106,7 +106,7 @@ class FolderWatch:
                 return FileWrite(trees=self._trees(), file=None, text=text)
         agent = replace(version.agent, file=str(path))
         file = replace(version, file=path, agent=agent)
-        # Computed here, where nobody waits for it.
+        # Computed here, in the reading thread, where no callback waits for it.
         assert file.prints
         self._known = adopted(self._known, file)
         return FileWrite(trees=self._trees(), file=file, text=text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Source bundle: texts from which the agents in force can be made again on another machine."""
+"""Source bundle: texts from which another machine can rebuild the agents in force."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HOST = "host.json"
 MARKET = "market.yaml"
 
 APART = "apart"
-"""Folder in which an agent has texts of its own, under its name, where others are in force."""
+"""Folder for texts of single agents, by name, that differ from the texts in force."""
 
 _TYPE = re.compile(rf"\b([a-z][a-z0-9_]*)/(?:{'|'.join(INTERFACE_FOLDERS.values())})/[A-Z]")
 
@@ -28,8 +28,8 @@ class SourceBundle:
     """Texts of the agents in force.
 
     Attributes:
-        files: Path relative to the trees folder → text; :data:`HOST` is no file there, and what
-            lies in :data:`APART` neither.
+        files: Path relative to the trees folder → text; :data:`HOST` and the paths in
+            :data:`APART` are no files of the folder.
         versions: Name of an agent → its version in force.
     """
 
@@ -38,7 +38,7 @@ class SourceBundle:
 
 
 def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -> SourceBundle:
-    """Return the texts of the agents in force, whose bindings depend on installed packages."""
+    """Return the texts of the agents in force; bindings depend on the installed packages."""
     trees = versions.trees
     files = {
         path.relative_to(trees.folder).as_posix(): text
@@ -55,7 +55,7 @@ def source_bundle(versions: AgentVersions, has_package: Callable[[str], bool]) -
         path, own = file.file.relative_to(trees.folder).as_posix(), versions.texts_apart(name)
         if not own and files.setdefault(path, file.text) == file.text:
             continue
-        # Another version of what it imports is in force, or another agent is in its file by now.
+        # It was read with other imports than those in force, or its file holds another agent now.
         own = own or versions.texts
         files |= {
             f"{APART}/{name}/{one.relative_to(trees.folder).as_posix()}": text

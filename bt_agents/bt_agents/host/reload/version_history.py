@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Version history of one agent: the good versions of its file, and which is in force."""
+"""Version history of one agent: the good versions of its file, and the one in force."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.model.specs import AgentSpec
 
 MAX_VERSIONS = 50
-"""Good versions of an agent that are stored for a roll back."""
+"""Most good versions of an agent stored for roll back."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Version:
-    """Good version of an agent, whose cause and change from the one before are texts.
+    """Good version of an agent; its cause and its change from the previous one are texts.
 
     Attributes:
         number: Counts up from 1.
-        stamp: Time of reading [s].
-        texts: Texts of the skills and libraries that it was read with, among others.
-        restored: Whether it was rolled back to, and so not read with the texts of its time.
+        stamp: Time of the reading [s].
+        texts: Texts that it was read with, including skills and libraries.
+        restored: Whether a roll back restored it, so that it was read with other texts.
     """
 
     number: int
@@ -37,19 +37,19 @@ class Version:
 
     @property
     def agent(self) -> AgentSpec:
-        """Agent of the file, which is a good one."""
+        """The agent of the file; a good version always has one."""
         assert self.file.agent is not None
         return self.file.agent
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileProblem:
-    """Reason why a file is not in force, or an agent does not take part.
+    """Reason why a file is not in force or an agent does not take part.
 
     Attributes:
-        message: Description for people, of an error with its place.
-        agent: Agent that it concerns; empty when it concerns no single one.
-        file: File with the error; empty when no line of a file is wrong.
+        message: Description for people; that of an error includes its place.
+        agent: The affected agent; empty if it affects no single one.
+        file: File with the error; empty if the error is in no line of a file.
         line: Line of the error, from 1; 0 without a file.
     """
 
@@ -60,11 +60,11 @@ class FileProblem:
 
 
 def file_problems(diagnostics: Sequence[Diagnostic], agent: str = "") -> tuple[FileProblem, ...]:
-    """Return the errors of a file, no more than help.
+    """Return the errors of a file, limited to a helpful number.
 
     Args:
         diagnostics: The errors.
-        agent: Agent that the file holds; empty for none.
+        agent: The agent in the file; empty for none.
     """
     problems = [
         FileProblem(
@@ -87,11 +87,11 @@ class VersionHistory:
 
     Attributes:
         current: Version in force.
-        last_read: Its file as it was read last, good or broken.
-        versions: Those that can be rolled back to, oldest first.
-        waiting: Version that comes into force at the end of its run; None for none.
-        removal_reason: Why it is removed at the end of its run; empty when it stays.
-        problems: Why its file is not in force; empty when it is.
+        last_read: The last reading of its file, good or broken.
+        versions: Versions to roll back to, oldest first.
+        waiting: Version that comes into force when the agent's run ends; None for none.
+        removal_reason: Why the agent is removed when its run ends; empty if it stays.
+        problems: Why its file is not in force; empty if it is.
     """
 
     current: Version
@@ -103,11 +103,11 @@ class VersionHistory:
 
     @property
     def newest(self) -> Version:
-        """Version that waits, else the one in force."""
+        """The waiting version, else the one in force."""
         return self.waiting or self.current
 
     def add(self, version: Version) -> Version:
-        """Add a version; the oldest is dropped, but never the one in force."""
+        """Add a version; drops the oldest beyond the limit, but never the one in force."""
         self.versions.append(version)
         while len(self.versions) > MAX_VERSIONS:
             oldest = next(one for one in self.versions if one is not self.current)
@@ -116,6 +116,6 @@ class VersionHistory:
 
 
 def new_history(file: AgentFile, stamp: float, texts: Mapping[Path, str | None]) -> VersionHistory:
-    """Return the history of an agent that is new here, with one version from its good file."""
+    """Return the history of a new agent, with one version from its good file."""
     version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp, texts=texts)
     return VersionHistory(current=version, last_read=file, versions=[version])

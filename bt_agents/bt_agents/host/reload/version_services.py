@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services of a host for reloading, listing and rolling back versions of agents."""
+"""Services of a host to reload, list and roll back versions of agents."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ReloadServices:
         self._reloading = reloading
         self._versions = reloading.versions
         self._runs = runs
-        # A request that is awaited delays the others of its group, and nothing else.
+        # A request in progress delays only the others of its group.
         one_at_a_time = MutuallyExclusiveCallbackGroup()
         for kind, name, answer in (
             (ReloadAgents, "~/reload", self._reload),
@@ -44,7 +44,7 @@ class ReloadServices:
         changes = [request.error] if request.error else list(request.changes)
         running = self._runs.running
         cancelled = self._cancel_for_waiting(asked.now, running)
-        # The description of a changed agent names what waits for the end of its run.
+        # The description of a changed agent already names what waits for the end of its run.
         is_named = running in request.agents and not request.error
         waiting = "" if cancelled or is_named else self._versions.waiting_text(running)
         response.message = "\n".join(
@@ -96,7 +96,7 @@ class ReloadServices:
         return response
 
     def _cancel_for_waiting(self, now: bool, agent: str) -> list[str]:
-        """Cancel the run that a version waits for, if ``now``; return the lines that say so."""
+        """If ``now``, cancel the run that a version waits for; return the lines that report it."""
         waiting = self._versions.waiting_text(agent) if now else ""
         if not waiting:
             return []
@@ -105,7 +105,7 @@ class ReloadServices:
 
 
 def reload_lines(changes: Sequence[str], waiting: str, problems: Sequence[str]) -> list[str]:
-    """Return the lines of an answer to a reload; of the problems those that no change quotes."""
+    """Return the lines of an answer to a reload; skips problems that a change already quotes."""
     lines = list(changes)
     if waiting:
         lines.append(f"{waiting} for the end of the run; 'bt-agents reload --now' cancels it")

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Streams of trees and of their blackboards, for the tools of py_trees_ros."""
+"""Streams of trees and their blackboards for the tools of py_trees_ros."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Blackboard of a run as the tools of py_trees_ros show it: keys, values, activity."""
+"""Blackboard of a run for the tools of py_trees_ros: keys, values, activity."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expression_values import EvaluationError, NoValue
 
 NOTHING = "-"
-"""What stands for a value that is not there."""
+"""Placeholder for a missing value."""
 
 MOST_VARIABLES = 500
-"""Variables in one answer, snapshot or message."""
+"""Most variables in one answer, snapshot or message."""
 
 _MOST_LEVELS = 4
 _INDENT = "    "
@@ -26,7 +26,7 @@ _INDENT = "    "
 
 @dataclass(frozen=True, kw_only=True)
 class Activity:
-    """One access of a node to the blackboard; a value that is not there is empty."""
+    """One access of a node to the blackboard; a missing value is empty."""
 
     key: str
     path: str
@@ -38,7 +38,7 @@ class Activity:
 class BlackboardView:
     """The names of one run by their keys.
 
-    What subtrees read and write is theirs, so it is not there.
+    Names of subtrees are private to them and not included.
     """
 
     def __init__(self, scope: RunScope) -> None:
@@ -60,7 +60,7 @@ class BlackboardView:
         return found[:MOST_VARIABLES]
 
     def text(self, variable: str) -> str:
-        """Return the value of a key, or of ``key.attribute``, in one line."""
+        """Return the value of a key, or of ``key.attribute``, on one line."""
         key, _, attribute = variable.partition(".")
         value = self._value(key)
         if attribute and value is not None:
@@ -83,7 +83,7 @@ class BlackboardView:
 
 
 def absolute(variable: str) -> str:
-    """Return a variable as somebody names it, beginning with a slash."""
+    """Return the name of a variable with a leading slash."""
     return variable if variable.startswith("/") else f"/{variable}"
 
 
@@ -93,9 +93,9 @@ def chosen(
     """Return the variables of a blackboard stream.
 
     Args:
-        wanted: Those that were asked for; none means all.
+        wanted: The requested variables; none means all.
         keys: All keys.
-        visited: The keys of the nodes that have answered; None does not restrict to them.
+        visited: Keys of the nodes that answered, to restrict to; None for no restriction.
     """
     every = list(dict.fromkeys(map(absolute, wanted))) or list(keys)
     if visited is None:
@@ -104,7 +104,7 @@ def chosen(
 
 
 def activities(traced: Iterable[TracedValue], known: dict[str, str]) -> list[Activity]:
-    """Return accesses in order; ``known`` has the values that were written, and gets the new."""
+    """Return accesses in order; ``known`` has the written values and is updated."""
     found = []
     for one in traced:
         key, value = key_of(one.name), as_written(one.value)
@@ -119,13 +119,13 @@ def activities(traced: Iterable[TracedValue], known: dict[str, str]) -> list[Act
 
 
 def table(values: Sequence[tuple[str, str]]) -> str:
-    """Return variables and values in lines, the values below each other."""
+    """Return variables and values as lines with aligned values."""
     width = max((len(name) for name, _ in values), default=0)
     return "\n".join(f"{_INDENT}{name:<{width}} : {value}" for name, value in values)
 
 
 def activity_table(accesses: Sequence[Activity]) -> str:
-    """Return accesses in lines: key, what was done, by which node, and the values."""
+    """Return accesses as lines: key, kind of access, node and values."""
     lines = []
     for one in accesses:
         change = f"{one.previous} → {one.current}" if one.previous else one.current

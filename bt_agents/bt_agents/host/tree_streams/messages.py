@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of py_trees_ros_interfaces, which is there only where py_trees_ros is installed."""
+"""Messages of py_trees_ros_interfaces, which exists only if py_trees_ros is installed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NOT_A_BLACKBOX = 4
 
 @dataclass(frozen=True, kw_only=True)
 class WatcherInterfaces:
-    """The modules of the types that the tools of py_trees_ros speak."""
+    """The modules of the types that the tools of py_trees_ros use."""
 
     msg: Any
     srv: Any
@@ -33,7 +33,7 @@ class WatcherInterfaces:
 
     @classmethod
     def installed(cls) -> WatcherInterfaces | None:
-        """Return them; None where the package, or one that it needs, is not installed."""
+        """Return the modules; None if the package or one of its dependencies is not installed."""
         try:
             return cls(
                 msg=import_module(f"{PACKAGE}.msg"),
@@ -66,7 +66,7 @@ class WatcherInterfaces:
         )
 
     def values(self, values: Sequence[tuple[str, str]]) -> list[Any]:
-        """Return the messages of variables and their values."""
+        """Return the messages of variables with their values."""
         return [self.diagnostics.KeyValue(key=key, value=value) for key, value in values]
 
     def activity(self, accesses: Sequence[Activity]) -> list[Any]:
@@ -83,7 +83,7 @@ class WatcherInterfaces:
         ]
 
     def statistics(self, count: int, stamp: Any, ticks: TickStatistics) -> Any:
-        """Return the message of how often, how fast and how regularly a tree was ticked."""
+        """Return the message with the tick statistics of a tree."""
         interval, duration = ticks.interval, ticks.duration
         return self.msg.Statistics(
             count=count,

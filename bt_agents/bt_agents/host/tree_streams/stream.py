@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Streams: their names, when they are due, when nobody wants them any more, and tick times."""
+"""Streams: names, schedule, expiry without subscribers, and tick statistics."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from dataclasses import dataclass
 from bt_agents_core.errors import Refused
 
 MOST_STREAMS = 20
-"""Streams of each of both kinds that a host has at a time; of more it opens none."""
+"""Most open streams of each of the two kinds per host."""
 
 UNUSED_S = 10.0
-"""How long a stream that was opened stays without a subscriber [s]."""
+"""How long an open stream stays without a subscriber [s]."""
 
 LONGEST_TOPIC = 200
-"""Characters of the name that is asked for."""
+"""Most characters of a requested name."""
 
 _CLOSE_ENOUGH = 0.98
-"""Part of the period after which a snapshot may come, as ticks do not meet it exactly."""
+"""Part of the period after which a snapshot is due, because ticks do not match it exactly."""
 
 _TICKS = 10
-"""Ticks of which statistics tell the average."""
+"""Number of ticks over which statistics are averaged."""
 
 
 @dataclass(kw_only=True)
 class SnapshotParameters:
-    """What a snapshot stream tells.
+    """Content and rate of a snapshot stream.
 
     Attributes:
-        period_s: Time between two without changes [s]; infinite for changes alone.
+        period_s: Time between snapshots without changes [s]; infinite for changes only.
     """
 
     period_s: float
@@ -42,7 +42,7 @@ class SnapshotParameters:
     def checked(
         cls, period_s: float, blackboard_data: bool, blackboard_activity: bool
     ) -> SnapshotParameters:
-        """Return parameters from outside.
+        """Return checked parameters from outside.
 
         Raises:
             Refused: ``NOT_A_DURATION``.
@@ -61,7 +61,7 @@ class SnapshotParameters:
 
 
 class StreamUse:
-    """Whether somebody subscribes to a stream, and since when nobody does."""
+    """Tracks whether a stream has subscribers, and since when it has none."""
 
     def __init__(self, now: float, *, kept: bool = False) -> None:
         self.watched = False
@@ -69,25 +69,25 @@ class StreamUse:
         self._unused_since = now
 
     def update(self, subscribers: int, now: float) -> bool:
-        """Take over how many subscribe [s]; return whether the first of them has come."""
+        """Update the number of subscribers; return whether the first one has just subscribed."""
         before, self.watched = self.watched, subscribers > 0
         if self.watched:
             self._unused_since = now
         return self.watched and not before
 
     def is_over(self, now: float) -> bool:
-        """Return whether nobody has subscribed for so long that the stream is to be closed."""
+        """Return whether the stream was without subscribers for so long that it must be closed."""
         return not self._kept and now - self._unused_since >= UNUSED_S
 
 
 class SnapshotSchedule:
-    """When the next snapshot of a stream is due."""
+    """Schedule of the snapshots of a stream."""
 
     def __init__(self) -> None:
         self._last = -math.inf
 
     def take(self, now: float, *, changed: bool, period_s: float) -> bool:
-        """Return whether one is due after a tick, and count from it if so [s]."""
+        """Return whether a snapshot is due after a tick; if so, restart the period [s]."""
         if not changed and now - self._last < _CLOSE_ENOUGH * period_s:
             return False
         self._last = now
@@ -95,7 +95,7 @@ class SnapshotSchedule:
 
 
 def requested_topic(name: str) -> str:
-    """Return the name of a snapshot stream that is asked for, still to be expanded.
+    """Return the name of a requested snapshot stream, not yet expanded.
 
     Raises:
         Refused: ``TOO_LONG``.
@@ -108,7 +108,7 @@ def requested_topic(name: str) -> str:
 
 
 def check_count(streams: int) -> None:
-    """Check that one more stream may be opened.
+    """Check that one more stream can be opened.
 
     Raises:
         Refused: ``TOO_MANY``.
@@ -123,7 +123,7 @@ def check_count(streams: int) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """A time, and average and variance of the last ones [s]."""
+    """The last value of a time, with average and variance of the recent ones [s]."""
 
     last: float
     average: float
@@ -131,7 +131,7 @@ class Spread:
 
 
 class TickStatistics:
-    """Intervals and durations of the last ticks."""
+    """Intervals and durations of the recent ticks."""
 
     def __init__(self) -> None:
         self._began = -math.inf
@@ -139,19 +139,19 @@ class TickStatistics:
         self._durations: deque[float] = deque(maxlen=_TICKS)
 
     def add(self, began: float, ended: float) -> None:
-        """Add a tick, with its begin and end on the steady clock [s]."""
+        """Add a tick with its start and end on the steady clock [s]."""
         self._intervals.append(began - self._began if self._began > -math.inf else 0.0)
         self._durations.append(ended - began)
         self._began = began
 
     @property
     def interval(self) -> Spread:
-        """From begin to begin."""
+        """Time from start to start."""
         return _spread(self._intervals)
 
     @property
     def duration(self) -> Spread:
-        """From begin to end."""
+        """Time from start to end."""
         return _spread(self._durations)
 
 

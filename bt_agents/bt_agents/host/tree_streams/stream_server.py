@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services and publishers of the streams, as py-trees-tree-watcher and its like expect them."""
+"""Services and publishers of the streams that py-trees-tree-watcher and similar tools expect."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.parameters import declare_and_watch, describe
 
 DEFAULT_PERIOD = "default_snapshot_period"
-"""Parameter that may be infinite."""
+"""Parameter for the default period, which may be infinite."""
 
 _snapshot_numbers = count()
 _blackboard_numbers = count()
@@ -61,9 +61,9 @@ class _BlackboardStream:
 
 
 class TreeStreams:
-    """Streams of the run under way and of its blackboard, of which each watcher opens its own.
+    """Streams of the current run and its blackboard; each watcher opens its own stream.
 
-    While nobody subscribes nothing of a tick is noted. The last snapshot of a run stays latched.
+    Without subscribers, nothing is noted during ticks. The last snapshot of a run stays latched.
 
     Args:
         node: The host's node.
@@ -94,7 +94,7 @@ class TreeStreams:
         runs.on_end(lambda *_: self._on_end())
 
     def check_subscribers(self) -> None:
-        """Take over who listens, and close what nobody does; called with each heartbeat."""
+        """Check the subscribers and close unused streams; called with each heartbeat."""
         now = time.monotonic()
         for topic, snapshots in list(self._snapshots.items()):
             if snapshots.use.update(snapshots.publisher.get_subscription_count(), now):
@@ -111,7 +111,7 @@ class TreeStreams:
         self._note()
 
     def _on_start(self, run: Run) -> None:
-        """Follow a run whose tree was made and not ticked yet."""
+        """Follow a run whose tree is built and not ticked yet."""
         self._run = WatchedRun(run, self._runs.names())
         self._note()
 
@@ -119,13 +119,13 @@ class TreeStreams:
         run = self._run
         if run is None or not self._is_watched:
             return
-        # The tree of the clean-up is made during the run.
+        # The tree of the clean-up is built during the run.
         self._note()
         run.take_tick(self._runs.tick_began, time.monotonic())
         self._publish(changed=run.changed)
 
     def _on_end(self) -> None:
-        """Publish how it has ended, which its last tick did not know."""
+        """Publish how the run has ended, which its last tick did not know."""
         if self._is_watched:
             self._publish(changed=True)
 
@@ -148,7 +148,7 @@ class TreeStreams:
         return any(use.watched for use in uses)
 
     def _note(self) -> None:
-        """Have noted of the run what streams with subscribers tell, and nothing else."""
+        """Note only what streams with subscribers need."""
         if self._run is None:
             return
         activity = any(
@@ -187,7 +187,7 @@ class TreeStreams:
         )
 
     def _publish_blackboard(self, stream: _BlackboardStream) -> None:
-        """Publish the variables of a stream if one of them has another value."""
+        """Publish the variables of a stream if one of their values has changed."""
         watched = self._run
         if watched is None:
             return
@@ -351,7 +351,7 @@ class TreeStreams:
 
     @contextmanager
     def _refusals(self, service: str) -> Iterator[None]:
-        """Log a refusal, for which the answers of these services have no place."""
+        """Log a refusal, because the answers of these services have no field for it."""
         try:
             yield
         except Refused as refused:
@@ -362,7 +362,7 @@ class TreeStreams:
 
 
 def offer_tree_streams(node: Node, runs: RunServer) -> TreeStreams | None:
-    """Offer the streams where their types are installed; else say once that there are none."""
+    """Offer the streams if their types are installed; if not, log once that there are none."""
     interfaces = WatcherInterfaces.installed()
     if interfaces is None:
         node.get_logger().info(

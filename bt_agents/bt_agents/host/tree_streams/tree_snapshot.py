@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tree snapshots: all nodes of a running agent, as py_trees_ros describes them."""
+"""Tree snapshots: all nodes of a running agent, in the terms of py_trees_ros."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WRITE = "w"
 
 
 class ShownType(IntEnum):
-    """Type of a node as the tools of py_trees_ros can show it."""
+    """Type of a node for the tools of py_trees_ros."""
 
     BEHAVIOUR = 1
     SEQUENCE = 2
@@ -43,10 +43,10 @@ _TYPES = {
 
 @dataclass(frozen=True, kw_only=True)
 class ShownNode:
-    """What of a node stays the same during a run.
+    """Properties of a node that do not change during a run.
 
     Attributes:
-        parent_id: None of the one that is above all others.
+        parent_id: Id of the parent; None for the root.
         accesses: Keys of the blackboard, each with ``r`` or ``w``.
     """
 
@@ -63,11 +63,11 @@ class ShownNode:
 
 @dataclass(frozen=True, kw_only=True)
 class NodeState:
-    """What of a node changes during a run.
+    """Properties of a node that change during a run.
 
     Attributes:
-        active: Whether it has answered in the last tick.
-        tip_id: The deepest node below it that decides its status; None where it does itself.
+        active: Whether it answered in the last tick.
+        tip_id: The deepest node below it that decides its status; None if it decides itself.
     """
 
     status: Status
@@ -83,18 +83,18 @@ def key_of(name: str) -> str:
 
 
 def node_id(agent: str, path: str) -> UUID:
-    """Return the identifier of a node, the same in each run and on each start of a host.
+    """Return the identifier of a node, the same in each run and each start of a host.
 
-    It has the form of a random one, as every reader makes one of it.
+    It has the form of a random UUID, because every reader turns it into one.
     """
     return UUID(bytes=uuid5(NAMESPACE_URL, f"{agent}\n{path}").bytes, version=4)
 
 
 class TreeSnapshot:
-    """The nodes of one run: its tree and its ``on_cancel``, below a selector named as the agent.
+    """The nodes of one run: its tree and ``on_cancel``, below a selector with the agent's name.
 
     Attributes:
-        nodes: Parents before children.
+        nodes: The nodes, parents before children.
     """
 
     def __init__(self, run: Run) -> None:
@@ -110,7 +110,7 @@ class TreeSnapshot:
         self.nodes = tuple(self._shown())
 
     def states(self, visited: frozenset[str]) -> list[NodeState]:
-        """Return the states of all nodes, in their order, with the paths that have answered."""
+        """Return the states of all nodes in order; ``visited`` are the paths that answered."""
         run = self.run
         behaviours: dict[str, Behaviour] = {
             node.spec.path: node
@@ -221,7 +221,7 @@ def _accesses(spec: NodeSpec) -> tuple[tuple[str, str], ...]:
     written = [*spec.outputs, *spec.feedback]
     if type_of(spec).assigns:
         written += spec.fields
-    # A condition over a message names that, too.
+    # A condition on a message also names the message.
     messages = {one.message for one in type_of(spec).fields}
     names = [one for one in names_read(spec) if one.partition(".")[0] not in messages]
     reads = [(key_of(name), READ) for name in dict.fromkeys(names)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watched runs: what streams tell of one run, noted only while somebody subscribes."""
+"""Watched runs: data of one run for streams, noted only while there are subscribers."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from bt_agents.host.tree_streams.tree_snapshot import NodeState, ShownNode, Tree
 
 
 class WatchedRun:
-    """The run under way, or the last one.
+    """The current run, or the last one.
 
     Args:
-        run: The run; may have ended.
-        names: Its names; reading them must not leave a mark in a recording.
+        run: The run, which may have ended.
+        names: Its names; reading them must leave no trace in a recording.
 
     Attributes:
         blackboard: Its names by their keys.
-        changed: Whether a status was changed by the last tick.
-        activity: What its nodes have read and written in the last tick, where that is noted.
-        ticks: Times of its ticks since it is watched.
+        changed: Whether the last tick changed a status.
+        activity: What its nodes read and wrote in the last tick, if noted.
+        ticks: Statistics of its ticks since it is watched.
     """
 
     def __init__(self, run: Run, names: RunScope) -> None:
@@ -45,7 +45,7 @@ class WatchedRun:
         self._known: dict[str, str] = {}
 
     def note(self, *, visits: bool, activity: bool) -> None:
-        """Note from the next tick on which nodes answer, and what they read and write."""
+        """Note which nodes answer, and what they read and write, from the next tick on."""
         if visits != self._noting:
             self._noting = visits
             self._visited = None
@@ -62,7 +62,7 @@ class WatchedRun:
             self.activity = []
 
     def take_tick(self, began: float, ended: float) -> None:
-        """Take what was noted of a tick, with its begin and end on the steady clock [s]."""
+        """Take the notes of a tick, with its start and end on the steady clock [s]."""
         self.ticks.add(began, ended)
         statuses = [node.status for root in self._roots() for node in root.iterate()]
         self.changed = statuses != self._statuses
@@ -76,12 +76,12 @@ class WatchedRun:
             self.activity = activities(traced, self._known)
 
     def nodes(self) -> list[tuple[ShownNode, NodeState]]:
-        """Return all nodes as they are now, parents before children."""
+        """Return the current state of all nodes, parents before children."""
         snapshot = self._shown()
         return list(zip(snapshot.nodes, snapshot.states(self._active()), strict=True))
 
     def visited_keys(self) -> list[str]:
-        """Return the keys that the nodes use which have answered in the last tick."""
+        """Return the keys of the nodes that answered in the last tick."""
         active = self._active()
         shown = [node for node in self._shown().nodes if node.path in active]
         return list(dict.fromkeys(key for node in shown for key, _ in node.accesses))
@@ -92,7 +92,7 @@ class WatchedRun:
         return self._snapshot
 
     def _active(self) -> frozenset[str]:
-        """Return the paths that have answered; where nobody has noted that, those that run."""
+        """Return the paths that answered; if that was not noted, the running ones."""
         if self._visited is not None:
             return self._visited
         return frozenset(

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tunables: values of trees that change while they run, with history and presets."""
+"""Tunables: values of trees that can change during a run, with history and presets."""

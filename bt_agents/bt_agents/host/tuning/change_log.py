@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SQLite log of tuned values: each change is written before it counts, and on disk soon after."""
+"""SQLite log of tuned values: a change is written before it counts, and on disk soon after."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ APPLICATION = 0x6274_4C67
 """``application_id`` of the file."""
 
 MOST_CHANGES = 5000
-"""Changes after which the file is compacted."""
+"""Number of changes after which the file is compacted."""
 
 _MOST_PROBLEMS = 20
 _CLOSE_S = 5.0
@@ -82,23 +82,23 @@ _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR)
 
 
 class _DamagedError(Exception):
-    """Damage of the file."""
+    """The file is damaged."""
 
 
 class ChangeLog:
-    """Open log of the changes of one host; nobody else can open it meanwhile.
+    """Open log of the changes of one host; no other process can open it meanwhile.
 
-    A change that is written outlives the process at once, and a power cut after :meth:`flush`.
-    While the file is compacted, a change waits for it.
+    A written change survives the end of the process at once, and a power cut after :meth:`flush`.
+    A change waits while the file is compacted.
 
     Args:
-        path: Made, with its folder, when it is not there. A damaged file is set aside.
-        disk: Executor with one thread for the disk.
-        report: Writes a line into the log of the host.
+        path: The file; created with its folder if missing. A damaged file is moved aside.
+        disk: Executor with a single thread for the disk.
+        report: Logs a line of the host.
 
     Attributes:
-        problems: What was wrong with the file when it was opened, one entry a problem.
-        history: What the file says of all changes so far.
+        problems: Problems with the file when it was opened.
+        history: All previous changes in the file.
 
     Raises:
         BtAgentsError: It cannot be opened, or another host has it open.
@@ -133,10 +133,10 @@ class ChangeLog:
             raise BtAgentsError(f"{path} cannot be opened: {reason or error}") from error
 
     def append(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
-        """Write a revision, as :meth:`TuningHistory.add`; then it outlives the process.
+        """Write a revision, which then survives the process; see :meth:`TuningHistory.add`.
 
         Raises:
-            Refused: ``NOT_KEPT``: it cannot be written; the file is as before.
+            Refused: ``NOT_KEPT``; it cannot be written, and the file is unchanged.
         """
         with self._writing() as db:
             _push(db, revision)
@@ -154,9 +154,9 @@ class ChangeLog:
             self._disk.submit(self._compact)
 
     def clear(self, name: str) -> None:
-        """Remove the override of a value that has become the default of its file.
+        """Remove the override of a value that is now the default in its file.
 
-        It needs no :meth:`flush`: when it is lost, the next start notices it again.
+        It needs no :meth:`flush`: if it is lost, the next start detects it again.
 
         Raises:
             Refused: ``NOT_KEPT``.
@@ -165,7 +165,7 @@ class ChangeLog:
             db.execute("DELETE FROM overrides WHERE name = ?", (name,))
 
     def flush(self) -> Job[None]:
-        """Return a job that has ended when every revision so far outlives a power cut.
+        """Return a job that ends when all previous revisions survive a power cut.
 
         One job covers all writes before it starts. Its error is an ``OSError``.
         """
@@ -176,7 +176,7 @@ class ChangeLog:
         return self._flushing
 
     def close(self) -> None:
-        """Release the file; the disk is waited for, but not for ever."""
+        """Release the file; waits for the disk for a limited time."""
         wait([self._disk.submit(self._close)], _CLOSE_S)
 
     def _close(self) -> None:
@@ -248,7 +248,7 @@ class ChangeLog:
             ) from error
 
     def _compact(self) -> None:
-        """Delete what nobody can undo, redo or see, and empty the write-ahead log."""
+        """Delete what cannot be undone, redone or shown, and empty the write-ahead log."""
         try:
             with self._writing() as db:
                 db.execute(
@@ -308,7 +308,7 @@ class ChangeLog:
 
 
 def read_changes(path: Path) -> list[TuningRevision]:
-    """Return the last revisions of a log that no host has open, the oldest first.
+    """Return the last revisions of a log that no host has open, oldest first.
 
     Raises:
         BtAgentsError: It cannot be read.

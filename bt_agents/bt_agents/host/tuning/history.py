@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""History of tuned values: revisions, stacks of undo and redo as in an editor, and overrides."""
+"""History of tuned values: revisions, undo and redo stacks as in an editor, and overrides."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import Refused
 
 MOST_UNDONE = 1000
-"""Changes that can be taken back; older ones stay in force."""
+"""Most changes that can be undone; older ones stay in force."""
 
 MOST_SHOWN = 100
-"""Changes of single values that are shown."""
+"""Most changes of single values that are shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,13 +47,13 @@ class TuningCause:
 
 @dataclass(frozen=True, kw_only=True)
 class TuningRevision:
-    """Changes that came into force together.
+    """Changes that come into force together.
 
     Attributes:
         number: Counts up from 1.
-        stamp: When [s since 1970].
-        cause: Who, why and how.
-        changes: What; each name once. An undo that found everything done already has none.
+        stamp: Time [s since 1970].
+        cause: Author, reason and action.
+        changes: The changes, each name once; empty for an undo that had nothing left to change.
     """
 
     number: int
@@ -68,22 +68,22 @@ FoundRevision = tuple[TuningRevision, Mapping[str, Setting]]
 
 @dataclass(frozen=True, kw_only=True)
 class Override:
-    """Tuned value that outlives a restart, and what the file said when it was tuned."""
+    """Tuned value that survives a restart, and the default in the file when it was tuned."""
 
     value: Setting
     default: Setting
 
 
 class TuningHistory:
-    """Undo stack, redo stack, the last changes to show, and the overrides of a host.
+    """Undo stack, redo stack, last changes to show, and overrides of a host.
 
     Attributes:
         revision: Number of the last revision; 0 for none.
-        undoable: What can be undone, the oldest first.
-        redoable: What can be redone, the one that was undone first at the front.
-        shown: The last changes of single values, the oldest first.
-        overrides: Name → tuned value, for each that differs from its file; also those of agents
-            that are not here now.
+        undoable: Revisions that can be undone, oldest first.
+        redoable: Revisions that can be redone, the one undone first at the front.
+        shown: The last changes of single values, oldest first.
+        overrides: Name → tuned value that differs from its file, including values of agents that
+            are currently absent.
     """
 
     def __init__(
@@ -106,10 +106,10 @@ class TuningHistory:
 
         Args:
             revision: The changes.
-            defaults: What the files say, for each changed value that is to outlive a restart.
+            defaults: Defaults in the files, for each changed value that must survive a restart.
 
         Raises:
-            Refused: ``UNKNOWN_REVISION``: it undoes or redoes what cannot be; then nothing is
+            Refused: ``UNKNOWN_REVISION``; it undoes or redoes an impossible revision. Nothing is
                 changed.
         """
         match revision.cause.action:
@@ -138,15 +138,15 @@ class TuningHistory:
         agents: Collection[str],
         possible: Callable[[str, Setting], bool],
     ) -> FoundRevision:
-        """Return what to undo or redo next: the last change of an agent that nothing stands upon.
+        """Return what to undo or redo next: the last change that no later change depends on.
 
-        A revision is one step: it is passed over when one of its values is impossible now, or when
-        a later one that is passed over has changed the same value.
+        A revision is one step. It is skipped if one of its values is impossible now, or if a later
+        skipped revision changed the same value.
 
         Args:
             action: Undo or redo.
-            agents: The last change of one of these; empty for the last of all.
-            possible: Returns whether the parameter of this name can have this value now.
+            agents: Agents whose last change is wanted; empty for all.
+            possible: Returns whether a parameter, given by name, can have a value now.
 
         Raises:
             Refused: ``NOTHING_TO_UNDO`` or ``NOTHING_TO_REDO``.
@@ -176,7 +176,7 @@ class TuningHistory:
 
 
 def agent_of(name: str) -> str:
-    """Return whose value this is; empty for one of the whole host."""
+    """Return the agent of a value; empty for a value of the whole host."""
     agent, dot, _ = name.partition(".")
     return agent if dot else ""
 

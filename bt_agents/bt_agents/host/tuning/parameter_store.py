@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Store of the tunable parameters of a host: their values, undo and redo, presets, restarts."""
+"""Store of a host's tunable parameters: values, undo and redo, presets, restarts."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
 
 FILE = "file"
-"""Author of what a changed file has set."""
+"""Author of values that a changed file has set."""
 
 _LONGEST_LINE = 300
 _FEW = 8
 
 
 class ParameterStore:
-    """Tunable parameters whose changes are checked and logged here before anything acts on them.
+    """Tunable parameters; checks and logs each change before it takes effect.
 
     Args:
-        log: Log in which changes are written before they count; None for none.
-        presets: Values under names; only ``disk`` changes them.
-        disk: Executor with one thread for the disk.
+        log: Log of the changes, written before they count; None for none.
+        presets: The named presets; only ``disk`` changes them.
+        disk: Executor with a single thread for the disk.
         now: Returns the time [s since 1970].
-        report: Writes a line into the log of the host.
+        report: Logs a line of the host.
 
     Attributes:
         values: Current value of each parameter, by name.
@@ -64,7 +64,7 @@ class ParameterStore:
         self._report = report
 
     def start(self, parameter: TunableParameter) -> tuple[Setting, str]:
-        """Return the initial value of a new parameter, and why it is not what was tuned before."""
+        """Return the initial value of a new parameter, and why it is not the tuned one, if so."""
         default = parameter.default
         override = self.history.overrides.get(parameter.name)
         if override is None or same(override.value, default):
@@ -77,11 +77,11 @@ class ParameterStore:
             return default, refused.reason
 
     def has(self, name: str) -> bool:
-        """Return whether there is a parameter of this name."""
+        """Return whether a parameter of this name exists."""
         return name in self._parameters
 
     def of(self, agent: str) -> Sequence[TunableParameter]:
-        """Return the parameters of an agent; those of the whole host for the empty name."""
+        """Return the parameters of an agent; an empty name means those of the whole host."""
         return tuple(self._of_agents.get(agent, {}).values())
 
     def _put(self, parameter: TunableParameter) -> None:
@@ -98,7 +98,7 @@ class ParameterStore:
         self.values[parameter.name] = value
 
     def remove(self, name: str) -> None:
-        """Remove a parameter; its history and override stay, for when it comes back."""
+        """Remove a parameter; its history and override stay in case it returns."""
         parameter = self._parameters.pop(name)
         del self.values[name]
         del self._of_agents[parameter.agent][name]
@@ -106,10 +106,10 @@ class ParameterStore:
             del self._of_agents[parameter.agent]
 
     def replace(self, parameter: TunableParameter) -> Setting:
-        """Replace a parameter by another version of the same type; return its value from now on.
+        """Replace a parameter by another version of the same type; return its new value.
 
-        A changed default was written by somebody, so it is the new value; otherwise the present
-        one stays as far as it is possible.
+        A changed default is deliberate, so it becomes the value; otherwise the current value stays
+        if it is possible.
         """
         old, value = self._parameters[parameter.name], self.values[parameter.name]
         self._put(parameter)
@@ -121,7 +121,7 @@ class ParameterStore:
             return parameter.default
 
     def check(self, values: Mapping[str, Setting]) -> None:
-        """Check values that are to be set together.
+        """Check values to be set together.
 
         Raises:
             Refused: ``UNKNOWN_PARAMETER``, or as in :meth:`TunableParameter.check`.
@@ -153,7 +153,7 @@ class ParameterStore:
         raise Refused("UNKNOWN_PARAMETER", f"{what}; {hint}".rstrip("; "))
 
     def read(self, names: Sequence[str], texts: Sequence[str]) -> Mapping[str, Setting]:
-        """Return values as authors write them, by name.
+        """Return the values of texts as authors write them, by name.
 
         Raises:
             Refused: ``WRONG_LENGTH``, ``DUPLICATE``, or as in :meth:`parameter` and
@@ -173,7 +173,7 @@ class ParameterStore:
         return values
 
     def check_unchanged(self, names: Collection[str], seen: int) -> None:
-        """Check that no value was changed after a revision.
+        """Check that no value has changed since a revision.
 
         Raises:
             Refused: ``CHANGED_MEANWHILE``, with who changed it last.
@@ -201,12 +201,12 @@ class ParameterStore:
     def record(
         self, values: Mapping[str, Setting], cause: TuningCause, *, must_be_stored: bool = True
     ) -> TuningRevision | None:
-        """Log checked values and put them into force; then they outlive the process.
+        """Log checked values and put them into force, so that they survive the end of the process.
 
-        Those that need not be stored also come into force when they cannot be written.
+        Values that need not be stored also come into force if they cannot be written.
 
         Returns:
-            The revision; None when nothing differs and nothing is taken back.
+            The revision; None if nothing differs and nothing is undone.
 
         Raises:
             Refused: ``NOT_KEPT``; nothing is changed.
@@ -221,14 +221,14 @@ class ParameterStore:
         return self._take(changes, cause, must_be_stored)
 
     def flush(self) -> Job[None] | None:
-        """Return the job after which the changes so far outlive a power cut; None without a file.
+        """Return the job after which all changes survive a power cut; None without a file.
 
         Its error is an ``OSError``.
         """
         return self._log.flush() if self._log is not None else None
 
     def overrule(self, reasons: Mapping[str, str]) -> TuningRevision | None:
-        """Record, with a reason by name, that files have overruled what was tuned before."""
+        """Record that files have overruled tuned values; ``reasons`` are by name."""
         changes = tuple(
             TuningChange(
                 name=name, before=self.history.overrides[name].value, after=self.values[name]
@@ -272,10 +272,10 @@ class ParameterStore:
         return self.history.find(action, self._known(agents), self._possible)
 
     def preset(self, name: str) -> tuple[Mapping[str, Setting], Sequence[str]]:
-        """Return the values of a preset, and the names in it that do not exist any more.
+        """Return the values of a preset, and the names in it that no longer exist.
 
         Raises:
-            Refused: ``UNKNOWN_PRESET``, ``NOTHING_LEFT`` when none of its names exists, or as in
+            Refused: ``UNKNOWN_PRESET``, ``NOTHING_LEFT`` if none of its names exists, or as in
                 :meth:`TunableParameter.read`.
         """
         preset = self.presets.get(name)
@@ -291,12 +291,12 @@ class ParameterStore:
         return values, [one for one in preset if one not in self._parameters]
 
     def save(self, name: str, agents: Collection[str]) -> tuple[int, Job[None]]:
-        """Save the tunables and learning rates of agents, or of all for none, as a preset.
+        """Save the tunables and learning rates of agents (of all, if empty) as a preset.
 
-        Those that are as in the file are saved too, so that the preset brings back all of them.
+        Values equal to the file are saved too, so that the preset restores all values.
 
         Returns:
-            How many values, and the job that saves them; its error is as in :meth:`Presets.save`.
+            The number of values and the job that saves them, as in :meth:`Presets.save`.
 
         Raises:
             Refused: ``NOT_A_NAME`` or ``UNKNOWN_AGENT``.
@@ -341,7 +341,7 @@ class ParameterStore:
         )
 
     def format_value(self, name: str, value: Setting) -> str:
-        """Return a value for people, also of a parameter that is gone."""
+        """Return a value for people, even of a parameter that is gone."""
         parameter = self._parameters.get(name)
         if parameter is not None:
             return shown_value(parameter, value)
@@ -354,7 +354,7 @@ class ParameterStore:
 
 
 def checked_line(text: str, what: str, longest: int = _LONGEST_LINE) -> str:
-    """Return a text from outside that can be shown in one line.
+    """Return a text from outside, checked to be printable on one line.
 
     Raises:
         Refused: ``NOT_WORDS``.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Presets: named values that are applied together, in a YAML file that people can read."""
+"""Presets: named sets of values that are applied together, in a readable YAML file."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
 
 LONGEST_NAME = 60
-"""Characters of the name of a preset."""
+"""Most characters of the name of a preset."""
 
 MOST_PRESETS = 100
 
 MOST_VALUES = 10_000
-"""Values of all presets together: a file of them can be read."""
+"""Most values of all presets together; a file with this many can still be read."""
 
 _LOCKED_S = 1.0
-"""How long a change waits for another process that changes presets in the same folder [s]."""
+"""How long a change waits for another process that changes presets in the folder [s]."""
 
 _LOCK_AGAIN_S = 0.01
 
@@ -43,13 +43,13 @@ Preset = Mapping[str, str]
 
 
 class Presets:
-    """Presets of a host, stored on the disk before they count; in memory without a file.
+    """Presets of a host, stored on disk before they count; in memory without a file.
 
-    One thread may change them, and others read them meanwhile. What somebody else has written to
-    the file, such as a host with the same folder, is taken in before the next change.
+    One thread may change them while others read them. Changes of the file by other writers, such
+    as a host with the same folder, are read before the next change.
 
     Attributes:
-        problem: Report of what is wrong with the file; empty when it can be used.
+        problem: What is wrong with the file; empty if it can be used.
         by_name: The presets in alphabetical order.
     """
 
@@ -74,7 +74,7 @@ class Presets:
         return presets[name]
 
     def save(self, name: str, values: Preset) -> None:
-        """Save values under a name, instead of what had it before.
+        """Save values under a name, replacing an existing preset.
 
         Raises:
             Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``BROKEN_PRESETS`` or ``NOT_KEPT``; nothing is
@@ -106,7 +106,7 @@ class Presets:
 
     @contextmanager
     def _locked(self) -> Iterator[None]:
-        """Keep all others who change presets from the folder of the file, and take them in."""
+        """Lock the folder of the file against other writers, and read their changes."""
         if self._file is None:
             yield
             return
@@ -132,7 +132,7 @@ class Presets:
             time.sleep(_LOCK_AGAIN_S)
 
     def _take_in(self) -> None:
-        """Read the file unless it is as it was read or written last."""
+        """Read the file, unless it is unchanged since the last reading or writing."""
         found = _written(self._file)
         if found == self._read:
             return
@@ -173,7 +173,7 @@ class Presets:
 
 
 class _Written(NamedTuple):
-    """One state of a file, which each atomic write changes."""
+    """State of a file; each atomic write changes it."""
 
     number: int
     time_ns: int
@@ -192,7 +192,7 @@ def _written(file: Path | None) -> _Written | None:
 
 
 def check_name(name: str) -> str:
-    """Return a name that a preset can have.
+    """Check the name of a preset and return it.
 
     Raises:
         Refused: ``NOT_A_NAME``.
@@ -207,7 +207,7 @@ def check_name(name: str) -> str:
 
 
 def presets_text(presets: Mapping[str, Preset]) -> str:
-    """Return a file of presets."""
+    """Return the text of a file of presets."""
     lines = ["format: 1\n", "presets:\n" if presets else "presets: {}\n"]
     for name in sorted(presets):
         lines.append(f"  {quoted(name)}:{'' if presets[name] else ' {}'}\n")
@@ -219,7 +219,7 @@ def read_presets(path: Path) -> Mapping[str, Preset]:
     """Return the presets of a file.
 
     Raises:
-        ReadError: There is a problem; it lists all of them.
+        ReadError: The file has problems; the error lists all of them.
     """
     reading = TypedReader(read_source(path))
     fields = reading.file(_PRESETS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tunable parameters: type, range and check of a value, and how people write it."""
+"""Tunable parameters: type, range and check of a value, and its written form."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.scalars import boolean
 
 Setting = bool | int | float | str
-"""Value of a tunable parameter; times, lengths and angles in SI."""
+"""Value of a tunable parameter; times, lengths and angles in SI units."""
 
 LONGEST_TEXT = 1000
-"""Characters of a text that is tuned."""
+"""Most characters of a tuned text."""
 
 _STEP_TOLERANCE = 1e-6
 _DIGITS = 6
@@ -41,7 +41,7 @@ _TYPE_WORDS: Mapping[type, str] = {
 
 
 class TunableKind(Enum):
-    """What a value belongs to; a profile is no ROS parameter, but is written into files alike."""
+    """Kind of a value; a profile is no ROS parameter but is written to files in the same way."""
 
     TUNABLE = "tunable"
     LEARNING_RATE = "learning rate"
@@ -51,19 +51,19 @@ class TunableKind(Enum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TunableParameter:
-    """Description of a value that may be tuned: a ROS parameter of the host.
+    """Description of a tunable value: a ROS parameter of the host.
 
     Attributes:
-        name: Of the parameter: ``attentive_guide.patience``.
-        agent: Whose; empty for a parameter of the whole host.
-        key: Its name without the agent's: ``patience``, ``age`` of a profile.
+        name: Name of the parameter: ``attentive_guide.patience``.
+        agent: Agent of the parameter; empty for a parameter of the whole host.
+        key: Name without the agent: ``patience``, ``age`` of a profile.
         kind: What it belongs to.
         type: Type of its value.
-        default: What the file says, in SI.
+        default: Value in the file, in SI units.
         minimum: Smallest value; None for texts, booleans and quantities without a range.
         maximum: Largest value.
-        step: Distance of the allowed values from ``minimum`` on; 0 allows all.
-        description: What it means.
+        step: Distance between allowed values, starting at ``minimum``; 0 allows all.
+        description: Meaning of the value.
     """
 
     name: str
@@ -83,7 +83,7 @@ class TunableParameter:
         return _UNITS.get(self.type, "")
 
     def read(self, text: str) -> Setting:
-        """Return the value that a text means here: ``12``, ``12 s``, ``2 min``.
+        """Return the value of a text: ``12``, ``12 s``, ``2 min``.
 
         Raises:
             Refused: ``NOT_A_VALUE``, or as in :meth:`check`.
@@ -95,10 +95,10 @@ class TunableParameter:
             raise Refused("NOT_A_VALUE", f"{self.name}: {error.message}{hint}") from None
 
     def parse(self, text: str) -> Setting:
-        """Return the value that a text means here, whether it is possible or not.
+        """Return the value of a text, whether it is possible or not.
 
         Raises:
-            QuantityError: It means none.
+            QuantityError: The text is no value.
         """
         if self.type in _UNITS:
             return quantities.quantity(text, self.type)
@@ -112,7 +112,7 @@ class TunableParameter:
         return text if self.type is FieldType.TEXT else quantities.number(text)
 
     def check(self, value: Setting) -> Setting:
-        """Return a value that this parameter can have.
+        """Check a value of this parameter and return it.
 
         Raises:
             Refused: ``WRONG_TYPE``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``OFF_STEP`` or
@@ -173,7 +173,7 @@ class TunableParameter:
         return f" from {self.format(self.minimum)} to {self.format(self.maximum)}"
 
     def format(self, value: Setting) -> str:
-        """Return a value as an author writes it: ``12 s``; :meth:`read` gives the same value."""
+        """Return a value as an author writes it: ``12 s``; :meth:`read` reverses this."""
         return format_value(value, self.type)
 
 
@@ -250,7 +250,7 @@ def parameters_of(spec: AgentSpec) -> tuple[TunableParameter, ...]:
 def profile_values(
     agent: str, names: Sequence[str], profile: Sequence[float]
 ) -> tuple[TunableParameter, ...]:
-    """Return the values of a profile as a file writes them, in the form of parameters."""
+    """Return the values of a profile in a file, as parameters."""
     return tuple(
         TunableParameter(
             name=f"{agent}.profile.{name}",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tunable parameters of a host as ROS parameters, which act between two ticks, all or none."""
+"""Tunable parameters of a host as ROS parameters, applied atomically between two ticks."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ ROS_PARAMETER = "ros parameter"
 """Author of a change without a name."""
 
 PRESETS = "presets.yaml"
-"""Beside the file of the tunings."""
+"""Name of the presets file, in the folder of the tunings file."""
 
 _PUBLISHED_AFTER_S = 0.05
 
@@ -45,13 +45,13 @@ _PUBLISHED_AFTER_S = 0.05
 class TunableParameters:
     """Declares all tunables as ROS parameters; the only path by which they change.
 
-    ``ros2 param``, the service ``~/tune`` and reloaded files all end in
-    ``set_parameters_atomically``: the values are checked and logged before they count, and act
-    together between two ticks. A moment after learning rates were tuned, ``changed`` is called.
-    What was tuned outlives the host in the file ``tunings``; an empty name keeps it in memory.
+    ``ros2 param``, the service ``~/tune`` and reloaded files all use
+    ``set_parameters_atomically``: values are checked and logged before they count, and take effect
+    together between two ticks. ``changed`` is called shortly after a change of learning rates.
+    The file ``tunings`` keeps tuned values across restarts; an empty name keeps them in memory.
 
     Attributes:
-        left_out: Name of a parameter → why the value that was given at the start does not count.
+        left_out: Name of a parameter → why the value given at the start is ignored.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class TunableParameters:
         return self._store.has(name)
 
     def add(self, member: HostedAgent) -> None:
-        """Declare the parameters of an agent, with what was tuned before."""
+        """Declare the parameters of an agent, with previously tuned values."""
         self._declare_together(parameters_of(member.spec))
         self._copy_values(member)
         self._infos_due = True
@@ -123,10 +123,10 @@ class TunableParameters:
         self._publish_soon()
 
     def replace(self, member: HostedAgent, spec: AgentSpec) -> None:
-        """Replace the file of an agent by another version; its mapping of tunables stays the same.
+        """Replace the file of an agent by another version; its tunables stay the same object.
 
-        A changed default is the new value, and a revision by "file". Other values stay as far as
-        the new file allows them. The profile follows the file until something was learned.
+        A changed default becomes the value, as a revision by "file". Other values stay if the new
+        file allows them. The profile follows the file until something has been learned.
         """
         old = {parameter.name: parameter for parameter in self._store.of(spec.name)}
         new = {parameter.name: parameter for parameter in parameters_of(spec)}
@@ -158,10 +158,10 @@ class TunableParameters:
         self._publish_soon()
 
     def set(self, values: Mapping[str, Setting], cause: TuningCause) -> TuningRevision | None:
-        """Set values together, or not at all; return the revision, None when nothing changes.
+        """Set values together or not at all; return the revision, None if nothing changes.
 
         Raises:
-            Refused: With the reason why nothing is set.
+            Refused: A value was refused; nothing is set.
         """
         self._store.check(values)
         self._cause, self._recorded, self._refusal = cause, None, None
@@ -201,7 +201,7 @@ class TunableParameters:
         node, descriptor = self._node, _descriptor(parameter)
         given = node._parameter_overrides.get(parameter.name)
         if given is not None and isinstance(value, float) and type(given.value) is int:
-            # In a parameter file 12 is an integer, and only 12.0 a double.
+            # In a parameter file, 12 is an integer and only 12.0 a double.
             whole = Parameter(given.name, value=float(given.value))
             node._parameter_overrides[parameter.name] = whole
         self.left_out.pop(parameter.name, None)
@@ -235,7 +235,7 @@ class TunableParameters:
         member.learning_rate = float(rate)
 
     def _check(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
-        """Check and record what is to be set."""
+        """Check and record parameters to be set."""
         values = {p.name: p.value for p in parameters if self._store.has(p.name)}
         if not values:
             return SetParametersResult(successful=True)
@@ -295,7 +295,7 @@ class TunableParameters:
 
 def _descriptor(parameter: TunableParameter) -> ParameterDescriptor:
     unit = f" [{parameter.unit}]" if parameter.unit else ""
-    # rclpy compares steps relative to the value, so that none fits at zero.
+    # rclpy compares steps relative to the value, so none matches at zero.
     around_zero = parameter.minimum is not None and parameter.minimum < 0
     descriptor = describe(
         parameter.description + unit,

@@ -43,7 +43,7 @@ SetTogether = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | No
 
 @dataclass(frozen=True, kw_only=True)
 class _ActionResult:
-    """What has come into force, with a text for people; a preset counts when its job has ended."""
+    """What came into force, with a text for people; a preset counts once its job has ended."""
 
     message: str
     revision: TuningRevision | None = None
@@ -53,7 +53,7 @@ class _ActionResult:
 class TuneServer:
     """Serves ``~/tune`` and publishes ``~/tunings`` and ``~/tunables``.
 
-    Values are set together, all or none; jobs of the disk are polled.
+    Values are set together, all or none; disk jobs are polled.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class TuneServer:
         }
 
     def publish_infos(self, agents: Iterable[str]) -> None:
-        """Publish what can be tuned of agents; the empty name stands for the whole host."""
+        """Publish the tunables of agents; the empty name means the whole host."""
         self._tunables.publish(
             Tunables(
                 host=self._node.get_fully_qualified_name(),
@@ -90,7 +90,7 @@ class TuneServer:
         )
 
     def publish_tunings(self) -> None:
-        """Publish the last changes, what an undo or redo would do, and the presets."""
+        """Publish the last changes, the next undo and redo, and the presets."""
         history = self._store.history
         shown = {(r.number, c.name): (r, c) for r, c in history.shown}
         self._shown = {
@@ -186,7 +186,7 @@ class TuneServer:
         """Wait until a preset is saved.
 
         Raises:
-            Refused: It is not.
+            Refused: It was not saved.
         """
         error = await self._error_of(job)
         if not job.done():
