@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene layer: from readings to the vector that describes an interaction."""
+"""The scene layer: turns sensor readings into the vector that describes an interaction."""
 
 from bt_agents_ros.node_main import start
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fusion of several uncertain readings into one, and smoothing of readings over time."""
+"""Fuses several uncertain readings into one, and smooths readings over time."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class Reading:
     """Reading of a parameter: value, certainty and validity.
 
     Attributes:
-        value: Finite.
+        value: The value; finite.
         at: Steady time of its arrival [s].
-        stale_at: Steady time from when on it counts no more [s]; infinite for never.
-        std: Standard deviation in the unit of the parameter; 0 where none is stated.
-        confidence: Above 0 up to 1; 1 where none is stated.
-        source: Where it comes from, in words; may be empty.
+        stale_at: Steady time at which it expires [s]; infinite for never.
+        std: Standard deviation in the unit of the parameter; 0 if none is stated.
+        confidence: Confidence above 0, up to 1; 1 if none is stated.
+        source: Its origin, in words; may be empty.
     """
 
     value: float
@@ -30,20 +30,19 @@ class Reading:
 
 
 def fused(readings: Sequence[Reading]) -> Reading:
-    """Return the inverse-variance mean of one or several readings of one thing.
+    """Return the inverse-variance mean of one or more readings of the same quantity.
 
     The value is the mean weighted by ``w_i = c_i / s_i²``, its standard deviation ``1 / √Σ w_i``:
     the inverse-variance mean (see J. Hartung, G. Knapp, B. K. Sinha, "Statistical Meta-Analysis
-    with Applications", 2008, chapter 4), in which the confidence ``c_i`` scales down how much a
-    reading counts, as a power prior does (J. G. Ibrahim, M.-H. Chen, "Power Prior Distributions
-    for Regression Models", 2000). So a single reading of confidence ``c`` has the standard
-    deviation ``s / √c``. A reading that states no standard deviation weighs as the average of
-    those that do, and takes nothing from the resulting one; when none states any, the confidences
-    alone are the weights. The result is as sure as the surest reading, as new as the newest, and
-    holds as long as any.
+    with Applications", 2008, chapter 4), in which the confidence ``c_i`` scales down the weight of
+    a reading like a power prior (J. G. Ibrahim, M.-H. Chen, "Power Prior Distributions for
+    Regression Models", 2000). So a single reading of confidence ``c`` has the standard deviation
+    ``s / √c``. A reading without a standard deviation has the average weight of those with one,
+    and does not reduce the resulting deviation; if none states one, the confidences alone are the
+    weights. The result has the highest confidence and the latest times of all readings.
     """
     stated = [reading.std for reading in readings if reading.std > 0.0]
-    # Relative to the smallest deviation, so that no square leaves the range of numbers.
+    # Relative to the smallest deviation, so that no square overflows.
     smallest = min(stated, default=1.0)
     counts = [(smallest / std) ** 2 for std in stated] or [1.0]
     mean_count = math.fsum(counts) / len(counts)
@@ -65,14 +64,14 @@ def fused(readings: Sequence[Reading]) -> Reading:
 
 
 def smoothed(before: Reading, new: Reading, time_constant_s: float) -> Reading:
-    """Return a new reading moved from the one before only as far as the time between allows.
+    """Return a new reading, smoothed by the previous one depending on the time between them.
 
     ``y += a·(x − y)`` with ``a = 1 − exp(−c·Δt / τ)``: exponential smoothing of readings at uneven
     times (A. Eckner, "Algorithms for Unevenly Spaced Time Series: Moving Averages and Other
-    Rolling Operators", 2017), where time counts less the less confident a reading is. The standard
-    deviation and the confidence move in the same way: errors of neighbouring readings are not
-    independent, so a mean of them is not taken to be surer than each. A stale reading counts no
-    more, and a time constant of 0 smooths nothing.
+    Rolling Operators", 2017), in which a lower confidence slows time. The standard deviation and
+    the confidence move in the same way: errors of neighbouring readings are not independent, so
+    their mean is not more certain than each of them. A stale previous reading is ignored, and a
+    time constant of 0 disables smoothing.
     """
     if time_constant_s <= 0.0 or new.at > before.stale_at:
         return new

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the sources of a scene: which of them has a reading that still holds."""
+"""Health of the sources of a scene: which of them have a valid reading."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bt_agents_core.text import join_first
 
 
 class Standing(Enum):
-    """What is known of a topic of sources; the value is the text for people."""
+    """State of a topic of sources; the values are texts for people."""
 
     FRESH = "its reading holds"
     STALE = "its last reading is stale"
@@ -24,8 +24,8 @@ def sources_health(
     """Return the health of the sources.
 
     Args:
-        standings: Topic → what is known of it.
-        refusals: Topic and code → how many messages were refused.
+        standings: Topic → its state.
+        refusals: Topic and code → number of refused messages.
     """
     values = {topic: standing.value for topic, standing in standings.items()}
     for (topic, code), count in refusals.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Memory of persons and places, and the file that outlives a restart."""
+"""Memory of persons and places, and the file that keeps it across restarts."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from bt_agents_core.private_files import make_private_file, make_private_folder
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 
 MOST_KNOWN = 1000
-"""Persons, and as many places, that are remembered; the one not seen for longest goes first."""
+"""Most persons, and most places, in memory; the one not seen for longest is dropped first."""
 
 FADES = 0.99
-"""Weight of everything before, at each measurement: about the last hundred count."""
+"""Factor of all previous weights at each measurement: about the last hundred count."""
 
 DRIFT_S = 3600.0
-"""Time constant with which an estimate loses what it knows [s]."""
+"""Time constant with which an estimate loses its certainty [s]."""
 
 FORMAT = 1
 MOST_BYTES = 16 * 2**20
-"""No file becomes larger: of what there is no room for, what was seen longest ago is left out."""
+"""Largest size of the file; entries seen longest ago are dropped if it is exceeded."""
 
 _HEAD = f'{{"format": {FORMAT}, "persons": '
 _MIDDLE = ', "places": '
@@ -35,19 +35,19 @@ _MOST_VISITS = 10**12
 _SHOWN = 100
 
 LONGEST_NAME = 200
-"""Characters of the name of a person or a place."""
+"""Most characters of the name of a person or a place."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Running:
     """An exponentially weighted mean and the scatter around it.
 
-    The recursion of West (1979), "Updating mean and variance estimates", with all weights so far
-    multiplied by :data:`FADES` at each value, as Finch (2009) does.
+    The recursion of West (1979), "Updating mean and variance estimates", with all previous weights
+    multiplied by :data:`FADES` at each value, as in Finch (2009).
 
     Attributes:
-        scatter: Weighted sum of the squared deviations, with the variances of the values.
-        at: When the last value was taken, in unix time [s].
+        scatter: Weighted sum of the squared deviations, including the variances of the values.
+        at: Unix time of the last value [s].
     """
 
     mean: float = 0.0
@@ -56,25 +56,25 @@ class Running:
     at: float = -math.inf
 
     def after(self, value: float, std: float, weight: float, at: float) -> Running:
-        """Return it with one more value, of a standard deviation and a weight above 0."""
+        """Return it with one more value, whose ``std`` and ``weight`` are above 0."""
         before = self.weight * FADES
         share = weight / (before + weight)
         step = value - self.mean
         return Running(
             mean=self.mean + share * step,
-            # No term is negative, whatever is rounded.
+            # No term is negative, even after rounding.
             scatter=self.scatter * FADES + before * share * step * step + weight * std * std,
             weight=before + weight,
             at=at,
         )
 
     def std(self, ignorance: float, age_s: float) -> float:
-        """Return the standard deviation of a value of now.
+        """Return the standard deviation of a value now.
 
-        What is known from the beginning counts as one measurement,
-        s² = (scatter + ignorance²) / (weight + 1), and time takes it back to not knowing:
-        std² = s² + (ignorance² − s²) (1 − exp(−2 age / :data:`DRIFT_S`)), the variance of the
-        prediction of an Ornstein-Uhlenbeck process. It never falls with age, which is 0 or more.
+        The prior knowledge counts as one measurement,
+        s² = (scatter + ignorance²) / (weight + 1), and with time the value returns to ignorance:
+        std² = s² + (ignorance² − s²) (1 − exp(−2 age / :data:`DRIFT_S`)), the prediction variance
+        of an Ornstein-Uhlenbeck process. It never decreases with the age, which is at least 0.
         """
         limit = ignorance * ignorance
         known = (self.scatter + limit) / (self.weight + 1.0)
@@ -87,10 +87,10 @@ class KnownPerson:
     """Statistics of a person or a place.
 
     Attributes:
-        visits: How often the person came; of a place, how many came.
-        seen_at: Last time, in unix time [s].
-        facts: What agents have remembered of a person.
-        lent: Whether a copy has the same values, so that they must not be changed in place.
+        visits: Number of visits of the person, or to the place.
+        seen_at: Unix time of the last sighting [s].
+        facts: Facts that agents have stored about a person.
+        lent: Whether a copy shares the values, so that they must not be changed in place.
     """
 
     visits: int = 0
@@ -100,7 +100,7 @@ class KnownPerson:
     lent: bool = field(default=False, repr=False, compare=False)
 
     def copy(self) -> KnownPerson:
-        """Return one that later measurements do not change; until then they share the values."""
+        """Return a copy-on-write copy, which later measurements do not change."""
         self.lent = True
         return KnownPerson(
             visits=self.visits,
@@ -111,7 +111,7 @@ class KnownPerson:
         )
 
     def add(self, name: str, value: float, std: float, weight: float, at: float) -> None:
-        """Take a value of a parameter; see :meth:`Running.after`."""
+        """Add a value of a parameter; see :meth:`Running.after`."""
         if self.lent:
             self.values = dict(self.values)
             self.lent = False
@@ -120,7 +120,7 @@ class KnownPerson:
     def estimate(
         self, parameter: SceneParameter, now: float, source: str = ""
     ) -> SceneValue | None:
-        """Return what a value is now, as sure as that is known; None if it never was measured."""
+        """Return the estimate of a value now, with its deviation; None if never measured."""
         running = self.values.get(parameter.name)
         if running is None or running.weight <= 0.0:
             return None
@@ -139,16 +139,16 @@ class KnownPerson:
 
 
 class Memory:
-    """Running estimates of persons and averages of places, and what agents remember of persons.
+    """Running estimates of persons, averages of places, and facts that agents store about persons.
 
-    Estimates and averages are made of measured values only.
+    Estimates and averages use only measured values.
 
-    A person is remembered over the end of tracking only when the id is the name of a known
-    person. Each visit counts once in the average of its place, with what was measured of it. All
+    A person is remembered after the end of tracking only if the id is the name of a known person.
+    Each visit counts once in the average of its place, with the values measured during it. All
     times are unix times [s].
 
     Attributes:
-        changes: Counts what should be saved.
+        changes: Number of changes so far, for saving.
     """
 
     def __init__(self, space: SceneSpace) -> None:
@@ -170,9 +170,9 @@ class Memory:
     def measured(
         self, person: str, parameter: str, value: float, std: float, confidence: float, now: float
     ) -> None:
-        """Take a value that was measured just now of a present person.
+        """Add a value that was just measured of a present person.
 
-        One without any confidence, or of somebody who is to be forgotten, is left out.
+        It ignores a value without any confidence, or of a person who is to be forgotten.
         """
         if person not in self._visits or person in self._shunned or confidence <= 0.0:
             return
@@ -181,7 +181,7 @@ class Memory:
         self.changes += 1
 
     def left(self, person: str, place: str, *, known: bool, now: float) -> None:
-        """End a visit to a place; who is ``known`` by name may come again."""
+        """End a visit to a place; a person ``known`` by name may return."""
         measured = self._visits.pop(person, None)
         if measured is None:
             return
@@ -196,7 +196,7 @@ class Memory:
         self.changes += 1
 
     def estimate(self, person: str, place: str, name: str, now: float) -> SceneValue | None:
-        """Return the estimate for a person, else for those who come to the place."""
+        """Return the estimate for a person, else for the visitors of the place."""
         parameter = self._space.parameter(name)
         found = None
         if (known := self._persons.get(person)) is not None:
@@ -209,25 +209,25 @@ class Memory:
         return found
 
     def visits(self, person: str) -> int:
-        """Return how often a person has been here, this visit included."""
+        """Return the number of visits of a person, including the current one."""
         known = self._persons.get(person)
         return 0 if known is None else known.visits
 
     def facts(self, person: str) -> Mapping[str, Fact]:
-        """Return what agents have remembered of a person."""
+        """Return the facts that agents have stored about a person."""
         known = self._persons.get(person)
         return {} if known is None else known.facts
 
     def remember(
         self, person: str, given: Iterable[tuple[str, object]], *, known: Collection[str]
     ) -> None:
-        """Remember values of a person by key; None forgets one.
+        """Store values about a person by key; None deletes one.
 
-        Of those who are present only those ``known`` by name are remembered.
+        Values of a present person are stored only if the person is ``known`` by name.
 
         Raises:
-            Refused: ``UNKNOWN_PERSON``, ``FORGOTTEN``, ``BAD_KEY`` or ``BAD_VALUE``; then nothing
-                is changed.
+            Refused: ``UNKNOWN_PERSON``, ``FORGOTTEN``, ``BAD_KEY`` or ``BAD_VALUE``; nothing is
+                changed.
         """
         if person not in self._persons or (person in self._visits and person not in known):
             raise Refused(
@@ -254,7 +254,7 @@ class Memory:
     def forget(self, *, person: str = "", place: str = "") -> bool:
         """Forget a person or a place; return whether anything was known.
 
-        Somebody who is here is not remembered until the end of the visit.
+        Nothing is remembered about a present person until the end of the visit.
         """
         if place:
             found = self._places.pop(place, None) is not None
@@ -273,9 +273,9 @@ class Memory:
     def snapshot(
         self, known: Iterable[str] = ()
     ) -> tuple[dict[str, KnownPerson], dict[str, KnownPerson]]:
-        """Return what outlives a restart, persons and places, as a copy that does not change.
+        """Return the persons and places to save, as a copy that does not change.
 
-        Of the present persons only those ``known`` by name are in it.
+        Of the present persons, it contains only those ``known`` by name.
         """
         names = set(known) - self._shunned
         persons = {
@@ -324,9 +324,9 @@ def to_text(
     places: Mapping[str, KnownPerson],
     most_bytes: int = MOST_BYTES,
 ) -> str:
-    """Return the text of a file of so many bytes at most.
+    """Return the text of a file with a limited number of bytes.
 
-    It is put together piece by piece, so that other threads go on in between.
+    It is assembled piece by piece, so that other threads can run in between.
     """
     pieces = [
         (known.seen_at, kind, f"{_json(name)}: {_json(_plain(known))}")
@@ -348,12 +348,12 @@ def to_text(
 
 
 def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
-    """Return the content of a text; values of other parameters, or out of range, are left out.
+    """Return the content of a text; skips values of other parameters, or out of range.
 
-    What was seen later than now, by a clock that was wrong, was seen now (unix time [s]).
+    Times later than ``now`` (unix time [s]), due to a wrong clock, become ``now``.
 
     Raises:
-        DamagedMemoryError: It is not what :func:`to_text` writes.
+        DamagedMemoryError: The text is not from :func:`to_text`.
     """
     try:
         document = json.loads(text)
@@ -369,11 +369,11 @@ def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
 
 
 def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
-    """Return the content of a file; nothing when it is empty or not there.
+    """Return the content of a file; nothing if it is empty or missing.
 
     Raises:
-        DamagedMemoryError: It is one of ours, and damaged.
-        BtAgentsError: It is none of ours, or cannot be read.
+        DamagedMemoryError: It is a memory file, and damaged.
+        BtAgentsError: It is no memory file, or cannot be read.
     """
     another = "name another file for the memory"
     try:
@@ -407,10 +407,10 @@ def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
 def save_memory(
     path: Path, persons: Mapping[str, KnownPerson], places: Mapping[str, KnownPerson]
 ) -> None:
-    """Replace the file as a whole, readable by its owner only; make it when it is not there.
+    """Write the whole file atomically, readable only by its owner; create it if missing.
 
     Raises:
-        OSError: It cannot be written; the old one is still there.
+        OSError: It cannot be written; the old file is unchanged.
     """
     make_private_folder(path.parent)
     make_private_file(path)
@@ -418,11 +418,11 @@ def save_memory(
 
 
 def forget_in_file(path: Path, person: str) -> bool:
-    """Forget a person in a file that no scene layer has open; return whether any was known.
+    """Forget a person in a file that no scene layer has open; return whether they were known.
 
     Raises:
-        DamagedMemoryError: It is one of ours, and damaged.
-        OSError: It cannot be read or written; the old one is still there.
+        DamagedMemoryError: It is a memory file, and damaged.
+        OSError: It cannot be read or written; the old file is unchanged.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -449,7 +449,7 @@ def forget_in_file(path: Path, person: str) -> bool:
 
 
 def set_aside(path: Path) -> Path:
-    """Give a damaged file another name; return it."""
+    """Rename a damaged file; return the new name."""
     names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in range(MOST_KNOWN))
     free = next((name for name in names if not name.exists()), path.with_name(f"{path.name}.old"))
     return path.rename(free)
@@ -490,7 +490,7 @@ def _known(document: Mapping[str, Any], space: SceneSpace, now: float) -> dict[s
 
 
 def _facts(document: Mapping[str, Any], owner: str, space: SceneSpace) -> dict[str, Fact]:
-    """Return what is remembered of a person, without what scene.yaml does not declare so."""
+    """Return the stored facts about a person that match the declarations in scene.yaml."""
     try:
         found = facts(document.items())
     except Refused as refused:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Persons: who is tracked, whom the scene is about, and what is remembered when they go."""
+"""Persons: who is tracked, whom the scene is about, and what is remembered after they leave."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from scene_layer.memory import Memory
 from scene_layer.sources import Sources
 
 MOST_PERSONS = 50
-"""Persons that are tracked at once; who comes later is not looked at until there is room."""
+"""Most persons tracked at once; later ones are ignored until there is room."""
 
 LONGEST_ID = 100
-"""Characters of the id of a person."""
+"""Most characters of the id of a person."""
 
 NOBODY = ""
-"""The id of nobody."""
+"""The id that stands for nobody."""
 
 SAMPLE_S = 1.0
-"""Time between two looks at somebody that count, however fast the sensors are [s]."""
+"""Shortest time between two counted measurements of a person, however fast the sensors [s]."""
 
 AWAY_S = 300.0
-"""Who is known by name and comes back sooner has never been away, only out of sight [s]."""
+"""Longest absence of a person known by name that does not end the visit [s]."""
 
 MOST_AWAY = 50
-"""Persons who are out of sight, whose visit may go on; with more, the longest gone have left."""
+"""Most absent persons whose visits may continue; beyond it, the longest absent have left."""
 
 THRESHOLD = 0.5
-"""A person is there, or known by name, from this reading on: true, one face, a half."""
+"""Smallest reading that means that a person is present or known: true, one face, one half."""
 
 _RULE_TEXTS = {
     AddresseeRule.ENGAGED: ("most engaged", "more engaged", ""),
@@ -42,7 +42,7 @@ _RULE_TEXTS = {
 
 
 def check_id(person_id: object) -> str:
-    """Return the id of a person from a tracker as a text if it is usable; 7 is ``"7"``.
+    """Check the id of a person from a tracker and return it as a text; 7 becomes ``"7"``.
 
     Raises:
         Refused: ``NOT_A_TEXT``, ``EMPTY``, ``TOO_LONG`` or ``BAD_ID``.
@@ -72,20 +72,20 @@ class Persons:
     """Persons of a tracker, and the addressee: whom the scene is about.
 
     A person is tracked from the first message that lists them. They are gone ``lost_after_s``
-    after the first one that does not list them any more, or when the tracker has been silent for
-    ``stale_after_s``. The addressee stays as long as it is tracked and nobody else has been
-    better, by more than ``better_by``, for ``hold_s`` without interruption. Two choices of
-    different persons are never less than ``hold_s`` apart; in between there may be nobody.
-    Of several who have been better for so long, the best is taken.
+    after the first message that no longer lists them, or when the tracker has been silent for
+    ``stale_after_s``. The addressee stays while tracked, until another person has been better by
+    more than ``better_by`` for ``hold_s`` without interruption. Two choices of different persons
+    are never less than ``hold_s`` apart; in between there may be no addressee. If several persons
+    have been better for that long, the best one becomes the addressee.
 
     Args:
-        spec: The rules; None where persons are not told apart, so that nobody is ever tracked.
+        spec: The rules; None if persons are not distinguished, so that no person is tracked.
 
     Attributes:
-        addressee: Its id; :data:`NOBODY` without one.
-        reason: Why this one, in words.
-        received_at: When the tracker spoke last; −∞ before the first time [s].
-        refusals: How many ids were refused, by code.
+        addressee: Id of the addressee; :data:`NOBODY` without one.
+        reason: Reason for the choice, in words.
+        received_at: Time of the last message of the tracker; −∞ before the first [s].
+        refusals: Number of refused ids, by code.
     """
 
     def __init__(self, spec: PersonsSpec | None) -> None:
@@ -104,19 +104,19 @@ class Persons:
 
     @property
     def tracked(self) -> tuple[str, ...]:
-        """Ids of all tracked persons, in the order they came."""
+        """Ids of all tracked persons, in order of arrival."""
         return tuple(self._absent_since)
 
     @property
     def candidates(self) -> tuple[str, ...]:
-        """Ids of all who are tracked, or are from the next update on."""
+        """Ids of all persons who are tracked, or will be from the next update on."""
         return tuple(dict.fromkeys((*self._absent_since, *self._listed)))
 
     def receive_ids(self, ids: Iterable[object], now: float) -> Refused | None:
-        """Take the ids of all persons there are, as the tracker says; bad ones are left out.
+        """Take the ids of all persons that the tracker reports; bad ids are skipped.
 
         Returns:
-            The refusal of the last id that was left out; None when all are taken.
+            The refusal of the last skipped id; None if all are taken.
         """
         found: dict[str, None] = {}
         refused: Refused | None = None
@@ -129,7 +129,7 @@ class Persons:
                 refused = self._refuse(problem)
                 continue
             found[person] = None
-        # Whoever is tracked already goes first.
+        # Persons who are already tracked take precedence.
         ordered = sorted(found, key=lambda person: person not in self._absent_since)
         if len(ordered) > MOST_PERSONS:
             refused = self._refuse(
@@ -149,13 +149,13 @@ class Persons:
     def update(
         self, ranks: Mapping[str, float], now: float
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Update who is there at a steady time [s], and choose the addressee.
+        """Update the present persons at a steady time [s], and choose the addressee.
 
-        Ranks are engagement [0..1] or distance [m], as the rule wants it; who has none, or NaN, is
-        ranked last.
+        Ranks are engagements [0..1] or distances [m], depending on the rule; persons without a
+        rank, or with NaN, are ranked last.
 
         Returns:
-            Who has come and who has gone, in order.
+            Persons who have arrived and left, in order.
         """
         stale = now > self.received_at + self._tracker.stale_after_s
         fresh = () if stale else self._listed
@@ -213,17 +213,17 @@ class Persons:
         return f"{person} is {best}: {rank:.2g}{unit}"
 
     def _best(self, candidates: list[str], ranks: Mapping[str, float]) -> str:
-        """Return the best ranked person; of equal ones the one who came first."""
+        """Return the best ranked person; of equal ones, the one who arrived first."""
         return max(candidates, key=lambda person: self._score(person, ranks))
 
     def _challengers(self, candidates: list[str], ranks: Mapping[str, float]) -> list[str]:
-        """Return all who are better than the addressee by more than the margin."""
+        """Return all persons who are better than the addressee by more than the margin."""
         wanted = self._score(self.addressee, ranks)
         wanted += self._rule.better_by if math.isfinite(wanted) else 0.0
         return [p for p in candidates if p != self.addressee and self._score(p, ranks) > wanted]
 
     def _score(self, person: str, ranks: Mapping[str, float]) -> float:
-        """Return how good a person is by the rule, greater is better; unknown is the least."""
+        """Return the score of a person by the rule; greater is better, unknown is lowest."""
         rank = ranks.get(person, math.nan)
         if self._rule.rule is AddresseeRule.FIRST or math.isnan(rank):
             return -math.inf
@@ -231,12 +231,12 @@ class Persons:
 
 
 class Encounters:
-    """Visits of persons, identified by the ids of a tracker, or of one at a time without ids.
+    """Visits of persons with the ids of a tracker, or of one person at a time without ids.
 
-    What is measured of whoever is here goes into the memory: what sources say of that person, or
-    what no source says of one. The person whom a run began with is kept until the run ends, though
-    they have gone: what is known of them stays as they left it. So does, for :data:`AWAY_S`, that
-    of somebody known by name: a tracker that loses them for a moment does not end their visit.
+    Measurements of present persons go into the memory: those about the person, or those that no
+    source attributes to a single person. The person whom a run began with is kept until the run
+    ends, even after leaving, with the values at that time. A person known by name is kept for
+    :data:`AWAY_S`, so a tracker that loses them briefly does not end their visit.
     """
 
     def __init__(self, spec: SceneSpec, sources: Sources, memory: Memory) -> None:
@@ -262,21 +262,21 @@ class Encounters:
 
     @property
     def enabled(self) -> bool:
-        """Whether updates are needed: for persons with ids, or for values of theirs."""
+        """Whether updates are needed, for persons with ids or for values of persons."""
         return self.identified or bool(self._remembered or self._spec.personal)
 
     @property
     def here(self) -> tuple[str, ...]:
-        """Who is here, as of the last update; :data:`NOBODY` for somebody without an id."""
+        """Present persons as of the last update; :data:`NOBODY` for a person without an id."""
         return self._here
 
     def update(self, now: float, wall: float, held: str | None = None) -> bool:
-        """Update who is here, and remember what was measured of them; times steady and unix [s].
+        """Update the present persons and store their measurements; times are steady and unix [s].
 
-        What is known of the person of a run, who is ``held``, is kept.
+        The person of a run, who is ``held``, is kept.
 
         Returns:
-            True when somebody has come or gone, or somebody else is the addressee.
+            True if a person has arrived or left, or the addressee has changed.
         """
         before = self._here, self.persons.addressee
         came, gone = self._moved(now)
@@ -295,7 +295,7 @@ class Encounters:
         return before != (self._here, self.persons.addressee)
 
     def begin_visit(self, visitor: str, now: float, wall: float) -> None:
-        """Begin the visit of somebody whom a script names, and end that of the one before.
+        """Begin the visit of a person named by a script, and end the previous visit.
 
         A ``visitor`` without a name is :data:`NOBODY`.
         """
@@ -309,7 +309,7 @@ class Encounters:
 
     @property
     def known(self) -> frozenset[str]:
-        """Present or retained persons whose id is the same at their next visit."""
+        """Present or retained persons whose ids will be the same at their next visit."""
         return frozenset(self._names)
 
     def _moved(self, now: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -324,7 +324,7 @@ class Encounters:
         return came, gone
 
     def _ranks(self, spec: PersonsSpec, now: float) -> dict[str, float]:
-        """Return the rank of each person by which the addressee is chosen, where it is known."""
+        """Return the known ranks of persons, by which the addressee is chosen."""
         source = spec.addressee.source
         if source is None:
             return {}
@@ -344,7 +344,7 @@ class Encounters:
             (self._names.add if read.value >= THRESHOLD else self._names.discard)(person)
 
     def _end_visits(self, now: float, held: str | None) -> None:
-        """End the visits of those who will hardly come back to them, oldest departure first."""
+        """End the visits of persons who are unlikely to return to them, oldest departure first."""
         spare = len(self._away) - MOST_AWAY
         for number, (person, left) in enumerate(list(self._away.items())):
             named = person in self._names and number >= spare
@@ -362,7 +362,7 @@ class Encounters:
 
 @dataclass(frozen=True, kw_only=True)
 class _Departure:
-    """Time, steady and unix [s], and place at which a person was lost."""
+    """Steady and unix time [s] and place at which a person was lost."""
 
     at: float
     wall: float
@@ -370,10 +370,10 @@ class _Departure:
 
 
 def somebody_is_measured(spec: SceneSpec, sources: Sources, now: float) -> bool:
-    """Return whether the sources measure a person, where persons are not identified.
+    """Return whether the sources measure a person, if persons are not identified.
 
-    A person source that is silent or stale sees nobody. Without one somebody is there when
-    anything at all is measured.
+    A silent or stale person source sees no person. Without a person source, any valid measurement
+    means that a person is present.
     """
     if spec.person is not None:
         read = sources.latest_person()

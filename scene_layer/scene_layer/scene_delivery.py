@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Delivery of announced scenes to a market that may be away, or die while it takes them."""
+"""Delivers announced scenes to a market that may be absent, or die while it takes them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from bt_agents_core.scene import Scene
 
 MOST_KEPT = 10
-"""As many scenes wait for a market; one more pushes the oldest out."""
+"""Most scenes that wait for a market; beyond it, the oldest is dropped."""
 
 KEPT_S = 60.0
-"""A scene waits for a market for so long [s]; by then the person is gone."""
+"""How long a scene waits for a market [s]; later the person will be gone."""
 
 LEASE_S = 1.0
-"""A market without a heartbeat for so long is away [s]."""
+"""Silence after which a market counts as absent [s]."""
 
 _TAKEN_S = 1.0
 _MOST_UNSURE = 1000
@@ -23,13 +23,13 @@ _MOST_UNSURE = 1000
 
 @dataclass(eq=False, kw_only=True)
 class _Undelivered:
-    """Scene of which it is not sure yet that a market has taken it.
+    """Scene that a market may not have taken yet.
 
     Attributes:
-        announced_at: Steady time [s].
+        announced_at: Steady time of the announcement [s].
         epoch: Market that it was sent to; empty before.
-        sent_at: When that was, steady time [s].
-        sends: How often it is still to be sent to this market unless it shows that it has it.
+        sent_at: Steady time of the last sending [s].
+        sends: How many more times to send it to this market, unless the market shows it.
     """
 
     scene: Scene
@@ -40,10 +40,10 @@ class _Undelivered:
 
 
 class SceneDelivery:
-    """Scenes that are to reach the market, each until it is sure that one has taken it.
+    """Scenes to deliver to the market, each until it is certain that a market has taken it.
 
-    A market has taken a scene when it shows it, and when it is still alive a second after the
-    scene was sent. It refuses a scene that it has already, so sending one again does no harm.
+    A market has taken a scene if it shows the scene, or if it is still alive a second after the
+    scene was sent. It refuses a scene that it already has, so resending one does no harm.
     """
 
     def __init__(self) -> None:
@@ -53,15 +53,15 @@ class SceneDelivery:
 
     @property
     def pending(self) -> bool:
-        """Whether there is something to deliver."""
+        """Whether there are scenes to deliver."""
         return bool(self._scenes)
 
     def market_there(self, now: float) -> bool:
-        """Return whether a market has had a heartbeat of late."""
+        """Return whether a market has recently sent a heartbeat."""
         return bool(self._epoch) and now - self._heard_at < LEASE_S
 
     def announce(self, scene: Scene, now: float, *, listens: bool) -> bool:
-        """Take a scene that is being published; return whether it is kept for a later market.
+        """Add a scene that is being published; return whether it is kept for a later market.
 
         Args:
             scene: The scene.
@@ -76,12 +76,12 @@ class SceneDelivery:
         return not sent
 
     def heartbeat(self, epoch: str, now: float) -> None:
-        """Take the heartbeat of a market."""
+        """Handle the heartbeat of a market."""
         self._epoch, self._heard_at = epoch, now
         self._scenes = [one for one in self._scenes if not self._is_taken(one)]
 
     def shown(self, names: Collection[str]) -> None:
-        """Take what a market shows to have: ids of scenes, or their labels."""
+        """Handle the scenes that a market shows to have: ids, or labels."""
         self._scenes = [one for one in self._scenes if not self._is_shown(one, names)]
 
     def due(self, now: float, *, listens: bool) -> list[Scene]:
@@ -91,7 +91,7 @@ class SceneDelivery:
         due = []
         for one in self._scenes:
             if one.epoch != self._epoch:
-                # What a market that is just starting is sent may be lost, so it is sent twice.
+                # A message to a market that is just starting may be lost, so it is sent twice.
                 one.epoch, one.sends = self._epoch, 2
             elif now - one.sent_at < _TAKEN_S:
                 continue
@@ -102,7 +102,7 @@ class SceneDelivery:
         return due
 
     def given_up(self, now: float) -> list[Scene]:
-        """Return the scenes that wait no longer for a market, as they are too many or too old."""
+        """Return the scenes that stop waiting for a market: too many, or too old."""
         if self.market_there(now):
             return []
         room = len(self._scenes) - MOST_KEPT

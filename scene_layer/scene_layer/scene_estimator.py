@@ -16,13 +16,13 @@ from scene_layer.persons import NOBODY, THRESHOLD, Encounters, somebody_is_measu
 from scene_layer.sources import Sources
 
 MAX_INTERACTIONS = 1000
-"""Interactions whose given values are remembered: more than scenes may wait in a market."""
+"""Most interactions whose given values are remembered; more than a market's queue can hold."""
 
 
 def check_given(
     space: SceneSpace, names: Sequence[str], values: Sequence[float]
 ) -> dict[str, float]:
-    """Check values that a caller gives for some parameters.
+    """Check the values that a caller gives for some parameters.
 
     Raises:
         Refused: ``WRONG_LENGTH``, ``UNKNOWN_PARAMETER``, ``DUPLICATE_PARAMETER``, ``NOT_FINITE``
@@ -44,11 +44,11 @@ def check_given(
 
 @dataclass(frozen=True, kw_only=True)
 class GivenValue:
-    """A value that somebody has named.
+    """A value that a person or program has given.
 
     Attributes:
-        at: When, in steady time [s].
-        origin: ``GIVEN``, or ``TOLD`` where the person has told it an agent.
+        at: Steady time [s].
+        origin: ``GIVEN``, or ``TOLD`` if the person told it to an agent.
     """
 
     value: float
@@ -64,11 +64,11 @@ class SceneInteraction:
     """Values given for one interaction, from its scene to the end of its runs.
 
     Attributes:
-        scene_id: Id of the scene that it began with; follow-up rounds are of the same interaction.
-        person: 1 where somebody was said to be there, 0 for nobody; None as measured.
+        scene_id: Id of its first scene; follow-up rounds belong to the same interaction.
+        person: 1 or 0 if a person was said to be present or absent; None for as measured.
         urgent: Whether it may stop a running tree.
-        person_id: Whom it is about; empty as long as nobody is.
-        met: True once somebody was there.
+        person_id: The person it is about; empty while there is none.
+        met: True once a person was present.
     """
 
     scene_id: str
@@ -82,21 +82,20 @@ class SceneInteraction:
     def with_given(
         self, values: Mapping[str, GivenValue], person: bool | None, now: float
     ) -> SceneInteraction:
-        """Return the interaction with more values given; a person of None stays as it was."""
+        """Return the interaction with more given values; ``person`` None leaves it unchanged."""
         present = self.person if person is None else Reading(value=float(person), at=now)
         return replace(self, values={**self.values, **values}, person=present)
 
 
 class SceneEstimator:
-    """State of the present interaction and of those that wait in the market.
+    """State of the current interaction and of those that wait in the market.
 
-    A given value holds for its interaction until a source brings a newer reading. It never
-    reaches another interaction: a scene that waits does not change the one that runs. An
-    interaction stays with the person whom it began with; one that began with nobody takes the
-    first addressee there is.
+    A given value holds for its interaction until a source has a newer reading. It never affects
+    another interaction: a waiting scene does not change the running one. An interaction stays with
+    the person it began with; one that began without a person takes the first addressee.
 
-    A value of a parameter that is ``of: person`` belongs to whoever is there when it is given:
-    it holds in each of their interactions until they have gone.
+    A value of a parameter with ``of: person`` belongs to the person who is present when it is
+    given: it holds in each of their interactions until they leave.
 
     Here ``now`` is steady time [s] and ``wall`` unix time [s].
     """
@@ -122,10 +121,10 @@ class SceneEstimator:
         told: bool = False,
         person_id: str | None = None,
     ) -> SceneInteraction:
-        """Open an interaction with checked values, which may stop a running tree if ``urgent``.
+        """Open an interaction with checked values; it may stop a running tree if ``urgent``.
 
-        Whether there is a ``person`` is as measured where it is None; it is about ``person_id``,
-        else about the addressee. The values are ``told`` by the person, or given.
+        ``person`` None means a person is present as measured. The interaction is about
+        ``person_id``, else about the addressee. The values are ``told`` by the person, or given.
         """
         begun = SceneInteraction(scene_id=scene_id, label=label, urgent=urgent)
         if person_id is not None:
@@ -142,7 +141,7 @@ class SceneEstimator:
         *,
         told: bool = False,
     ) -> SceneInteraction:
-        """Add checked values to an interaction, known or not, given or ``told`` by the person."""
+        """Add checked values to an interaction, known or not; given, or ``told`` by the person."""
         origin = Origin.TOLD if told else Origin.GIVEN
         given = {
             name: GivenValue(value=value, at=now, origin=origin) for name, value in values.items()
@@ -156,7 +155,7 @@ class SceneEstimator:
         return self._store(known.with_given(given, None, now))
 
     def _is_here(self, interaction: SceneInteraction, now: float) -> bool:
-        """Whether the person of an interaction is measured, and not said to be away."""
+        """Whether the person of an interaction is measured, and not said to be absent."""
         if interaction.person is not None and not interaction.person.value:
             return False
         if self.encounters.identified:
@@ -166,7 +165,7 @@ class SceneEstimator:
     def adopt(self, scene: Scene, now: float) -> SceneInteraction:
         """Return the interaction of an awarded scene; for a foreign scene, its given values.
 
-        A person in a foreign scene is there until this scene layer measures anything itself.
+        A person in a foreign scene is present until this scene layer measures anything itself.
         """
         known = self._known(scene.scene_id)
         if known.scene_id in self._interactions:
@@ -190,7 +189,7 @@ class SceneEstimator:
         return self.give(scene.scene_id, told, None, now, told=True) if told else begun
 
     def update(self, now: float, wall: float, running: str | None) -> bool:
-        """Update who is here, while the scene ``running`` has a run; return True for a change."""
+        """Update the present persons while scene ``running`` has a run; True for a change."""
         held = None if running is None else self._bound(running).person_id
         moved = self.encounters.update(now, wall, held)
         for person in self._personal.keys() - set(self.encounters.here):
@@ -198,11 +197,11 @@ class SceneEstimator:
         return moved
 
     def scene(self, scene_id: str, *, now: float, wall: float, stamp: float) -> Scene:
-        """Put the scene of an interaction together; an unknown one has no given values."""
+        """Assemble the scene of an interaction; an unknown one has no given values."""
         return self._put_together(self._bound(scene_id), now, wall, stamp).with_id(scene_id)
 
     def scene_of(self, person_id: str, *, now: float, wall: float, stamp: float) -> Scene:
-        """Return the scene of a person with nothing given."""
+        """Return the scene of a person without given values."""
         one = SceneInteraction(scene_id=f"person/{person_id}", person_id=person_id, met=True)
         return self._put_together(one, now, wall, stamp)
 
@@ -238,7 +237,7 @@ class SceneEstimator:
         )
 
     def _without_personal(self, interaction: SceneInteraction) -> SceneInteraction:
-        """Forget what was given of the person of an interaction, who has gone."""
+        """Forget the values given for the person of an interaction, who has left."""
         self._personal.pop(interaction.person_id, None)
         remaining = {
             name: given
@@ -248,7 +247,7 @@ class SceneEstimator:
         return self._update(replace(interaction, values=remaining))
 
     def _known(self, scene_id: str) -> SceneInteraction:
-        """Return an interaction by the id of its scene, or of one of its follow-up rounds."""
+        """Return an interaction by the id of its scene or of a follow-up round."""
         for known_id in (scene_id, first_id(scene_id)):
             if known_id in self._interactions:
                 return self._interactions[known_id]
@@ -262,9 +261,9 @@ class SceneEstimator:
         return interaction
 
     def _bound(self, scene_id: str) -> SceneInteraction:
-        """Return an interaction with its person: the addressee, unless there is one already.
+        """Return an interaction with its person: the addressee, unless it already has one.
 
-        One about nobody stays so. The one that nobody has announced follows the addressee.
+        One without a person stays so. The unannounced one follows the addressee.
         """
         known = self._known(scene_id)
         absent = known.person is not None and not known.person.value
@@ -274,13 +273,13 @@ class SceneEstimator:
         return self._update(replace(known, person_id=self._persons.addressee, met=met))
 
     def _update(self, interaction: SceneInteraction) -> SceneInteraction:
-        """Replace an interaction where it is known, at its place among the others."""
+        """Replace an interaction in its place, if it is known."""
         if interaction.scene_id in self._interactions:
             self._interactions[interaction.scene_id] = interaction
         return interaction
 
     def _value(self, name: str, interaction: SceneInteraction, now: float) -> SceneValue:
-        """Return a value as given or measured, else missing."""
+        """Return a value as given or measured, else as missing."""
         person = interaction.person_id
         given = self._personal.get(person, {}).get(name) or interaction.values.get(name)
         lost = bool(person) and person not in self._persons.tracked
@@ -313,10 +312,10 @@ class SceneEstimator:
     def _present(
         self, interaction: SceneInteraction, values: Sequence[SceneValue], now: float
     ) -> bool:
-        """Whether the person of an interaction is there: as given or read, whichever is newer.
+        """Whether the person of an interaction is present: as given or read, whichever is newer.
 
-        Where persons are told apart, an interaction about nobody stays one, and whoever is not
-        tracked any more is gone.
+        If persons are distinguished, an interaction without a person stays so, and a person who is
+        no longer tracked is gone.
         """
         given = interaction.person
         if self.encounters.identified:

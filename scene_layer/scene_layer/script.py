@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State machine of a scripted play: the next visit, its end, and its timed changes."""
+"""State machine of a scripted play: the next visit, its end and its timed changes."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from bt_agents_core.scene import first_id
 from bt_agents_language.model.specs import SceneChange, Script, Visit
 
 TAKEN_WITHIN_S = 5.0
-"""A market that stays idle this long after a scene was sent has not got it [s]."""
+"""Idle time of the market after which a sent scene counts as not received [s]."""
 
 AGAIN_WITHIN_S = 10.0
-"""A restarted market that stays idle this long will not ask for the scene again [s]."""
+"""Idle time after which a restarted market will no longer ask for the scene again [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarketView:
-    """State of the market as a play needs it; the fields are those of ``MarketStatus.msg``."""
+    """State of the market that a play needs; the fields are those of ``MarketStatus.msg``."""
 
     epoch: str
     idle: bool
@@ -27,20 +27,20 @@ class MarketView:
 
 
 class ScriptPerformance:
-    """Plays the visits of a script one after the other, each until the market has finished it.
+    """Plays the visits of a script in order, each until the market has finished it.
 
-    A visit whose run a restarted market takes up again goes on as that. It is begun again when the
-    restarted market knows nothing of it, or when its scene was not taken, so a play neither hangs
-    nor skips a visit, nor serves a visitor twice.
+    A visit continues if a restarted market resumes its run. It restarts if the restarted market
+    does not know it, or if its scene was not taken. So a play never hangs, skips a visit or serves
+    a visitor twice.
 
     Args:
-        wait_for_agents: The market must have so many agents before a visit begins.
+        wait_for_agents: Number of agents that the market must have before a visit begins.
         pace: Speed of the visits relative to real time.
 
     Example:
-        The owner reports what happens and asks what to do: ``market`` and ``over`` at every
-        status, ``next`` between visits, ``announced`` with the id of the visit's scene,
-        ``started`` and ``due`` during its run.
+        The owner reports events and asks for actions: ``market`` and ``over`` at every status,
+        ``next`` between visits, ``announced`` with the id of the visit's scene, ``started`` and
+        ``due`` during its run.
     """
 
     def __init__(self, script: Script, *, wait_for_agents: int = 1, pace: float = 1.0) -> None:
@@ -66,16 +66,16 @@ class ScriptPerformance:
 
     @property
     def number(self) -> int:
-        """Number of the visit under way or next, from 1."""
+        """Number of the current or next visit, from 1."""
         return self._index + 1
 
     @property
     def visit(self) -> Visit | None:
-        """The visit under way."""
+        """The current visit."""
         return self._script.visits[self._index] if self._under_way else None
 
     def market(self, market: MarketView, now: float) -> None:
-        """Take the latest status of the market, at steady time ``now`` [s]."""
+        """Handle the latest status of the market at steady time ``now`` [s]."""
         was_idle = self._market is not None and self._market.idle
         if market.idle and not was_idle:
             self._idle_since = now
@@ -87,7 +87,7 @@ class ScriptPerformance:
             self._started_at = None
 
     def over(self) -> bool:
-        """Return True once when the visit under way is over."""
+        """Return True, once, when the current visit is over."""
         if not self._under_way or self._market is None:
             return False
         if self._is_of_visit(self._market.finished_scene_id):
@@ -96,14 +96,14 @@ class ScriptPerformance:
         return not self._under_way
 
     def not_taken(self, now: float) -> bool:
-        """Return True once when the market leaves the scene of the visit lying about."""
+        """Return True, once, when the market has not taken the scene of the visit."""
         if not self._under_way or self._market is None or not self._market.idle:
             return False
         self._under_way = now - max(self._idle_since, self._begun_at) <= self._limit_s
         return not self._under_way
 
     def next(self, now: float) -> Visit | None:
-        """Begin the next visit when the market is ready for it and return it, else None."""
+        """Begin and return the next visit if the market is ready for it, else return None."""
         if self._under_way or self.done or self._market is None:
             return None
         if not self._market.idle or self._market.agents < self._wait_for_agents:
@@ -117,16 +117,16 @@ class ScriptPerformance:
         return self.visit
 
     def announced(self, scene_id: str) -> None:
-        """Take the id of the scene that the visit under way has led to; later ones are ignored."""
+        """Set the id of the current visit's scene; later ids are ignored."""
         if self._under_way and not self._scene_id:
             self._scene_id = scene_id
             if self._early_start is not None:
                 self.started(*self._early_start)
 
     def started(self, scene_id: str, now: float) -> None:
-        """Take the start of a run; the first one of the visit starts its clock.
+        """Handle the start of a run; the first run of a visit starts its clock.
 
-        It may be received before the scene that it is for, as that is another topic.
+        It may arrive before its scene, which is published on another topic.
         """
         visit = self.visit
         if visit is None:
@@ -138,7 +138,7 @@ class ScriptPerformance:
             self._started_at = now
 
     def due(self, now: float) -> list[SceneChange]:
-        """Return the changes whose time has come, each once."""
+        """Return the changes that are due, each once."""
         if self._started_at is None or not self._under_way:
             return []
         elapsed = (now - self._started_at) * self._pace
@@ -151,6 +151,6 @@ class ScriptPerformance:
 
 
 def answer(visit: Visit, question: str) -> str:
-    """Return what the person of a visit answers to a question; empty when nothing fits."""
+    """Return the answer of a visit's person to a question; empty if none matches."""
     asked = question.casefold()
     return next((text for word, text in visit.answers.items() if word.casefold() in asked), "")

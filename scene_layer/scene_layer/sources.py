@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sources: messages of sensors become readings of scene parameters; bad ones are refused."""
+"""Sources: turn sensor messages into readings of scene parameters, and refuse bad ones."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from scene_layer.health import Standing
 Message = Callable[[str], object]
 """Returns the field of a message by its dotted path, as plain data.
 
-Raises :class:`~bt_agents_core.errors.Refused` for what is not there: ``NO_SUCH_ITEM`` where a list
-is too short, which means that nothing was measured.
+Raises :class:`~bt_agents_core.errors.Refused` for a missing field: ``NO_SUCH_ITEM`` beyond the end
+of a list, which means that nothing was measured.
 """
 
 LONGEST_TEXT = 100
-"""Characters of the name of a place, or of the id of a part of a person."""
+"""Most characters of the name of a place or the id of a part of a person."""
 
 _ROUNDING = 1e-6
-"""A confidence may be so much above 1: more digits than that a float32 does not have."""
+"""How far a confidence may exceed 1, due to the precision of a float32."""
 
 
 class _NotMeasuredError(Exception):
@@ -43,18 +43,18 @@ class _NotMeasuredError(Exception):
 
 
 class _NanFieldError(MissingValue):
-    """A field is NaN, by which many messages say that they know nothing of it."""
+    """A field is NaN, which in many messages means unknown."""
 
 
 class Sources:
-    """Latest good reading of every source, of each person where they differ.
+    """Latest good reading of every source, per person if they differ.
 
-    A refused message changes nothing: the last good reading stays until it is stale. Of how many
-    persons there are readings is up to the caller, who forgets those that are gone: of all of
-    :attr:`people` who are no longer of interest.
+    A refused message changes nothing: the last good reading stays until it is stale. The caller
+    limits the number of persons by forgetting those of :attr:`people` who are no longer of
+    interest.
 
     Attributes:
-        refusals: How many messages were refused, by topic and code.
+        refusals: Number of refused messages, by topic and code.
     """
 
     def __init__(self, spec: SceneSpec) -> None:
@@ -79,11 +79,11 @@ class Sources:
         self.refusals: Counter[tuple[str, str]] = Counter()
 
     def read(self, source: SourceSpec, message: Message, now: float, person: str = "") -> bool:
-        """Take a message, of a source of items one item, that has arrived at a steady time [s].
+        """Read a message (one item for a source of items) that arrived at a steady time [s].
 
         Returns:
-            True when the value differs from what held before; False also when the message says
-            that nothing was measured: by a confidence of 0, an empty list or an empty word.
+            True if the value has changed; False also if the message says that nothing was
+            measured, by a confidence of 0, an empty list or an empty word.
 
         Raises:
             Refused: ``NOT_A_NUMBER``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``UNKNOWN_WORD``,
@@ -108,33 +108,34 @@ class Sources:
 
     @property
     def people(self) -> frozenset[str]:
-        """Ids of all persons of whom something has been read and not been forgotten."""
+        """Ids of all persons with readings that were not forgotten."""
         return frozenset(
             person for store in (self._latest, self._texts) for _, person in store if person
         )
 
     def forget(self, person: str) -> None:
-        """Drop all that was read of a person."""
+        """Drop all readings of a person."""
         for store in (self._latest, self._texts):
             for of in [one for one in store if one[1] == person and one[0].per_person]:
                 del store[of]
 
-    # What is known now
+    # Current values
 
     def latest(
         self, parameter: str, now: float, person: str = "", *, alone: bool = False
     ) -> Reading | None:
         """Return the fused readings of a parameter.
 
-        What a source reads that is not about one person counts for everybody. But where others
-        are about one, it counts for somebody only beside a reading of that person: the voice of
-        the room is not the mood of whoever stands there silently.
+        Readings of a source that is not about a single person count for everybody. But if other
+        sources are about single persons, they count for a person only together with a reading of
+        that person: the voice in the room is not the mood of a silent person.
 
-        With ``alone`` what is not about this person is left out, where others are.
+        With ``alone``, only readings about this person count, if there are such sources.
 
         Returns:
-            Stale ones are left out; when all are stale, the newest as it was, and None when there
-            never was one. The deviation is at most that of any value of the range.
+            The fusion of the readings that are not stale; if all are stale, the newest reading
+            unchanged; None if there never was one. The deviation is at most that of any value of
+            the range.
         """
         own = self._readings(self._own.get(parameter, ()), person)
         fresh = [reading for reading in own if now <= reading.stale_at]
@@ -153,7 +154,7 @@ class Sources:
         return [self._latest[of] for of in ofs if of in self._latest]
 
     def standings(self, now: float) -> Mapping[str, Standing]:
-        """Return topic → what is known of it, but of topics that are about one person alone."""
+        """Return topic → state, without topics that are about a single person."""
         stale_at = {source: reading.stale_at for (source, _), reading in self._latest.items()}
         person = (self._spec.person,) if self._spec.person is not None else ()
         standings: dict[str, Standing] = {}
@@ -172,20 +173,20 @@ class Sources:
         return self._latest.get((self._spec.person, "")) if self._spec.person else None
 
     def reading(self, source: SourceSpec, now: float, person: str = "") -> Reading | None:
-        """Return the reading of one source; None when there is none, or it is stale."""
+        """Return the reading of one source; None without one or if it is stale."""
         found = self._latest.get((source, person if source.per_person else ""))
         return found if found is not None and now <= found.stale_at else None
 
     def place(self, now: float) -> str:
-        """Return the place of the robot; empty when unknown."""
+        """Return the place of the robot; empty if unknown."""
         place = self._spec.place
         return place if isinstance(place, str) else self._text(place, now, "")
 
     def topics(self, people: Iterable[str], now: float) -> dict[tuple[SourceSpec, str], str]:
         """Return the topics with readings of each of some persons: (source, person) → topic.
 
-        Ids that cannot stand in the name of a topic have none; topics of parts are known once the
-        part's id is.
+        Ids that are invalid in the name of a topic have none; topics of parts are known once the
+        id of the part is known.
         """
         found: dict[tuple[SourceSpec, str], str] = {}
         sources = [source for source in self._spec.every_source if source.placeholders]
@@ -201,7 +202,7 @@ class Sources:
         text, stale_at = self._texts.get((source, person), ("", 0.0))
         return text if now <= stale_at else ""
 
-    # What a message says
+    # Content of a message
 
     def _take_text(self, of: tuple[SourceSpec, str], message: Message, now: float) -> bool:
         source, person = of
@@ -260,7 +261,7 @@ def _evaluated(source: SourceSpec, expression: Expression, message: Message) -> 
         try:
             return expression.evaluate(known)
         except _NanFieldError:
-            # No 'else' says what to take in its place: what is wrong with it is up to its use.
+            # Without an 'else', the NaN itself is used, and its use reports what is wrong with it.
             return expression.evaluate(lambda name: message(name[skip:]))
     except MissingValue:
         raise _NotMeasuredError from None
@@ -336,7 +337,7 @@ def _in_table(source: SourceSpec, raw: object) -> float:
 
 
 def _table_key(raw: object) -> str | None:
-    """Return a value as it stands in a table; None for what cannot stand there."""
+    """Return a value as the key of a table; None if it cannot be a key."""
     match raw:
         case bool():
             return str(raw).lower()

@@ -47,12 +47,12 @@ from scene_layer.scene_estimator import SceneEstimator, check_given
 from scene_layer.sources import Sources
 
 SHORTEST_S = 0.02
-"""Shortest time between two live scenes [s]; changes in between are sent together."""
+"""Shortest time between two live scenes [s]; it combines the changes in between."""
 
 UPDATE_S = 0.1
-"""Time between two updates of who is there, if nothing comes [s]."""
+"""Time between two updates of the present persons without messages [s]."""
 
-_DELIVER_S = 0.1  # between two polls for a market
+_DELIVER_S = 0.1  # period of the polls for a market
 
 _MOST_ANSWERS = 100
 
@@ -75,13 +75,13 @@ _MEMORY = StartParameter(
 
 @dataclass(frozen=True, kw_only=True)
 class SceneLayerConfiguration:
-    """What a scene layer is made of.
+    """Inputs from which a scene layer is built.
 
     Attributes:
-        spec: Of ``scene.yaml``.
+        spec: Content of ``scene.yaml``.
         script: Visits to play instead of listening to the sources.
-        memory: File in which what is known of persons and places outlives the node; None for none.
-        ids: Makes the scene ids; random ones by default.
+        memory: File that keeps the memory of persons and places across restarts; None for none.
+        ids: Generates the scene ids; random ones by default.
     """
 
     spec: SceneSpec
@@ -91,7 +91,7 @@ class SceneLayerConfiguration:
 
 
 class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
-    """Listens to the sources, or plays a script in their stead, and publishes scenes."""
+    """Listens to the sources, or plays a script instead, and publishes scenes."""
 
     start_parameters = (TREES, _SCRIPT, _MEMORY)
 
@@ -110,12 +110,12 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         )
 
     def activate(self, configuration: SceneLayerConfiguration, closing: ExitStack) -> None:
-        """Make it.
+        """Build the scene layer.
 
         Raises:
             Refused: A source names a type or field that is not installed, or a topic that cannot
                 be subscribed to.
-            BtAgentsError: The file of the memory is none, or cannot be read.
+            BtAgentsError: The memory file is no memory file, or cannot be read.
         """
         spec, script = configuration.spec, configuration.script
         self._spec = spec
@@ -198,7 +198,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
     # Persons
 
     def _poll(self) -> None:
-        """Update who is there; publish it when it has changed."""
+        """Update the present persons; publish them if they have changed."""
         running = self._runs.run
         scene_id = running.scene_id if running is not None else None
         moved = self._estimate.update(time.monotonic(), time.time(), scene_id)
@@ -319,9 +319,9 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         self._estimate.encounters.begin_visit(name, time.monotonic(), time.time())
 
     def _begin_visit_by_hand(self, name: str) -> None:
-        """Begin the visit of a person who is named, or of nobody.
+        """Begin the visit of a named person, or of an unnamed one.
 
-        A script names its own; who is tracked has begun one by that.
+        Skipped for tracked persons, and with a script for unnamed ones: it begins its own visits.
         """
         tracked = name in self._estimate.encounters.persons.tracked
         if not tracked and (name or self._player is None):
@@ -342,7 +342,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         told: bool = False,
         person_id: str | None = None,
     ) -> tuple[Scene, bool]:
-        """Publish a scene; return it, and whether it is kept for a market that is away."""
+        """Publish a scene; return it, and whether it is kept for an absent market."""
         if self._estimate.encounters.enabled:
             self._poll()
         now = time.monotonic()
@@ -365,7 +365,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         return scene, kept
 
     def _deliver(self) -> None:
-        """Send the scenes again of which no market shows that it has them."""
+        """Resend the scenes that no market has shown to have."""
         now = time.monotonic()
         for scene in self._delivery.given_up(now):
             self.get_logger().error(
@@ -388,7 +388,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
     def _give(
         self, values: Mapping[str, float], person: bool | None, *, told: bool = False
     ) -> Scene:
-        """Give values to the present interaction; without one they are for nothing."""
+        """Give values to the current interaction; without one they have no effect."""
         now = time.monotonic()
         scene_id = self._present_id()
         if scene_id:
@@ -397,7 +397,7 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         return self._put_together(scene_id, now)
 
     def _present_id(self) -> str:
-        """Return the scene that runs, else the one announced last; empty when that is over."""
+        """Return the id of the running scene, else of the last announced one; empty if over."""
         running = self._runs.run
         return running.scene_id if running is not None else self._announced_id
 
@@ -457,13 +457,13 @@ class SceneLayerNode(ManagedNode[SceneLayerConfiguration]):
         self._delivery.shown({message.scene_id, *message.waiting})
         self._stop_when_over()
         if first_id(message.finished_scene_id) == self._announced_id:
-            # What was given for it holds for nothing that comes now.
+            # Values given for it do not apply to later interactions.
             self._announced_id = ""
         if self._player is not None:
             self._player.market(message)
 
     def _market_listens(self) -> bool:
-        """Whether the publisher of the market's status is matched as a subscriber of scenes."""
+        """Whether the publisher of the market's status also matches as a subscriber of scenes."""
         markets = {_who(e) for e in self.get_publishers_info_by_topic("bt_agents/market")}
         readers = self.get_subscriptions_info_by_topic("bt_agents/scene")
         return bool(markets & {_who(e) for e in readers}) and (
@@ -476,7 +476,7 @@ def _who(endpoint: Any) -> tuple[str, str]:
 
 
 def _check_name(request: Any) -> str:
-    """Return the name of the person whom a scene is announced about; empty for none.
+    """Return the name of the person in an announced scene; empty for none.
 
     Raises:
         Refused: ``NAMED_NOBODY``, or as :func:`check_id`.
@@ -492,7 +492,7 @@ def _check_name(request: Any) -> str:
 
 
 def _told_of(live: Scene, given: Mapping[str, float]) -> str:
-    """Return what has become of the values that somebody has given to the live scene."""
+    """Return in words what happened to values given to the live scene."""
     parts = []
     for one in live.values:
         if one.name not in given:
@@ -506,7 +506,7 @@ def _told_of(live: Scene, given: Mapping[str, float]) -> str:
 
 
 def make_node() -> SceneLayerNode:
-    """Create the node as the parameters of its process ask for.
+    """Create the node from the parameters of its process.
 
     Raises:
         BtAgentsError: The trees folder, ``scene.yaml`` or the script cannot be used.
@@ -515,5 +515,5 @@ def make_node() -> SceneLayerNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the scene layer until it is told to stop; return the exit code."""
+    """Run the scene layer until it is stopped; return the exit code."""
     return run(make_node, args)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Storage of the memory in a file, and the service that forgets persons and places."""
+"""Stores the memory in a file, and serves requests to forget persons and places."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from bt_agents_ros.timers import FuturePoller, steady_timer
 from scene_layer.memory import DamagedMemoryError, Memory, read_memory, save_memory, set_aside
 
 SAVE_S = 10.0
-"""Time between two savings of what has changed [s]; it is also saved at the end."""
+"""Time between two saves of changes [s]; changes are also saved at the end."""
 
 _SHOWN = 100
 
 
 class MemoryStore:
-    """Reads the memory at the start, saves it now and then, and serves ``~/manage``.
+    """Reads the memory at the start, saves it regularly, and serves ``~/manage``.
 
     Args:
-        memory: Filled with what the file says.
-        path: Of the file; None keeps nothing over the end of the node.
-        known: Names those of the present persons who may be kept.
+        memory: Filled from the file.
+        path: The file; None keeps nothing after the end of the node.
+        known: Returns the present persons who may be stored.
 
     Raises:
-        BtAgentsError: The file is none of ours, or cannot be read or set aside.
+        BtAgentsError: The file is no memory file, or cannot be read or moved aside.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class MemoryStore:
         self._saving: ThreadFuture[None] | None = None
         if path is not None:
             steady_timer(node, SAVE_S, self._save_changes)
-        # One that waits for the disk stalls no other.
+        # A request that waits for the disk blocks no other.
         group = ReentrantCallbackGroup()
         node.create_service(
             ManageProfiles, "~/manage", self._manage, qos_profile=qos.SERVICE, callback_group=group
@@ -69,11 +69,11 @@ class MemoryStore:
 
     @property
     def lasts(self) -> bool:
-        """Whether what is remembered outlives the node."""
+        """Whether the memory is kept after the end of the node."""
         return self._path is not None
 
     def request_stop(self) -> None:
-        """Save what has changed, in the thread of the disk, after what it is at."""
+        """Save the changes in the disk thread, after its current work."""
         if self._memory.changes != self._saved:
             self._save()
 
@@ -81,7 +81,7 @@ class MemoryStore:
         return self._saving is None or self._saving.done()
 
     def close(self) -> None:
-        """End the thread of the disk."""
+        """End the disk thread."""
         self._disk.shutdown()
 
     def _read(self, path: Path) -> None:

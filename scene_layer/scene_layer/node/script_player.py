@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Player of a script in place of sensors."""
+"""Player of a script instead of sensors."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class ScriptPlayer:
     """Announces the visits of a script and gives their changes.
 
     Args:
-        announce: Announces the scene of a visit, maybe again.
-        begin_visit: Called with the name of each visitor once, before their scene is announced.
-        listened: Says whether a market takes scenes.
+        announce: Announces the scene of a visit, possibly again.
+        begin_visit: Called once per visitor, with the name, before the scene is announced.
+        listened: Returns whether a market takes scenes.
     """
 
     def __init__(
@@ -59,12 +59,12 @@ class ScriptPlayer:
         self._timer = steady_timer(node, _PERIOD_S, self.play)
 
     def started(self, scene_id: str) -> None:
-        """Take the start of a run."""
+        """Handle the start of a run."""
         self._performance.started(scene_id, time.monotonic())
         self.play()
 
     def market(self, message: Any) -> None:
-        """Take the state of the market."""
+        """Handle the state of the market."""
         market = MarketView(
             epoch=message.epoch,
             idle=message.state == MarketStatus.IDLE and not message.queued,
@@ -75,7 +75,7 @@ class ScriptPlayer:
         self.play()
 
     def play(self) -> None:
-        """Do what the script wants done now; called at every event and by a timer."""
+        """Execute what is due in the script; called at every event and by a timer."""
         performance = self._performance
         if performance.done:
             return

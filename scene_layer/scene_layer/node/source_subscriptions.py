@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions of the sources: some permanent, some while a person is tracked."""
+"""Subscriptions of the sources: some permanent, some only while a person is tracked."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MOST_UNNAMED = 1000
 
 @dataclass(frozen=True)
 class _Key:
-    """Key of a subscription; several sources of one person may share it."""
+    """Key of a subscription, which several sources of one person may share."""
 
     topic: str
     type: str
@@ -40,7 +40,7 @@ class _Key:
 
 
 class SourceSubscriptions:
-    """Subscriptions of all sources; their messages become readings.
+    """Subscriptions of all sources; turns their messages into readings.
 
     Raises:
         Refused: A source names a type or field that is not installed, or a topic that cannot be
@@ -77,7 +77,7 @@ class SourceSubscriptions:
             self._track(spec.persons.tracked)
 
     def subscribe_to_tracked(self) -> None:
-        """Subscribe to the topics of the persons tracked now, and of no others."""
+        """Subscribe to the topics of exactly the persons tracked now."""
         topics = self._sources.topics(self._persons.tracked, time.monotonic())
         found: dict[_Key, set[SourceSpec]] = {}
         for (source, person), topic in topics.items():
@@ -95,7 +95,7 @@ class SourceSubscriptions:
         try:
             subscription = self._subscribe(key, sorted(read, key=lambda s: str(s.position)))
         except Refused as refused:
-            # An id made it; without this it would be tried again at each look.
+            # The name contains an id; without this entry each look would try it again.
             self._unnamed[key.topic] = None
             if len(self._unnamed) > _MOST_UNNAMED:
                 del self._unnamed[next(iter(self._unnamed))]
@@ -121,7 +121,7 @@ class SourceSubscriptions:
                 "UNUSABLE_TOPIC", f"no topic can be called {topic[:_SHOWN]}: {str(error)[:_SHOWN]}"
             ) from None
         except RCLError:
-            # What it says is about memory, where the reason is the other type.
+            # The message of rclpy is about memory, but the cause is the other type.
             raise Refused(
                 "UNUSABLE_TOPIC",
                 f"the topic {topic[:_SHOWN]} cannot be heard with the type {type_name}, expected "
@@ -176,13 +176,13 @@ class SourceSubscriptions:
         self._receive_ids(_raw(message, tracked.field, ()))
 
     def _on_items(self, tracked: TrackedSpec, message: Any) -> None:
-        """Take a list with an item for each person, of which only those tracked are read."""
+        """Handle a list with one item per person; only those of tracked persons are read."""
         items: dict[str, Any] = {}
         ids = []
         for item in _raw(message, tracked.field, ()):
             person = _raw(item, tracked.id, "")
             ids.append(person)
-            # Bad ones are refused, and counted, as those of a list of ids.
+            # Bad ids are refused and counted like those of a list of ids.
             with suppress(Refused):
                 items.setdefault(check_id(person), item)
         self._receive_ids(ids)
@@ -199,9 +199,9 @@ class SourceSubscriptions:
 
 
 def _raw(message: Any, path: str, nothing: Any) -> Any:
-    """Return a field as it is, or ``nothing`` for an item of a list that is too short.
+    """Return a field unconverted, or ``nothing`` for an item beyond the end of a list.
 
-    :func:`read_field` would turn a long list into plain data.
+    :func:`read_field` would convert a whole long list to plain data.
     """
     try:
         return value_at(message, path, message_field)
