@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Current and last runs, to which feedback without a name refers."""
+"""Current and last runs, to which unnamed feedback refers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _REMEMBERED_AGENTS = 1_000
 
 @dataclass(frozen=True, kw_only=True)
 class AnnouncedRun:
-    """One run of one agent, with its scene as awarded and what the person has told since."""
+    """One run of one agent, with the scene as awarded and what the person has said since."""
 
     epoch: str
     round: int
@@ -23,15 +23,15 @@ class AnnouncedRun:
 
     @property
     def key(self) -> tuple[str, int, str]:
-        """Unique key; in a round the next best agent may follow a lost one."""
+        """Unique key; within a round, the next best agent may replace a lost one."""
         return self.epoch, self.round, self.agent
 
 
 class AnnouncedRuns:
-    """Runs as announced by their events; at most one is current.
+    """Runs announced by their events; at most one is current.
 
-    Events may be replayed from the history of their topic, so a start can arrive for a run that is
-    known to be over.
+    Events may be replayed from the history of their topic, so the start of a run may arrive after
+    its end.
     """
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class AnnouncedRuns:
         self._uncollected: tuple[str, int, str] | None = None
 
     def started(self, run: AnnouncedRun) -> bool:
-        """Take a start; return True when this run is now the current one and was not before."""
+        """Handle a start; return True if this run has just become the current one."""
         if run.key in self._ended or (self.current is not None and self.current.key == run.key):
             return False
         self.current = run
@@ -51,7 +51,7 @@ class AnnouncedRuns:
         return True
 
     def ended(self, run: AnnouncedRun) -> bool:
-        """Take an end; return True when it was the current run."""
+        """Handle an end; return True if it was the current run."""
         is_new = run.key not in self._ended
         if is_new:
             self._ended.append(run.key)
@@ -64,21 +64,21 @@ class AnnouncedRuns:
 
     @property
     def collecting(self) -> bool:
-        """True until the market has asked for feedback on the run that goes on or ended last."""
+        """True until the market has asked for feedback on the current or last run."""
         return self.current is not None or self._uncollected is not None
 
     def expect(self, run: AnnouncedRun) -> None:
-        """Expect the market to ask for feedback on a run, unless it has done so before."""
+        """Expect the market to ask for feedback on a run, unless it has already done so."""
         self._uncollected = None if run.key in self._collected else run.key
 
     def collected(self, run: AnnouncedRun) -> None:
-        """Take that the market has asked for feedback on a run."""
+        """Record that the market has asked for feedback on a run."""
         self._collected.append(run.key)
         if self._uncollected == run.key:
             self._uncollected = None
 
     def told(self, live: Scene) -> None:
-        """Take what the person has told in the current run, from its live scene."""
+        """Record what the person has said in the current run, from its live scene."""
         run = self.current
         told = {value.name: value for value in live.values if value.origin is Origin.TOLD}
         if run is None or not told:
@@ -89,7 +89,7 @@ class AnnouncedRuns:
             self._remember(self.current)
 
     def last(self, agent: str = "") -> AnnouncedRun | None:
-        """Return the current or last run, of ``agent`` or of anybody; None when there was none."""
+        """Return the current or last run, of ``agent`` if given; None without one."""
         return self._of_agent.get(agent) if agent else self._last
 
     def _remember(self, run: AnnouncedRun) -> None:

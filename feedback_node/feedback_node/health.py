@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the feedback node: its ledger, and the profiles that hosts have to take."""
+"""Health of the feedback node: its ledger, and the delivery of profiles to hosts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def ledger_health(file: str, failure: str) -> PartHealth:
 
 
 def profiles_health(hosts: int, differing: Collection[str]) -> PartHealth:
-    """Return the health of the profiles; those differ that their hosts have not taken."""
+    """Return the health of the profiles; ``differing`` are those that hosts have not accepted."""
     level, message = Health.OK, "every host bids with the profiles of the ledger"
     if differing:
         level = Health.WARN

@@ -13,10 +13,10 @@ from bt_agents_core.mood import Addressee
 from bt_agents_core.scene import MISSING, Scene, SceneSpace, mood_of
 
 MOST_LEAVES = 1000
-"""Nodes of one run that are told apart; what others do is counted for nobody."""
+"""Most nodes of one run that are traced; further ones are not counted."""
 
 MOST_CHANGES = 4096
-"""So many of the last changes from node to node are remembered."""
+"""Number of the last changes between nodes that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +26,8 @@ class LeafMood:
     Attributes:
         leaf: Path of the node.
         seconds: How long it ran [s].
-        mean: Mean mood over the time in which one was known; NaN when none was.
-        change: Sum over its turns of the last known mood minus the first; NaN when none was.
+        mean: Mean mood over the time in which it was known; NaN if it never was.
+        change: Sum over its turns of the last minus the first known mood; NaN if never known.
     """
 
     leaf: str
@@ -45,14 +45,14 @@ class _Account:
 
 
 class MoodTrace:
-    """Accumulates the mood of a run by the node that is at work.
+    """Accumulates the mood of a run by its active node.
 
-    The node at work is the tip of the tree: the deepest one that decides its status. A live scene
-    counts until the next one, or until the lease is over; as for rules, only what was measured of
-    the person whom the run is about.
+    The active node is the tip of the tree: the deepest node that decides its status. A live scene
+    counts until the next one or the end of the lease; as for rules, only measurements of the
+    person whom the run is about count.
 
     Attributes:
-        lease_s: A live scene counts for so long after it has come [s].
+        lease_s: How long a live scene counts after its arrival [s].
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class MoodTrace:
         self._changes: deque[tuple[float, str]] = deque(maxlen=MOST_CHANGES)
 
     def on_leaf(self, leaf: str) -> None:
-        """Take the path of the node that is at work from now on."""
+        """Set the path of the active node."""
         if leaf == self._leaf:
             return
         self._count()
@@ -82,7 +82,7 @@ class MoodTrace:
             self._accounts[leaf] = _Account()
 
     def receive(self, live: Scene) -> None:
-        """Take a live scene."""
+        """Handle a live scene."""
         self._count()
         self._mood = mood_of(self._addressee.mask(live), self._space)
         self._known_until = self._at + self.lease_s
@@ -95,12 +95,12 @@ class MoodTrace:
             self._entry = self._mood
 
     def leaf_at(self, moment: float) -> str:
-        """Return the path of the node that was at work at a moment [s]; empty when not known."""
+        """Return the path of the node that was active at a moment [s]; empty if unknown."""
         index = bisect_right(self._changes, moment, key=lambda change: change[0])
         return self._changes[index - 1][1] if index else ""
 
     def so_far(self) -> tuple[LeafMood, ...]:
-        """Return the nodes in the order in which they began, up to now."""
+        """Return the moods of the nodes so far, in the order in which they began."""
         self._count()
         return tuple(
             LeafMood(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluation of mood rules during a run: when each of them fires on the live scene."""
+"""Evaluates mood rules during a run: when each of them fires on the live scene."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bt_agents_language.expression.name_resolution import SceneFacts, resolve, s
 from bt_agents_language.model.mood_rule import MoodRule
 
 MIN_REPEAT_S = 1.0
-"""A rule that may fire again does so after this at the earliest, whatever its cooldown [s]."""
+"""Shortest time between two firings of a rule, whatever its cooldown [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +25,8 @@ class Fired:
     """Firing of a mood rule whose condition has held long enough.
 
     Attributes:
-        index: Its place among the rules of the run, from 0.
-        count: How often it had fired before in this run.
+        index: Position among the rules of the run, from 0.
+        count: Number of earlier firings in this run.
         since: When its condition began to hold, on the steady clock [s].
         reason: Text with the condition, its time and the mood.
     """
@@ -40,7 +40,7 @@ class Fired:
 
 
 class _Watched:
-    """State of one mood rule during a run; ``since`` when its condition has held [s].
+    """State of one mood rule during a run; its condition has held since ``since`` [s].
 
     It is ``undecided`` once its condition was neither true nor false.
     """
@@ -64,7 +64,7 @@ class _Watched:
         return min(self._ready_at if self._ready_at > now else math.inf, self.mood.due)
 
     def fires(self, now: float, holds: Callable[[Expression], bool]) -> float | None:
-        """Return since when the condition has held, when that is long enough; else None."""
+        """Return since when the condition has held if that is long enough, else None."""
         rule = self.rule
         if not self._released and rule.release is not None:
             self._released = holds(rule.release)
@@ -86,17 +86,16 @@ class Watch:
     """Evaluates the mood rules of one run; none fires after one that ends it.
 
     Between two live scenes the last one counts, so a hold can complete while nothing arrives. A
-    longer silence than the lease means that nothing is known any more: what has held until then
-    has to hold anew for its whole time after it. A live scene that is about another person than
-    the run says that nobody is there.
+    silence longer than the lease means that nothing is known: conditions must then hold again for
+    their whole time. A live scene about another person than that of the run counts as a scene
+    without a person.
 
     Args:
         clock: Steady time [s].
-        settle_s: No rule holds during this time, so that a run which is only being replayed can
-            turn out to be over [s].
+        settle_s: Time in which no rule holds, so that a replayed run can turn out to be over [s].
 
     Attributes:
-        lease_s: A live scene counts for so long after it has come [s].
+        lease_s: How long a live scene counts after its arrival [s].
     """
 
     def __init__(
@@ -134,13 +133,13 @@ class Watch:
 
     @property
     def due(self) -> float:
-        """Time at which a rule fires or is ready if nothing changes; infinite for none [s]."""
+        """Time at which a rule fires or is ready if nothing changes [s]; infinite for none."""
         now = self._clock()
         due = min((one.due(now) for one in self._rules), default=math.inf)
         return max(due, self._not_before)
 
     def receive(self, live: Scene) -> tuple[Fired, ...]:
-        """Take a live scene; return the rules that fire, in their order."""
+        """Handle a live scene; return the rules that fire, in order."""
         fired = self.tick()
         self._live = self._addressee.mask(live)
         self._live_at = self._clock()
@@ -149,13 +148,13 @@ class Watch:
         return fired + self.tick()
 
     def take_undecided(self) -> tuple[str, ...]:
-        """Return the rules that could not be decided, each once in a run, with the reason."""
+        """Return the rules that could not be decided, each once per run, with the reason."""
         taken = tuple(self._undecided)
         self._undecided.clear()
         return taken
 
     def tick(self) -> tuple[Fired, ...]:
-        """Return the rules that fire because time has passed, in their order."""
+        """Return the rules that fire because time has passed, in order."""
         now = self._clock()
         if self._live is None:
             return ()

@@ -12,20 +12,20 @@ _OTHERS = ""
 
 
 class SimulatedFeedback:
-    """Hands out prepared feedback vectors, one for each run.
+    """Supplies prepared feedback vectors, one per run.
 
     Section 2.3.4 of the paper: "a previously generated list of simulated user feedback". Every row
-    of the list counts, the first one too.
+    of the list counts, including the first.
     """
 
     def __init__(self, prepared: PreparedFeedback) -> None:
         self._prepared = prepared
         self._given = 0
-        # Rows used of the list of each agent, and of that of all others.
+        # Used rows of the list of each agent, and of the common list.
         self._used: dict[str, int] = {}
 
     def resume(self, given: Mapping[str, int]) -> None:
-        """Go on after a restart before which each agent was given some feedback, so often."""
+        """Continue after a restart; ``given`` has the number of earlier feedbacks per agent."""
         self._given = sum(given.values())
         self._used.clear()
         for agent, count in given.items():
@@ -33,7 +33,7 @@ class SimulatedFeedback:
             self._used[whose] = self._used.get(whose, 0) + count
 
     def next(self, agent: str) -> Vector | None:
-        """Return the feedback for a run of ``agent`` that has just ended; None for no feedback."""
+        """Return the feedback for a run of ``agent`` that has just ended; None without one."""
         prepared = self._prepared
         meant = prepared.each.get(agent)
         if meant is None:
@@ -49,6 +49,6 @@ class SimulatedFeedback:
         return meant if wrong is None else wrong
 
     def _whose(self, agent: str) -> str:
-        """Return whose rows an agent uses up: its own, or, with no name, those of all others."""
+        """Return whose rows an agent uses: its own name, or an empty one for the common list."""
         prepared = self._prepared
         return agent if agent in prepared.sequences or agent in prepared.each else _OTHERS

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learning: cards, rules of update, profiles and their layers."""
+"""Learning: cards, update rules, profiles and their layers."""

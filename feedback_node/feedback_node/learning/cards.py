@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Validation of host cards: profiles, learning rules and mood rules of agents."""
+"""Validates host cards: profiles, learning rules and mood rules of agents."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from feedback_node.learning.learning_step import PLAIN, check_rate
 class LearningEntry:
     """Unchecked learning rule of a card, in the order of its parameters; see ``Learning.msg``.
 
-    With an empty ``update`` the agent learns by the paper's formula.
+    An empty ``update`` means the paper's formula.
     """
 
     update: str = ""
@@ -38,12 +38,12 @@ class LearningEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class AgentEntry:
-    """Agent of a card, unchecked but for its mood rules; see ``AgentCard.msg``.
+    """Agent of a card, unchecked except for its mood rules; see ``AgentCard.msg``.
 
     Attributes:
-        current: Profile that it bids with; empty where the card does not say.
-        rules: Mood rules that could be read.
-        invalid_rules: Why the others could not.
+        current: Profile that it bids with; empty if the card does not contain it.
+        rules: Valid mood rules.
+        invalid_rules: Problems of the invalid ones.
     """
 
     name: str
@@ -58,10 +58,10 @@ class AgentEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class LearningCard:
-    """Card of a host, unchecked; see ``HostCard.msg``.
+    """Unchecked card of a host; see ``HostCard.msg``.
 
     Attributes:
-        sender: The process it is from, as the middleware says; empty where it does not.
+        sender: The sending process, as the middleware reports it; empty if unknown.
     """
 
     host: str
@@ -77,8 +77,8 @@ class Agent:
 
     Attributes:
         host: Fully qualified name of its host.
-        authored: Profile of its file.
-        entry: What it was read from; its learning rate is in 0..1.
+        authored: Profile in its file.
+        entry: The entry it was read from; its learning rate is in 0..1.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Agent:
     entry: AgentEntry
 
     def matches(self, entry: AgentEntry, host: str) -> bool:
-        """Return whether an entry leads to the same agent, but for its revision."""
+        """Return whether an entry leads to the same agent, except for the revision."""
         known = self.entry
         return (
             host == self.host
@@ -96,7 +96,7 @@ class Agent:
             and not known.invalid_rules
             and entry.profile == known.profile
             and entry.learning_rate == known.learning_rate
-            # As text, in which NaN, which stands for no value, equals itself.
+            # Compared as text, in which NaN (no value) equals itself.
             and repr(entry.learning) == repr(known.learning)
             and entry.rules == known.rules
         )
@@ -105,16 +105,16 @@ class Agent:
 def read_card(
     card: LearningCard, space: SceneSpace, known: Mapping[str, Agent] = MappingProxyType({})
 ) -> tuple[tuple[Agent, ...], tuple[str, ...]]:
-    """Check a card; one bad agent or rule does not spoil the others.
+    """Check a card; an invalid agent or rule does not affect the others.
 
-    Those of ``known``, the agents of earlier cards, that have not changed are not read anew.
+    Unchanged agents of ``known``, from earlier cards, are not read again.
 
     Returns:
         The agents that can learn, and the problems of the others in words.
 
     Raises:
-        Refused: ``BAD_NAME`` without a host's full name, ``FOREIGN_PARAMETERS`` when its profiles
-            are made of other parameters than ours.
+        Refused: ``BAD_NAME`` without the full name of a host, ``FOREIGN_PARAMETERS`` if its
+            profiles have other parameters.
     """
     if not card.host.startswith("/"):
         raise Refused(
@@ -203,7 +203,7 @@ def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> Lear
 def _by_name(
     values: Sequence[float], limits: Mapping[str, tuple[float, float]], of: str, what: str
 ) -> dict[str, float]:
-    """Return values, each within its limits, by name; NaN stands for no value."""
+    """Return values by name, each within its limits; NaN means no value."""
     if len(values) not in (0, len(limits)):
         raise _invalid_learning(
             what, f"{len(values)} times a {of}, expected {len(limits)} or none"

@@ -13,17 +13,17 @@ from feedback_node.ledger.rows import ProfileRevision
 
 @dataclass(frozen=True, kw_only=True)
 class ProfileChange:
-    """Recorded change; vectors in the order of the space, NaN for what was not there.
+    """Recorded change; vectors in the order of the space, NaN for missing values.
 
     Attributes:
         revision: Row of the ledger, with agent, layer, cause and time.
-        target: Vector moved towards or away from; NaN for no opinion.
-        rates: What each parameter has moved by, of the distance; empty when all by the learning
-            rate.
-        false_rate: 0..1, how much of what the profile was taught seems to be wrong; NaN when too
-            little is known.
-        fresh: False when the same feedback had been recorded earlier and was not applied again.
-        others: What the same feedback has changed in other layers.
+        target: Vector that the profile moved towards or away from; NaN for no opinion.
+        rates: Fraction of the distance that each parameter moved; empty if all moved by the
+            learning rate.
+        false_rate: Estimated share of wrong feedback for the profile, 0..1; NaN for too little
+            feedback.
+        fresh: False if the same feedback was recorded earlier and not applied again.
+        others: Changes of the same feedback in other layers.
     """
 
     revision: ProfileRevision
@@ -38,20 +38,20 @@ class ProfileChange:
 
     @property
     def all(self) -> tuple[ProfileChange, ...]:
-        """This one and the others."""
+        """This change and ``others``."""
         return (self, *self.others)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Delivery:
-    """Profile to be sent to a host, which bids with it from then on.
+    """Profile to send to a host, which bids with it from then on.
 
     Attributes:
-        host: Its full name.
-        agent: Whose profile; empty when the host is to forget all layers that it has.
-        layer: Empty for everybody's.
-        remove: True when the host is to forget it.
-        values: The profile; empty when it is removed.
+        host: Full name of the host.
+        agent: Agent of the profile; empty if the host must forget all of its layers.
+        layer: Layer of the profile; empty for the profile for everybody.
+        remove: True if the host must forget it.
+        values: The profile; empty if it is removed.
     """
 
     host: str
@@ -100,7 +100,7 @@ def moved(before: ProfileRevision, after: ProfileRevision) -> str:
 
 
 def together(changes: Sequence[ProfileChange]) -> ProfileChange:
-    """Return the changes of one feedback as one, with the texts of all."""
+    """Return the changes of one feedback as a single change with all texts."""
     first, *others = changes
     more = [one.text if one.revision.layer else f"for everybody {one.text}" for one in others]
     text = "; ".join([first.text, *more])

@@ -25,18 +25,18 @@ from feedback_node.rules import Fired, Watch
 from feedback_node.simulated_feedback import SimulatedFeedback
 
 SETTLE_S = 0.5
-"""How long the rules of a run wait that was replayed from history: its end may follow."""
+"""How long the rules of a run replayed from history wait, because its end may follow [s]."""
 
 MOST_PENDING = 100
-"""Most feedbacks of rules that wait for room on the disk; more push the oldest out."""
+"""Most feedbacks of rules that wait for space on the disk; beyond it, the oldest are dropped."""
 
 MOST_TAUGHT = 100
-"""Most changes that are kept of the last run."""
+"""Most changes of the last run that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackRequest:
-    """Feedback from outside, unchecked; see ``GiveFeedback.srv``."""
+    """Unchecked feedback from outside; see ``GiveFeedback.srv``."""
 
     feedback_id: str = ""
     agent: str = ""
@@ -50,7 +50,7 @@ class FeedbackRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class RuleStop:
-    """Request to the market: stop a run, and ask again for the scene as it is now."""
+    """Request to the market to stop a run and ask again for the current scene."""
 
     run: AnnouncedRun
     reason: str
@@ -59,10 +59,10 @@ class RuleStop:
 
 @dataclass(frozen=True, kw_only=True)
 class RuleOutcome:
-    """Outcome of a rule that fired, or could not be decided.
+    """Outcome of a rule that fired or could not be decided.
 
     Attributes:
-        change: The recorded change; None when it was refused, or the rule cannot be decided.
+        change: The recorded change; None if it was refused or the rule could not be decided.
         stop: Set when the rule also stops the run, whether or not the profile could move.
     """
 
@@ -84,11 +84,11 @@ class FeedbackController:
     Args:
         clock: Steady time [s].
         new_id: Returns a unique id for feedback that has none.
-        lease_s: A live scene counts for so long after it has come [s].
+        lease_s: How long a live scene counts after its arrival [s].
 
     Attributes:
-        undecided: Rules that could not be decided in the present run, or in the last one, each
-            with the name of its agent.
+        undecided: Rules that could not be decided in the current or last run, each with the name
+            of its agent.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class FeedbackController:
         self._taught: deque[ProfileChange] = deque(maxlen=MOST_TAUGHT)
 
     def set_lease(self, seconds: float) -> None:
-        """Let a live scene count for so long after it has come [s], from now on."""
+        """Set how long a live scene counts after its arrival [s]."""
         self._lease_s = seconds
         if self._watch is not None:
             self._watch.lease_s = seconds
@@ -126,26 +126,26 @@ class FeedbackController:
             self._trace.lease_s = seconds
 
     def is_running(self, run: AnnouncedRun) -> bool:
-        """Return True while a run goes on."""
+        """Return True while a run is active."""
         return self._runs.current is not None and self._runs.current.key == run.key
 
     @property
     def watching(self) -> bool:
-        """True while a rule may fire because time passes."""
+        """True while a rule can fire because time passes."""
         return self._watch is not None and not self._watch.over
 
     @property
     def due(self) -> float:
-        """Steady time at which a rule acts if nothing comes [s]; infinite for never."""
+        """Steady time at which a rule acts if nothing arrives [s]; infinite for never."""
         return math.inf if self._watch is None else self._watch.due
 
     def wants(self, scene_id: str) -> bool:
-        """Return True while live scenes of this id count."""
+        """Return True while live scenes with this id count."""
         run = self._runs.current
         return self._trace is not None and run is not None and run.scene.scene_id == scene_id
 
     def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
-        """Take a host's card; see :meth:`Profiles.register_card`."""
+        """Register the card of a host; see :meth:`Profiles.register_card`."""
         result = self.profiles.register_card(card)
         self._begin()
         return result
@@ -153,7 +153,7 @@ class FeedbackController:
     def on_run_started(self, run: AnnouncedRun, *, replayed: bool = False) -> None:
         """Evaluate the rules of a run from now on, unless it is known to be over.
 
-        An event that is older than this node is ``replayed``.
+        An event older than this node is ``replayed``.
         """
         if self._runs.started(run):
             self._watch = None
@@ -165,22 +165,22 @@ class FeedbackController:
             self._begin()
 
     def on_run_cancelling(self, run: AnnouncedRun) -> None:
-        """Stop evaluating rules: moods while a run is being stopped teach nothing."""
+        """Stop evaluating rules: moods during the stop of a run teach nothing."""
         if self.is_running(run):
             self._stop_watching()
 
     @property
     def collecting(self) -> bool:
-        """True until the market has asked for feedback on the run that goes on or ended last."""
+        """True until the market has asked for feedback on the current or last run."""
         return self._runs.collecting
 
     def on_run_ended(self, run: AnnouncedRun, *, collects: bool = False) -> tuple[LeafMood, ...]:
-        """Take the end of a run, including one that never started for this node.
+        """Handle the end of a run, even one whose start this node has not received.
 
-        The market asks for feedback on it next where it ``collects``.
+        With ``collects``, the market will ask for feedback on it next.
 
         Returns:
-            Its mood trace; empty when it was not traced, or none of its nodes is known.
+            Its mood trace; empty if it was not traced or none of its nodes is known.
         """
         if not self._runs.ended(run):
             return ()
@@ -191,7 +191,7 @@ class FeedbackController:
         return trace.so_far() if trace is not None else ()
 
     def on_leaf(self, key: tuple[str, int, str], leaf: str) -> None:
-        """Take the path of the node that is at work in a run; see :attr:`AnnouncedRun.key`.
+        """Set the path of the active node of a run; see :attr:`AnnouncedRun.key`.
 
         It may arrive before the start of the run, which another node publishes.
         """
@@ -199,7 +199,7 @@ class FeedbackController:
         self._update_leaf()
 
     def receive(self, live: Scene) -> tuple[RuleOutcome, ...]:
-        """Take a live scene; one of another scene than the run's is ignored."""
+        """Handle a live scene; one that does not belong to the run is ignored."""
         run = self._runs.current
         if run is None or live.scene_id != run.scene.scene_id:
             return ()
@@ -212,14 +212,14 @@ class FeedbackController:
         return self._outcomes(run, self._watch, self._watch.receive(live))
 
     def tick(self) -> tuple[RuleOutcome, ...]:
-        """Return what follows because time has passed."""
+        """Return the outcomes of rules that act because time has passed."""
         run = self._runs.current
         if run is None or self._watch is None:
             return ()
         return self._outcomes(run, self._watch, self._watch.tick())
 
     def retry(self) -> tuple[RuleOutcome, ...]:
-        """Retry to record feedback of rules that the full disk did not take."""
+        """Retry recording feedback of rules that failed because the disk was full."""
         outcomes = []
         while self._pending:
             one = self._pending[0]
@@ -237,8 +237,8 @@ class FeedbackController:
     def give(self, given: FeedbackRequest) -> ProfileChange:
         """Apply feedback from a person, a button or a program.
 
-        Feedback may come late, so it counts for the scene that it names; without one for that of
-        the agent's last run.
+        Feedback may be late, so it counts for the scene that it names, else for the scene of the
+        agent's last run.
 
         Raises:
             Refused: ``NO_AGENT``, ``UNKNOWN_AGENT``, ``UNKNOWN_KIND``, ``NO_SCENE``,
@@ -275,14 +275,14 @@ class FeedbackController:
         return self._kept(change, run)
 
     def taught(self, run: AnnouncedRun) -> tuple[ProfileChange, ...]:
-        """Return what rules, people and its tree have taught in a run, if it is the last one.
+        """Return what rules, people and the tree have taught in a run, if it is the last one.
 
-        At most :data:`MOST_TAUGHT`, the latest.
+        It contains at most the latest :data:`MOST_TAUGHT` changes.
         """
         return tuple(self._taught) if run.key == self._taught_run else ()
 
     def collect(self, run: AnnouncedRun) -> ProfileChange | None:
-        """Apply the simulated feedback for a run that has ended; None when there is none.
+        """Apply the simulated feedback for an ended run; return None if there is none.
 
         Raises:
             Refused: ``NO_RUN``, or as in :meth:`Profiles.apply`; nothing has changed.
@@ -318,7 +318,7 @@ class FeedbackController:
                 run=run,
             )
         except LedgerError:
-            # What was not recorded is not used up.
+            # Feedback that was not recorded is not used up.
             self._resumed = False
             raise
 
@@ -389,7 +389,7 @@ class FeedbackController:
         return self._kept(change, one.run)
 
     def _kept(self, change: ProfileChange, run: AnnouncedRun | None) -> ProfileChange:
-        """Return a change; it is kept for :meth:`taught` when it is new and of the last run."""
+        """Return a change, and keep it for :meth:`taught` if it is new and of the last run."""
         last = self._runs.last()
         if change.fresh and run is not None and last is not None and run.key == last.key:
             if run.key != self._taught_run:
@@ -414,7 +414,7 @@ class FeedbackController:
         return self.profiles.space.compared(run.scene).observed
 
     def _leaf(self, run: AnnouncedRun | None) -> str:
-        """Return which node of a run is at work now; empty when it does not go on."""
+        """Return the active node of a run; empty if the run is over."""
         if run is None or self._trace is None or not self.is_running(run):
             return ""
         return self._trace.leaf_at(self._clock())
@@ -429,14 +429,14 @@ class FeedbackController:
 
 
 def _rule_id(run: AnnouncedRun, fired: Fired) -> str:
-    """Return the feedback id of a firing: the same after a restart of this node."""
+    """Return the feedback id of a firing, which is the same after a restart of this node."""
     again = f"/{fired.count}" if fired.count else ""
     return f"rule/{run.epoch}/{run.round}/{run.agent}/{fired.index}{again}"
 
 
 def _same(given: FeedbackRequest, known: ProfileChange) -> ProfileChange:
     agent, kind = known.revision.agent, known.revision.cause.kind
-    # What has been forgotten does not say any more which kind it was.
+    # Forgotten feedback no longer has its kind.
     other_kind = known.revision.cause.cause != FORGOTTEN and given.kind != kind
     if (given.agent and given.agent != agent) or other_kind:
         raise Refused(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps of the robots of a fleet, and their replay in one order, whatever order they came in."""
+"""Steps of the robots of a fleet, and their replay in one order, whatever order they arrive in."""
 
 from __future__ import annotations
 
@@ -37,27 +37,26 @@ from feedback_node.ledger.rows import (
 )
 
 ROBOT_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
-"""A name of a robot of a fleet."""
+"""Pattern of the name of a robot in a fleet."""
 
 LONGEST_NAME = 200
 """Most characters of the name of an agent."""
 
 MOST_PARAMETERS = 100
-"""Most values of a step."""
+"""Most values in a step."""
 
 LATEST_S = 86_400.0
-"""A step is from the future when it was made so much later than now [s]."""
+"""How far in the future the time of a step may be [s]."""
 
 _MOST = 2**63 - 1
 _BASE = re.compile(r"[0-9a-f]{16}")
 
 
 class StepEvent(StrEnum):
-    """What a step does to its profile.
+    """Effect of a step on its profile.
 
-    Feedback moves it; what is set replaces it, by an undo, a reset or an import; a profile
-    begins once, with the first of those that say how; and a layer that is forgotten has nothing of
-    what came before.
+    Feedback moves the profile. An undo, a reset or an import sets it. A profile begins once, with
+    the first step that says how. Forgetting a layer discards everything before.
     """
 
     FEEDBACK = "feedback"
@@ -78,18 +77,18 @@ _EVENTS: Mapping[str, StepEvent] = {
 
 @dataclass(frozen=True, kw_only=True)
 class FleetStep:
-    """Step that a robot has made; nothing in it is text of people.
+    """Step of a robot; it contains no text written by people.
 
     Attributes:
-        robot: Its name.
-        number: Of the row in its ledger.
-        base: Which profile of the agent's file it was made on, as of :func:`base_of`.
-        layer: Empty for everybody's; hidden, as of :func:`hidden_layer`, when it is forgotten.
-        target: Parameter → value: what the feedback was about, or the profile.
-        weight: Of the source of the feedback, and of the layer's share in it.
-        changes: How many feedbacks have led to the profile that it sets, or begins with.
-        stamp: Wall time at the robot [s].
-        arrival: Place in the order in which the steps came to the database; 0 before that.
+        robot: Name of the robot.
+        number: Number of the row in its ledger.
+        base: Version of the profile in the agent's file that it builds on; see :func:`base_of`.
+        layer: Layer; empty for everybody, hidden by :func:`hidden_layer` if forgotten.
+        target: Parameter → value: the target of the feedback, or the profile.
+        weight: Weight of the source of the feedback, multiplied by the layer's share.
+        changes: Number of feedbacks that led to the profile that it sets or begins with.
+        stamp: Wall time of the robot [s].
+        arrival: Position in the order of arrival at the database; 0 before that.
     """
 
     robot: str
@@ -107,22 +106,22 @@ class FleetStep:
 
     @property
     def key(self) -> tuple[float, str, int]:
-        """Place of the step in the order of the fleet: time, robot, number."""
+        """Position of the step in the order of the fleet: time, robot, number."""
         return self.stamp, self.robot, self.number
 
     @property
     def feedback_id(self) -> str:
-        """Id under which a ledger takes the step once."""
+        """Id by which a ledger records the step only once."""
         return f"fleet/{self.robot}/{self.number}"
 
     def fields(self) -> dict[str, Any]:
-        """Return the fields as JSON has them; see :func:`read_step`."""
+        """Return the fields in their JSON form; see :func:`read_step`."""
         fields = {**asdict(self), "event": self.event.value, "kind": int(self.kind)}
         return {**fields, "target": dict(self.target)}
 
 
 def base_of(authored: Mapping[str, float]) -> str:
-    """Return what tells the profile of an agent's file from other versions of it: 16 digits."""
+    """Return 16 digits that identify the version of the profile in an agent's file."""
     text = json.dumps(sorted((name, float(value)) for name, value in authored.items()))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -130,12 +129,12 @@ def base_of(authored: Mapping[str, float]) -> str:
 def own_steps(
     entries: Iterable[tuple[int, ProfileRevision]], robot: str, bases: MutableMapping[str, str]
 ) -> Iterator[FleetStep]:
-    """Yield the steps of revisions of a robot's own ledger, without those of other robots.
+    """Yield the steps of the revisions in a robot's ledger, without those of other robots.
 
     Args:
-        entries: As of :meth:`LedgerReader.entries`.
+        entries: Entries from :meth:`LedgerReader.entries`.
         robot: Name of the robot.
-        bases: Agent → base before the first entry; brought up to date.
+        bases: Agent → base before the first entry; it is updated.
     """
     for number, revision in entries:
         cause = revision.cause
@@ -178,7 +177,7 @@ def own_steps(
 
 
 def recorded_step(revision: ProfileRevision) -> FleetStep | None:
-    """Return the step that a revision of the ledger has taken in, most often of another robot."""
+    """Return the step that a revision of the ledger took in, usually from another robot."""
     fields = revision.cause.step
     if revision.cause.cause not in (FLEET, FORGOTTEN) or "robot" not in fields:
         return None
@@ -187,10 +186,10 @@ def recorded_step(revision: ProfileRevision) -> FleetStep | None:
 
 
 def read_step(fields: Any, space: SceneSpace, *, now: float) -> FleetStep:
-    """Return a step from outside.
+    """Return a checked step from outside.
 
     Args:
-        fields: As of :meth:`FleetStep.fields`, unchecked.
+        fields: Unchecked fields in the form of :meth:`FleetStep.fields`.
         space: Space of profiles.
         now: Wall time [s].
 
@@ -260,12 +259,12 @@ def read_step(fields: Any, space: SceneSpace, *, now: float) -> FleetStep:
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayState:
-    """Profile after the steps so far.
+    """Profile after the previous steps.
 
     Attributes:
-        profile: In the order of the space; empty before it has begun.
-        changes: How many feedbacks, without those that set it, have led to it.
-        recent: What the last feedbacks asked for, newest last; as many as the rule looks at.
+        profile: The profile, in the order of the space; empty before it has begun.
+        changes: Number of feedbacks that led to it, without those that set it.
+        recent: Targets of the last feedbacks, newest last; as many as the rule uses.
     """
 
     profile: Vector = ()
@@ -277,17 +276,17 @@ _NOTHING = ReplayState()
 
 
 class Forgettings:
-    """What has been forgotten of an agent, by whichever robot: nothing before it counts."""
+    """Layers of an agent that any robot has forgotten; steps before that do not count."""
 
     def __init__(self) -> None:
         self._ends: dict[str, tuple[float, str, int]] = {}
 
     def add(self, step: FleetStep) -> None:
-        """Note that a layer was forgotten; the last time counts."""
+        """Record that a layer was forgotten; the latest time counts."""
         self._ends[step.layer] = max(step.key, self._ends.get(step.layer, step.key))
 
     def include(self, step: FleetStep) -> bool:
-        """Return whether a step came before its layer was forgotten."""
+        """Return whether a step was made before its layer was forgotten."""
         if not step.layer or step.event is StepEvent.FORGET or not self._ends:
             return False
         end = self._ends.get(hidden_layer(step.layer))
@@ -295,11 +294,11 @@ class Forgettings:
 
 
 class Replay:
-    """Profile of an agent, or of one of its layers, after steps of the robots of a fleet.
+    """Profile of an agent or one of its layers after the steps of a fleet.
 
-    Steps take effect in the order of their keys, so the profile depends on which there are, and
-    not on the order in which they were added. What was computed is kept for each step, so that a
-    step that comes late costs as much as there is behind it.
+    Steps take effect in the order of their keys, so the profile depends only on the set of steps,
+    not on the order in which they were added. The result after each step is kept, so a late step
+    costs only the replay of the steps after it.
     """
 
     def __init__(self, agent: Agent, space: SceneSpace, robot: str) -> None:
@@ -316,7 +315,7 @@ class Replay:
         self._states: list[ReplayState] = []
 
     def add(self, steps: Iterable[FleetStep]) -> None:
-        """Add steps; those that are there already are left out."""
+        """Add steps; known ones are skipped."""
         for step in steps:
             name = step.robot, step.number
             if name in self._known:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learning in layers: the share of each layer in a feedback, and the history of each."""
+"""Learning in layers: the share of each layer in a feedback, and its history."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from feedback_node.ledger.reading import LedgerReader
 from feedback_node.ledger.rows import RevisionCause, hidden
 
 _RECENT = 30
-"""Feedbacks from which the share of wrong ones is estimated."""
+"""Number of feedbacks from which the share of wrong ones is estimated."""
 
 _IN_PART = "taught by somebody, or at a place, that has a profile of its own"
 
@@ -24,9 +24,9 @@ class LayerStep:
     """Step of one layer for one feedback.
 
     Attributes:
-        false_rate: 0..1, how much of what the layer was taught, this included, seems to be
-            wrong; NaN when too little is known.
-        recent: What the layer was taught last, this included; see :func:`taught`.
+        false_rate: Estimated share of wrong feedback for the layer, including this one, 0..1; NaN
+            for too little feedback.
+        recent: The latest targets for the layer, including this one; see :func:`taught`.
     """
 
     cause: RevisionCause
@@ -38,13 +38,14 @@ class LayerStep:
 def shares(
     rule: LearningRule, kind: FeedbackKind, scene: Scene | None
 ) -> tuple[tuple[str, float], ...]:
-    """Return the layers that learn from a feedback, each with its share, 0..1.
+    """Return the layers that learn from a feedback, each with its share (0..1).
 
-    Without the layer of a person or a place that is the profile for everybody, alone and in full;
-    else it comes last, unless it learns nothing of it. What is set is set for everybody.
+    Without a layer for the person or the place, this is only the profile for everybody, with its
+    full share; otherwise that profile comes last, unless it learns nothing. ``SET`` always sets
+    the profile for everybody.
 
     Raises:
-        Refused: ``BAD_LAYER`` for a person or a place whose name is none of a layer.
+        Refused: ``BAD_LAYER``; the name of the person or place cannot be the name of a layer.
     """
     of_scene = {} if scene is None or kind is FeedbackKind.SET else layers_of(scene)
     own = tuple(
@@ -56,7 +57,7 @@ def shares(
 
 
 def anonymous(cause: RevisionCause) -> RevisionCause:
-    """Return a cause without what leads back to the person whose layer was taught as well."""
+    """Return a cause without references to the person whose layer also learned."""
     assert cause.feedback_id is not None
     feedback_id = hidden(cause.feedback_id)
     return replace(cause, reason=_IN_PART, scene_id="", leaf="", feedback_id=feedback_id)
@@ -76,8 +77,9 @@ def layer_step(
 ) -> LayerStep:
     """Return the step of one layer of an agent for one feedback.
 
-    The layer learns a ``share`` of it, 0..1; ``changes`` many feedbacks have led to its profile,
-    which have asked for ``recent``, see :func:`taught`. The ``cause`` lacks what the step says.
+    The layer learns the ``share`` (0..1) of it. ``changes`` is the number of feedbacks that led to
+    its profile, and ``recent`` their targets, see :func:`taught`. The fields of ``cause`` that
+    depend on the step are still missing.
 
     Raises:
         Refused: As in :func:`learning_step.step`.
@@ -120,7 +122,7 @@ def layer_step(
 def taught(
     ledger: LedgerReader, agent: str, layer: str, space: SceneSpace, window: int
 ) -> tuple[Vector, ...]:
-    """Return the targets of the last feedbacks, newest last; enough for ``window`` of them."""
+    """Return the targets of the last feedbacks, newest last; at least ``window`` if there are."""
     found = []
     for row in ledger.taught(agent, layer, newest=max(window, _RECENT)):
         target = space.ordered(row.cause.target)

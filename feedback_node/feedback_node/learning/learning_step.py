@@ -22,10 +22,10 @@ from bt_agents_core.scene import SceneSpace, Vector
 from feedback_node.learning import updates
 
 FEWEST_SAMPLES = 8
-"""With fewer feedbacks nothing is said about how many of them are wrong."""
+"""Fewest feedbacks for an estimate of the share of wrong ones."""
 
 OUTLIER_DEVIATIONS = 3.5
-"""So many deviations from the median make an outlier."""
+"""Number of deviations from the median beyond which a value is an outlier."""
 
 _MAD_TO_DEVIATION = 1.4826
 _LEAST_DEVIATION_SHARE = 1 / 40
@@ -39,10 +39,10 @@ class Evidence:
     """Earlier feedback of an agent; vectors in the order of the space.
 
     Attributes:
-        recent: What the last feedbacks asked for, as of :func:`requested`, newest last; as many as
-            the rule's ``window`` are enough. Without ``SET``.
-        changes: How many feedbacks have moved the profile, without ``SET``.
-        authored: Profile of the agent's file; empty when nothing is bounded by it.
+        recent: Results of :func:`requested` for the last feedbacks except ``SET``, newest last; as
+            many as the rule's ``window`` are enough.
+        changes: Number of feedbacks that moved the profile, without ``SET``.
+        authored: Profile in the agent's file; empty if it bounds nothing.
     """
 
     recent: tuple[Vector, ...] = ()
@@ -51,7 +51,7 @@ class Evidence:
 
 
 UNTAUGHT = Evidence()
-"""Of an agent that has not been taught yet."""
+"""Evidence of an agent without feedback."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,13 +59,13 @@ class Step:
     """Move of a profile; all vectors in the order of the space.
 
     Attributes:
-        target: Vector moved towards or away from; NaN for no opinion.
+        target: Vector that the profile moved towards or away from; NaN for no opinion.
         rate: Learning rate η of the agent, 0..1.
-        weight: Of the source of the feedback.
-        rates: What each parameter was moved by: by its own rate, weight and annealing, 0..1.
-        retreat: Where negative feedback led on the scene itself; NaN where it did not.
-        after: Profile after, inside the ranges.
-        text: The move in words and numbers; says why when nothing has moved.
+        weight: Weight of the source of the feedback.
+        rates: Effective rate of each parameter, from its own rate, weight and annealing, 0..1.
+        retreat: Target of negative feedback given on the scene itself; NaN for none.
+        after: Resulting profile, inside the ranges.
+        text: The move in words and numbers; says why if nothing has moved.
     """
 
     before: Vector
@@ -92,11 +92,11 @@ def step(
     """Move a profile by one feedback; see :func:`updates.apply_update` for the formulas.
 
     The target f is a wanted profile, or the scene that the profile p moves towards or away from;
-    NaN leaves its parameter alone. ``SET`` is ``p ← f`` at once, whatever the learning rate η, the
-    weight of the source, 0 or more, and the drift.
+    NaN leaves its parameter alone. ``SET`` means ``p ← f`` at once, whatever the learning rate η,
+    the weight of the source (0 or more) and the drift.
 
     Raises:
-        Refused: ``NO_OPINION`` or ``NO_SCENE`` when all of ``target`` is NaN, ``BAD_RATE``,
+        Refused: ``NO_OPINION`` or ``NO_SCENE`` if all of ``target`` is NaN, ``BAD_RATE``,
             ``BAD_WEIGHT``, or as in :meth:`SceneSpace.vector`.
     """
     before = space.vector(profile, what="profile")
@@ -149,22 +149,22 @@ def requested(
     space: SceneSpace,
     rule: LearningRule = PLAIN,
 ) -> Vector:
-    """Return the profile that a feedback, but not ``SET``, asked for: ``recent`` of later ones."""
+    """Return the profile that a feedback other than ``SET`` asked for, as ``recent`` for later."""
     of_rule = updates.arrays(rule, space)
     return _vector(updates.requested(kind, np.array(profile), np.array(target), of_rule))
 
 
 def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
-    """Estimate the share of feedbacks that are wrong: those that lie far from the others.
+    """Estimate the share of wrong feedbacks: those far from the others.
 
-    A feedback is an outlier when one of its values is farther from the median than
+    A feedback is an outlier if one of its values is farther from the median than
     :data:`OUTLIER_DEVIATIONS` robust standard deviations, ``1.4826 · MAD`` (Iglewicz and Hoaglin,
-    "How to Detect and Handle Outliers", 1993), where a deviation is at least 1/40 of the range. Up
-    to half of the feedbacks can be found to be wrong. They are given by what they asked for, as of
-    :func:`requested`, NaN for no opinion.
+    "How to Detect and Handle Outliers", 1993), where a deviation is at least 1/40 of the range. It
+    can detect up to half of the feedbacks as wrong. ``recent`` are results of :func:`requested`,
+    NaN for no opinion.
 
     Returns:
-        0..1; NaN for less than :data:`FEWEST_SAMPLES` feedbacks.
+        The share, 0..1; NaN for fewer than :data:`FEWEST_SAMPLES` feedbacks.
     """
     if len(recent) < FEWEST_SAMPLES:
         return math.nan

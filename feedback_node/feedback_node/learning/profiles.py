@@ -23,27 +23,27 @@ from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause, check_texts
 
 MOST_HOSTS = 100
-"""Hosts whose agents are known at once; see :meth:`Profiles.register_card`."""
+"""Most hosts with known agents; see :meth:`Profiles.register_card`."""
 
 _REMEMBERED = 1000
-"""Layers of which it is remembered what they were taught."""
+"""Most layers whose targets are cached."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Start:
-    """Start of a host, and the process that its last card is from, as far as it is known."""
+    """Start of a host, and the process that sent its last card, if known."""
 
     instance: str
     sender: str
 
 
 class Profiles:
-    """Agents of all cards, with their profiles in the ledger, whose errors come through.
+    """Agents of all cards, with their profiles in the ledger; errors of the ledger are passed on.
 
     Args:
         space: The scene parameters.
-        ledger: Where the profiles are recorded.
-        is_there: Returns whether a host takes profiles.
+        ledger: Ledger that records the profiles.
+        is_there: Returns whether a host accepts profiles.
     """
 
     def __init__(
@@ -64,21 +64,21 @@ class Profiles:
         self._recent: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
 
     def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
-        """Take a host's card.
+        """Register the card of a host.
 
-        One without agents is of a start that the market does not have: it takes nothing away from
-        another start of the same name.
+        A card without agents is from a start that is not registered with the market; it does not
+        affect another start of the same name.
 
-        When :data:`MOST_HOSTS` are known, a new one takes the place of one that is not there: of
-        the process with the most hosts, and of these the one known for longest. So one process
-        that makes up hosts takes places from itself only.
+        When :data:`MOST_HOSTS` are known, a new host replaces an absent one: of the process with
+        the most hosts, the one known for longest. So a process that invents hosts only replaces
+        its own.
 
         Returns:
-            What the host has yet to learn, and the problems of its agents in words.
+            Deliveries that the host still needs, and the problems of its agents in words.
 
         Raises:
-            Refused: The card as a whole is not taken: ``TOO_MANY_HOSTS``, or see
-                :func:`read_card` and :class:`Ledger`.
+            Refused: The whole card is refused: ``TOO_MANY_HOSTS``, or see :func:`read_card` and
+                :class:`Ledger`.
         """
         agents, problems = read_card(card, self.space, self._agents)
         start = self._starts.get(card.host)
@@ -93,7 +93,7 @@ class Profiles:
         self._starts[card.host] = _Start(instance=card.instance, sender=card.sender)
         deliveries, more = [], []
         if fresh and agents and self._ledger.has_layers():
-            # Its answer is followed by the layers; it may hold some that are forgotten by now.
+            # It drops layers that may be forgotten by now; the current ones follow its answer.
             deliveries.append(Delivery(host=card.host, agent="", remove=True))
         for agent in agents:
             known = self._agents.get(agent.name, agent)
@@ -129,7 +129,7 @@ class Profiles:
         return tuple(deliveries), (*problems, *more)
 
     def _make_room_for(self, host: str) -> None:
-        """Drop a host that is not there, when there is no place for another one.
+        """Drop an absent host if there is no room for another one.
 
         Raises:
             Refused: ``TOO_MANY_HOSTS``.
@@ -150,7 +150,7 @@ class Profiles:
         )
 
     def _drop(self, host: str, keep: Collection[str] = ()) -> None:
-        """Forget the agents of a host that are not among those to keep."""
+        """Forget the agents of a host except those to keep."""
         for name, known in list(self._agents.items()):
             if known.host == host and name not in keep:
                 del self._agents[name]
@@ -160,11 +160,11 @@ class Profiles:
 
     @property
     def differing(self) -> tuple[str, ...]:
-        """The known agents whose host bids with another profile than that of the ledger."""
+        """The known agents whose host bids with another profile than that in the ledger."""
         return tuple(sorted(self._differing))
 
     def not_delivered(self, name: str) -> None:
-        """Note that the host of an agent has not taken its profile, until a card has it."""
+        """Record that the host of an agent has not accepted its profile, until a card shows it."""
         if name in self._agents:
             self._differing.add(name)
 
@@ -181,15 +181,15 @@ class Profiles:
 
     @property
     def hosts(self) -> frozenset[str]:
-        """The hosts at which agents are known."""
+        """The hosts with known agents."""
         return frozenset(agent.host for agent in self._agents.values())
 
     def knows(self, name: str) -> bool:
-        """Return True when a card has introduced the agent."""
+        """Return True if a card has introduced the agent."""
         return name in self._agents
 
     def profile(self, name: str, layer: str = "") -> Vector:
-        """Return the current profile of a known agent; everybody's where a layer is not there."""
+        """Return the profile of a known agent; that for everybody if the layer is missing."""
         current = self._current.get((name, layer), self._current[name, ""])
         values, authored = current.profile, self._agents[name].authored
         return self.space.clamp(
@@ -233,14 +233,14 @@ class Profiles:
         )
 
     def table(self) -> Table:
-        """Return every known agent and layer."""
+        """Return the profiles of all known agents and layers."""
         return tuple(
             (name, layer, self._current[name, layer].revision, self.profile(name, layer))
             for name, layer in sorted(self._current)
         )
 
     def recorded_of(self, prefix: str) -> Mapping[str, int]:
-        """Return agent → how many of its changes have a feedback id that begins so."""
+        """Return agent → number of its changes whose feedback id has the prefix."""
         return self._ledger.count(prefix)
 
     def recorded(self, feedback_id: str) -> ProfileChange | None:
@@ -273,13 +273,13 @@ class Profiles:
     ) -> ProfileChange:
         """Move an agent's profile and record it; the same id is applied once.
 
-        Where the agent learns apart for the person or the place of the run's scene, their layers
-        move, and the profile for everybody in part; ``SET`` sets that for everybody. The target is
-        a wanted profile or a scene, NaN for no opinion.
+        If the agent has separate layers for the person or the place of the run's scene, these
+        layers move, and the profile for everybody moves in part; ``SET`` sets the profile for
+        everybody. The target is a wanted profile or a scene, NaN for no opinion.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, ``BAD_TEXT``, ``RESERVED_ID``,
-                ``BAD_LAYER``, ``TOO_MANY_LAYERS`` when nothing else learns, or as in
+                ``BAD_LAYER``, ``TOO_MANY_LAYERS`` if nothing else learns, or as in
                 :func:`learning_step.step` and :class:`Ledger`; nothing has changed.
         """
         if (known := self.recorded(feedback_id)) is not None:
@@ -344,9 +344,9 @@ class Profiles:
     def on_recorded(
         self, revisions: Iterable[ProfileRevision], steps: Mapping[str, LayerStep] | None = None
     ) -> ProfileChange:
-        """Adopt revisions that the ledger has recorded, of agents known or not.
+        """Adopt revisions that the ledger has recorded, of known and unknown agents.
 
-        Beginnings of layers belong to what follows them. Of feedback there are steps, by layer.
+        The beginning of a layer belongs to its next revision. ``steps`` are those of feedback.
         """
         changes = []
         for revision in revisions:
@@ -384,7 +384,7 @@ class Profiles:
         return tuple(deliveries)
 
     def false_rate(self, name: str, layer: str = "") -> float:
-        """Return the share of a profile's feedback that seems wrong, as :class:`ProfileChange`."""
+        """Return the estimated share of wrong feedback; see :class:`ProfileChange`."""
         current = self._ledger.current(name, layer)
         return math.nan if current is None else self._false_rate_of(current, None)
 
@@ -396,7 +396,7 @@ class Profiles:
         return taught(self._ledger, name, layer, self.space, window)
 
     def _false_rate_of(self, revision: ProfileRevision, step: LayerStep | None) -> float:
-        """Return it for the current revision of a profile; estimated once for each."""
+        """Return it for the current revision of a profile; estimated once per revision."""
         key = (revision.agent, revision.layer)
         number, rate = self._false_rates.get(key, (-1, math.nan))
         if step is not None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Update rules of profiles on arrays: one profile, or those of thousands of runs at once.
+"""Update rules of profiles on arrays: one profile, or the profiles of thousands of runs at once.
 
-All functions broadcast over leading axes, so that each row is moved as if it were alone. Plain
-sums are those of plain Python, bit for bit.
+All functions broadcast over leading axes; each row is moved as if it were alone. Plain sums equal
+those of plain Python bit for bit.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 WIDTH_SHARE = 1 / 4
-"""Share of a parameter's range that is the width of ``HUBER`` where none is given."""
+"""Default width of ``HUBER`` as a share of a parameter's range."""
 
 
 SAME_SHARE = 1 / 1000
-"""Share of a parameter's range within which a profile lies on the scene."""
+"""Share of a parameter's range within which a profile counts as on the scene."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,12 +31,12 @@ class RuleArrays:
     """A learning rule with its values in the order of the parameters.
 
     Attributes:
-        rates: [n], learning rates; NaN for the agent's.
-        width: [n], of ``HUBER``; in the units of the parameters.
+        rates: [n], learning rates; NaN for the agent's rate.
+        width: [n], width of ``HUBER`` in the units of the parameters.
         anneal: The rate after m changes is ``rate / (1 + anneal * m)``.
-        drift: [n], farthest from the authored profile; NaN for no bound.
-        retreat: [n], where negative feedback leads on the scene itself; NaN for nowhere.
-        same: [n], distance from the scene up to which the profile lies on it.
+        drift: [n], largest distance from the authored profile; NaN for no bound.
+        retreat: [n], target of negative feedback on the scene itself; NaN for none.
+        same: [n], largest distance from the scene at which the profile counts as on it.
     """
 
     update: Update
@@ -72,10 +72,10 @@ def rates(rule: RuleArrays, rate: ArrayLike, weight: ArrayLike, changes: ArrayLi
     """Return the rate of each parameter: ``min(1, η · w / (1 + a · m))``.
 
     Args:
-        rule: The rule; its own rates go before ``rate``.
+        rule: The rule; its own rates take precedence over ``rate``.
         rate: [...], learning rate η of the agent, 0..1.
         weight: [...], weight w of the source, 0 or more.
-        changes: [...], how often feedback has moved the profile (m).
+        changes: [...], number of feedbacks that moved the profile (m).
 
     Returns:
         [..., n], 0..1.
@@ -87,7 +87,7 @@ def rates(rule: RuleArrays, rate: ArrayLike, weight: ArrayLike, changes: ArrayLi
 
 
 def retreats(kind: ArrayLike, profile: Array, target: Array, rule: RuleArrays) -> BoolArray:
-    """Return where negative feedback finds the profile on the scene and the rule says where to.
+    """Return where negative feedback meets a profile on the scene and the rule has a retreat.
 
     Arguments are those of :func:`requested`; the result is [..., n].
     """
@@ -99,10 +99,10 @@ def retreats(kind: ArrayLike, profile: Array, target: Array, rule: RuleArrays) -
 
 
 def requested(kind: ArrayLike, profile: Array, target: Array, rule: RuleArrays) -> Array:
-    """Return the profile that feedback asks for: the target, or for negative its mirror image.
+    """Return the profile that feedback asks for: the target, or its mirror image if negative.
 
-    "Away from the scene by the same step" is the step towards ``2p − s``, which may lie outside
-    of the ranges; on the scene itself it is that towards ``retreat``.
+    "Away from the scene by the same step" is a step towards ``2p − s``, which may be outside the
+    ranges; on the scene itself, it is a step towards ``retreat``.
 
     Args:
         kind: [...], as :class:`bt_agents_core.feedback.FeedbackKind`.
@@ -126,25 +126,24 @@ def apply_update(
     low: Array,
     high: Array,
 ) -> Array:
-    """Return profiles after one feedback each: ``p ← p + η · d``, inside of ranges and drift.
+    """Return profiles after one feedback each: ``p ← p + η · d``, inside the ranges and drift.
 
-    ``d`` is the pull of the feedback, ``f − p``, or ``−(f − p)`` when it is negative. ``HUBER``
-    clips it to ±width (Huber, "Robust Estimation of a Location Parameter", 1964: the step that
-    his loss has as its gradient); ``MEDIAN`` takes the median of what the last feedbacks asked
-    for instead of ``f``. A positive step does not pass what it goes to. ``SET`` is ``p ← f``,
-    whatever rate and drift. Negative feedback on the scene itself is a step towards ``retreat``
-    where the rule has one. A profile that is already farther from its file than the drift comes
-    nearer or stays.
+    ``d`` is the pull of the feedback, ``f − p``, or ``−(f − p)`` if it is negative. ``HUBER``
+    clips it to ±width (Huber, "Robust Estimation of a Location Parameter", 1964: the gradient of
+    his loss); ``MEDIAN`` replaces ``f`` by the median of what the last feedbacks asked for. A
+    positive step does not pass its target. ``SET`` is ``p ← f``, whatever the rate and the drift.
+    Negative feedback on the scene itself is a step towards ``retreat`` if the rule has one. A
+    profile that is already farther from its file than the drift only moves nearer or stays.
 
     Args:
         kind: [...], as :class:`bt_agents_core.feedback.FeedbackKind`.
         profile: [..., n], inside the ranges.
         target: [..., n]; NaN leaves its parameter alone.
-        rate: [..., n], as of :func:`rates`.
+        rate: [..., n], result of :func:`rates`.
         rule: The learning rule, the same for all rows.
-        recent: [..., k, n], what the feedbacks before this one asked for as of :func:`requested`,
-            newest last, NaN for none; only ``MEDIAN`` looks at it.
-        authored: [..., n], profile of the agent's file.
+        recent: [..., k, n], results of :func:`requested` for the previous feedbacks, newest last,
+            NaN for none; only ``MEDIAN`` uses it.
+        authored: [..., n], profile in the agent's file.
         low: [n], lower ends of the ranges.
         high: [n], upper ends of the ranges.
     """
@@ -160,7 +159,7 @@ def apply_update(
         goal = _median_target(requested(kind, profile, target, rule), recent, rule.window)
         pull = goal - profile
     after = profile + rate * pull
-    # Rounding may carry the sum one digit past the target, which would be an overshoot.
+    # Rounding may move the sum one digit past the target, which would be an overshoot.
     nearer = np.clip(after, np.minimum(profile, goal), np.maximum(profile, goal))
     after = _bounded(np.where(mirrored, after, nearer), profile, authored, rule.drift)
     after = np.clip(np.where(kinds == FeedbackKind.SET, target, after), low, high)
@@ -168,7 +167,7 @@ def apply_update(
 
 
 def median(samples: Array) -> Array:
-    """Return the median of samples [..., k, n] over k, NaN left out; NaN where all are."""
+    """Return the median of samples [..., k, n] over k, ignoring NaN; NaN where all are NaN."""
     ordered = np.sort(samples, axis=-2)
     count = np.sum(~np.isnan(samples), axis=-2, keepdims=True)
     below = np.take_along_axis(ordered, np.maximum(count - 1, 0) // 2, axis=-2)

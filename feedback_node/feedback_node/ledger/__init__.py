@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ledger: every revision of every profile with its cause, on the disk before it counts."""
+"""The ledger: every revision of every profile with its cause, on disk before it counts."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from feedback_node.ledger.rows import (
 
 @dataclass(frozen=True, kw_only=True)
 class LedgerEntry:
-    """A revision to be recorded."""
+    """A revision to record."""
 
     agent: str
     layer: str = ""
@@ -50,19 +50,19 @@ class LedgerEntry:
 
 
 class Ledger(LedgerReader):
-    """The only writer of one SQLite file; a change is on the disk when its method returns.
+    """The only writer of an SQLite file; a change is on disk when its method returns.
 
-    A lock file beside the database keeps a second writer out, and tells when the end of the
-    database is lost; readers are welcome at any time.
-    Changes raise :class:`LedgerError` as :func:`failed` says, or with ``LEDGER_CORRUPT``; whatever
-    is raised, nothing of them is recorded.
+    A lock file next to the database excludes a second writer and shows if the end of the database
+    is lost; readers are allowed at any time.
+    Changes raise :class:`LedgerError` as described in :func:`failed`, or with ``LEDGER_CORRUPT``;
+    a change that raises an error records nothing.
 
     Attributes:
-        failure: Why the last change was not recorded; empty when it was.
+        failure: Why the last change was not recorded; empty if it was.
     """
 
     def __init__(self, path: str | Path, *, wall: Callable[[], float] = time.time) -> None:
-        """Open a ledger and check all of it; a missing file and its folder are created.
+        """Open a ledger and check all of it; create a missing file with its folder.
 
         Raises:
             LedgerError: ``LEDGER_IN_USE``, or as in :func:`open_database`.
@@ -73,7 +73,7 @@ class Ledger(LedgerReader):
         self._lock: LedgerLock | None = None
         with ExitStack() as opened:
             if str(path) != MEMORY:
-                # What belongs to a ledger lies beside the file itself, whichever link leads to it.
+                # The other files of a ledger are next to the file itself, not to a link to it.
                 path = Path(path).resolve()
                 self._lock = opened.enter_context(closing(LedgerLock(path)))
                 if not has_content(str(path)):
@@ -87,11 +87,11 @@ class Ledger(LedgerReader):
             self._opened = opened.pop_all()
 
     def checkpoint(self) -> bool:
-        """Move what was committed from the write-ahead log into the database file.
+        """Move committed changes from the write-ahead log into the database file.
 
-        A close would do it otherwise, and on a slow disk outlast the time a process has to stop.
-        Traces of what was forgotten go from the file here when they could not go at once; returns
-        False when they still could not.
+        Otherwise a close would do this, which on a slow disk may exceed the time for the stop of a
+        process. It also removes traces of forgotten content that could not be removed at once;
+        returns False if they still cannot be removed.
         """
         self._erasure.retry()
         with suppress(sqlite3.OperationalError):
@@ -99,7 +99,7 @@ class Ledger(LedgerReader):
         return not self._erasure.pending
 
     def close(self) -> None:
-        """Close the file and let another writer in; closing twice is fine."""
+        """Close the file and admit another writer; may be called twice."""
         self._opened.close()
 
     def __enter__(self) -> Ledger:
@@ -113,11 +113,10 @@ class Ledger(LedgerReader):
     def enter(self, profiles: Mapping[str, Mapping[str, float]]) -> dict[str, ProfileRevision]:
         """Record authored profiles and return the current revision of each agent.
 
-        A new agent starts at revision 0. Where the author has edited a value since the last
-        authored revision, the file's profile becomes a new one, so that the edit wins over what
-        was learned before; a layer of the agent takes the edited values only. Where only
-        parameters have come or gone, the learned values stay and new parameters take the
-        authored value.
+        A new agent starts at revision 0. If the author has edited a value since the last authored
+        revision, the profile in the file becomes a new revision, so the edit overrides what was
+        learned; layers of the agent get only the edited values. If parameters were only added or
+        removed, the learned values stay and new parameters get the authored values.
         """
         with self._transaction():
             return {agent: self._enter(agent, profile) for agent, profile in profiles.items()}
@@ -130,10 +129,10 @@ class Ledger(LedgerReader):
         return self.record([entry])[0]
 
     def record(self, entries: Sequence[LedgerEntry]) -> tuple[ProfileRevision, ...]:
-        """Record revisions together; a known ``feedback_id`` returns its old ones instead.
+        """Record revisions together; for a known ``feedback_id``, return its old ones instead.
 
         Raises:
-            Refused: ``UNKNOWN_AGENT`` for an agent that was never entered.
+            Refused: ``UNKNOWN_AGENT``; the agent was never entered.
         """
         with self._transaction():
             ids = {e.cause.feedback_id for e in entries if e.cause.feedback_id is not None}
@@ -150,10 +149,10 @@ class Ledger(LedgerReader):
     def undo(
         self, agent: str, layer: str = "", *, source: str = "", reason: str = ""
     ) -> ProfileRevision:
-        """Bring back the profile before the last change, as a new revision.
+        """Restore the profile before the last change, as a new revision.
 
-        Again and again it goes further back, down to the last profile that the author wrote, or
-        to that with which the layer began.
+        Repeated calls go further back, to the last profile that the author wrote or to the
+        beginning of the layer.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_LAYER`` or ``NOTHING_TO_UNDO``.
@@ -184,7 +183,7 @@ class Ledger(LedgerReader):
     def reset(
         self, agent: str, layer: str = "", *, source: str = "", reason: str = ""
     ) -> ProfileRevision:
-        """Bring back the profile that the author wrote last, as a new revision.
+        """Restore the last profile that the author wrote, as a new revision.
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``UNKNOWN_LAYER``.
@@ -202,16 +201,16 @@ class Ledger(LedgerReader):
             return self._append(agent, layer, authored, cause)
 
     def forget(self, profiles: Iterable[tuple[str, str]], *, source: str = "") -> str:
-        """Erase the content of layers from the file; a row for each says that it was there.
+        """Erase the content of layers from the file; one row per layer records that it existed.
 
         Hashes of the feedback ids and of the layer's name stay, so that late repetitions are not
-        applied again, and the other robots of a fleet forget it, too.
+        applied again and the other robots of a fleet can forget the layer, too.
 
         Returns:
-            Why traces of them stay in the file for now; empty when they are gone.
+            Why traces stay in the file for now; empty if they are gone.
 
         Raises:
-            Refused: ``UNKNOWN_LAYER``, also for everybody's profile.
+            Refused: ``UNKNOWN_LAYER``, also for the profile for everybody.
         """
         with self._transaction():
             self._revisions.clear()
@@ -230,16 +229,16 @@ class Ledger(LedgerReader):
     def forget_as_told(
         self, agent: str, layer: str, cause: RevisionCause, kept: Iterable[LedgerEntry] = ()
     ) -> tuple[tuple[ProfileRevision, ...], str]:
-        """Erase a layer that another robot has forgotten, and record anew what came later.
+        """Erase a layer that another robot has forgotten, and record again what came later.
 
         Args:
-            agent: Whose layer.
-            layer: Its name; empty where it is not there, so that only the forgetting is recorded.
-            cause: With the step of the other robot.
-            kept: What is recorded anew.
+            agent: Agent of the layer.
+            layer: Its name; empty if it does not exist, to record only that it was forgotten.
+            cause: Cause with the step of the other robot.
+            kept: Entries to record again.
 
         Returns:
-            The revisions of ``kept``, and as :meth:`forget`.
+            The revisions of ``kept``, and the result of :meth:`forget`.
         """
         with self._transaction():
             self._revisions.clear()
@@ -253,7 +252,7 @@ class Ledger(LedgerReader):
     def _erase(
         self, agent: str, layer: str, last: ProfileRevision | None, cause: RevisionCause
     ) -> None:
-        """Erase a layer, and record why; only that where there is none."""
+        """Erase a layer, if there is one, and record why."""
         if last is None:
             stays, revision = f"{FORGOTTEN_LAYER}{self._next_number()}", 0
         else:
@@ -261,7 +260,7 @@ class Ledger(LedgerReader):
         self._append(agent, stays, {}, cause, revision=revision)
 
     def _end_of(self, agent: str, layer: str) -> float:
-        """Return the wall time behind everything in a layer, also what other clocks have said."""
+        """Return a wall time after everything in a layer, including times of other clocks."""
         found = self.history(agent, layer)
         stamps = [one.cause.step.get("stamp", one.stamp) for one in found]
         return max(self._wall(), math.nextafter(max(stamps), math.inf))

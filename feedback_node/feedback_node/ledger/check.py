@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check of a ledger: the checksum of every row, gaps in the revisions, and SQLite's own check."""
+"""Checks a ledger: checksums of all rows, gaps in the revisions, and SQLite's own check."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import Any
 from feedback_node.ledger.rows import COLUMNS, Row, has_tables, name_of
 
 _MOST_PAGES = 3
-"""Problems that SQLite is asked to name."""
+"""Most problems that SQLite is asked for."""
 
 
 class LedgerCheck:
-    """Result of one pass over all rows of a ledger, so far.
+    """Result so far of one pass over all rows of a ledger.
 
     Attributes:
-        good: How many rows are what was written, with all revisions of their profile before them.
-        forgotten: How many of them have lost their content on purpose.
-        problems: Each with the rows or the pages concerned; empty when nothing is wrong.
-        last: The number of the last row.
-        recorded: That of the last row that was recorded, as far as it is known; 0 if not.
+        good: Number of intact rows whose profile has all earlier revisions.
+        forgotten: Number of good rows whose content was erased on purpose.
+        problems: Problems with the affected rows or pages; empty for none.
+        last: Number of the last row.
+        recorded: Number of the last recorded row; 0 if unknown.
     """
 
     def __init__(self, database: sqlite3.Connection) -> None:
@@ -33,16 +33,16 @@ class LedgerCheck:
 
     @property
     def lost(self) -> str:
-        """Which rows are missing at the end, in words; empty for none."""
+        """The rows missing at the end, in words; empty for none."""
         if self.last >= self.recorded:
             return ""
         return f"rows {self.last + 1} to {self.recorded}, the last ones, are missing"
 
     def good_rows(self) -> Iterator[Row]:
-        """Yield the good rows in the order of their entry.
+        """Yield the good rows in order of entry.
 
         Raises:
-            sqlite3.OperationalError: The file is out of reach.
+            sqlite3.OperationalError: The file cannot be accessed.
         """
         for row in self._rows():
             self.last = row.number
@@ -59,7 +59,7 @@ class LedgerCheck:
         profile = (row.agent, row.layer)
         expected = self._next.get(profile, 0)
         if not row.is_intact:
-            # It fills its place all the same, so that its successor is not reported as well.
+            # A damaged row still fills its place, so that its successor is not reported, too.
             self._next[profile] = expected + (row.revision == expected)
             return f"row {row.number} ({row.name}) is not what was written"
         self._next[profile] = row.revision + 1
@@ -68,7 +68,7 @@ class LedgerCheck:
         return ""
 
     def _rows(self) -> Iterator[Row]:
-        """Yield all rows that can be read: up to a damaged page, and from the end back to it."""
+        """Yield all readable rows: up to a damaged page, and from the end back to it."""
         last = 0
         try:
             for row in self._select("ORDER BY number"):
@@ -99,10 +99,10 @@ class LedgerCheck:
 
 
 def check(database: sqlite3.Connection) -> LedgerCheck:
-    """Check an open ledger of this format; a writer may have it open as well.
+    """Check an open ledger of this format; a writer may also have it open.
 
     Raises:
-        sqlite3.OperationalError: The file is out of reach.
+        sqlite3.OperationalError: The file cannot be accessed.
     """
     found = LedgerCheck(database)
     database.execute("BEGIN")
@@ -129,10 +129,10 @@ def is_out_of_reach(error: Exception) -> bool:
     """Return True for a read error that does not mean damage."""
     if not isinstance(error, sqlite3.OperationalError):
         return False
-    # A table that is missing, or a header that makes no sense, is an operational error, too.
+    # A missing table or an invalid header is an operational error, too.
     return error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_ERROR
 
 
 def _is_between(low: int, number: Any, high: int | None) -> bool:
-    """Return True for a number of a row that can stand there; damage may make anything of it."""
+    """Return whether the number of a row is possible here; damage may change it arbitrarily."""
     return isinstance(number, int) and low < number and (high is None or number < high)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Erasure of rows from the ledger's file, so that not even a trace stays in it."""
+"""Erases rows from the ledger's file without leaving a trace."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from feedback_node.ledger.file import integer
 from feedback_node.ledger.rows import FORGOTTEN_LAYER, Row, hidden, with_checksum
 
 MOST_SKIPPED = 63
-"""So many times at most :meth:`FileErasure.retry` does nothing after a rewriting that failed."""
+"""Most calls of :meth:`FileErasure.retry` that are skipped after a failed rewrite."""
 
 _TASK = "erase"
 
 
 def erase_layer(database: sqlite3.Connection, agent: str, layer: str) -> str:
-    """Erase all content of a layer, inside a transaction; return the layer its rows stay in."""
+    """Erase all content of a layer in a transaction; return the new layer of its rows."""
     found = database.execute(
         "SELECT number, revision, feedback_id FROM revision WHERE agent = ? AND layer = ? "
         "ORDER BY number",
@@ -35,10 +35,10 @@ def erase_layer(database: sqlite3.Connection, agent: str, layer: str) -> str:
 
 
 class FileErasure:
-    """Removal of the last traces of erased rows from the file, as soon as that can be done.
+    """Removes the last traces of erased rows from the file as soon as possible.
 
-    The file is rewritten once; the log, which has grown by all of it, is emptied when nobody
-    reads it any more. What is pending is recorded in the file, and so outlives a crash.
+    It rewrites the file once, which also writes all of it to the log, and empties the log when it
+    has no more readers. The file records that this is pending, so it survives a crash.
 
     Attributes:
         pending: True while traces may be left.
@@ -53,7 +53,7 @@ class FileErasure:
         self.pending = found is not None
 
     def run(self) -> str:
-        """Rewrite the file without free pages and empty its log; return why not, "" when done."""
+        """Rewrite the file without free pages and empty its log; return why not, "" if done."""
         try:
             if not self._rewritten:
                 self._database.execute("VACUUM")
@@ -73,7 +73,7 @@ class FileErasure:
         return self.run()
 
     def retry(self) -> None:
-        """Run again without waiting for readers; a rewriting that fails ever more seldom."""
+        """Run again without waiting for readers; retry a failing rewrite less and less often."""
         if not self.pending:
             return
         if self._skip:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ledger's SQLite file: one writer, one format, and no silent replacement of a damaged one."""
+"""The ledger's SQLite file: one writer, one format, and no silent replacement if damaged."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from feedback_node.ledger.check import LedgerCheck, check, is_out_of_reach
 from feedback_node.ledger.rows import APPLICATION, FORMAT, INSERT, create_tables
 
 MEMORY = ":memory:"
-"""Path of a ledger that is forgotten when it is closed."""
+"""Path of a ledger in memory, which is lost when it is closed."""
 
 CUT_OFF = "LEDGER_CUT_OFF"
-"""Code of a ledger that has lost its end."""
+"""Error code of a ledger that has lost its end."""
 
 _LOCK_WAIT_S = 0.5
 _MOST_PROBLEMS = 3
@@ -42,13 +42,13 @@ class LedgerError(Refused):
 
 
 class LedgerLock:
-    """Lock file of a ledger, which keeps other writers out and has the number of the last row.
+    """Lock file of a ledger, which excludes other writers and holds the number of the last row.
 
-    SQLite drops the end of a log that is damaged without a word; by the number it is noticed.
+    SQLite silently drops the end of a damaged log; the number reveals the loss.
     """
 
     def __init__(self, path: Path) -> None:
-        """Lock a ledger; its folder is created.
+        """Lock a ledger; create its folder if missing.
 
         Raises:
             LedgerError: ``LEDGER_UNREADABLE`` or ``LEDGER_IN_USE``.
@@ -74,23 +74,23 @@ class LedgerLock:
             ) from None
 
     def record(self, number: int) -> None:
-        """Record the number of the last row, which is on the disk."""
+        """Record the number of the last row, which is already on disk."""
         if number == self._recorded:
             return
-        # A row counts without it, too; only its loss would not be noticed.
+        # The row counts even without it; only its loss would then go unnoticed.
         with suppress(OSError):
-            # Twice, so that a number that is damaged itself is noticed.
+            # Written twice, so that damage to the number itself is detected.
             os.pwrite(self._file, f"{number:019d}\n".encode() * 2, 0)
             os.fdatasync(self._file)
             self._recorded = number
 
     def close(self) -> None:
-        """Let another writer in."""
+        """Release the lock for another writer."""
         os.close(self._file)
 
 
 def _recorded_in(lock: Path) -> int:
-    """Return the number of the last row of a ledger; 0 when its lock file does not say it."""
+    """Return the number of the last row from a lock file; 0 if it does not contain one."""
     try:
         with lock.open("rb") as opened:
             one, other = opened.read(_MARK_BYTES).split()
@@ -107,17 +107,17 @@ def connect(path: str, mode: str) -> sqlite3.Connection:
     """Open a database; ``ro``, ``rwc`` or ``memory`` as in SQLite's URI."""
     address = f"file:{quote(path)}?mode={mode}"
     database = sqlite3.connect(address, uri=True, timeout=_LOCK_WAIT_S, isolation_level=None)
-    # Damaged text is for the checksum of its row to find.
+    # The checksum of its row detects damaged text.
     database.text_factory = methodcaller("decode", errors="surrogateescape")
     return database
 
 
 def open_database(path: str) -> sqlite3.Connection:
-    """Open a ledger to write, checked before anything is changed; create a new one.
+    """Open a ledger for writing, checked before any change; create a missing one.
 
     Raises:
-        LedgerError: As in :func:`inspect`, ``LEDGER_CORRUPT`` or ``LEDGER_CUT_OFF``, and the file
-            is left as it was found; or as in :func:`failed` when a new one cannot be written.
+        LedgerError: As in :func:`inspect`, ``LEDGER_CORRUPT`` or ``LEDGER_CUT_OFF``; the file is
+            unchanged. Or as in :func:`failed` if a new one cannot be written.
     """
     if path != MEMORY and has_content(path):
         found = inspect(path)
@@ -142,13 +142,13 @@ def open_database(path: str) -> sqlite3.Connection:
 
 
 def inspect(path: str) -> LedgerCheck:
-    """Check a ledger, which a feedback node may have open, and change nothing.
+    """Check a ledger, even one that a feedback node has open, without changing it.
 
     Raises:
         LedgerError: It is no ledger of this format: ``LEDGER_UNREADABLE``, ``LEDGER_FOREIGN``,
-            ``LEDGER_NEWER``, ``LEDGER_OLD``, or ``LEDGER_CORRUPT`` when it is no database at all.
+            ``LEDGER_NEWER``, ``LEDGER_OLD``, or ``LEDGER_CORRUPT`` if it is no database at all.
     """
-    # First, as a writer may go on meanwhile. It lies beside the file itself.
+    # Read first, because a writer may continue. The lock is next to the file, not next to a link.
     recorded = _recorded_in(_lock_of(Path(path).resolve()))
     try:
         with closing(connect(path, "ro")) as database:
@@ -156,16 +156,16 @@ def inspect(path: str) -> LedgerCheck:
             found.recorded = recorded
             return found
     except (sqlite3.Error, UnicodeDecodeError) as error:
-        # The message of an error may quote text that is damaged.
+        # The error message may quote damaged text.
         raise unread(path, error) from error
 
 
 def recover(path: str, new: str) -> int:
-    """Copy the good rows of a damaged ledger into a new one; return how many there are.
+    """Copy the good rows of a damaged ledger to a new one; return their number.
 
     Raises:
-        Refused: ``FILE_EXISTS`` for a new file that is there.
-        LedgerError: As in :func:`inspect`, or the new one cannot be written.
+        Refused: ``FILE_EXISTS``; the new file already exists.
+        LedgerError: As in :func:`inspect`, or the new file cannot be written.
     """
     if Path(new).exists():
         raise Refused("FILE_EXISTS", f"{new}: it is there already; choose another name")
@@ -186,18 +186,18 @@ def has_content(path: str) -> bool:
     """Return whether a ledger has been created.
 
     Raises:
-        LedgerError: ``LEDGER_CORRUPT`` when only its log is there, or ``LEDGER_UNREADABLE``.
+        LedgerError: ``LEDGER_CORRUPT`` if only its log exists, or ``LEDGER_UNREADABLE``.
     """
     file, log, journal = Path(path), Path(path + "-wal"), Path(path + "-journal")
     try:
         if journal.exists():
-            # The creation of the ledger was cut off; SQLite undoes it before it reads.
+            # The creation of the ledger was interrupted; SQLite rolls it back before reading.
             with closing(connect(path, "rwc")) as database:
                 integer(database, "schema_version")
         if file.exists() and file.stat().st_size:
             return True
         if log.exists() and log.stat().st_size:
-            # SQLite would delete the log.
+            # Opening the file would make SQLite delete the log.
             raise damaged(path, ["the file is gone or empty, and its log (-wal) is there"])
     except (OSError, sqlite3.Error) as error:
         raise unreadable(path, error) from error
@@ -230,7 +230,7 @@ def _set_up(database: sqlite3.Connection) -> None:
     database.execute("BEGIN IMMEDIATE")
     try:
         if integer(database, "user_version"):
-            # One that can only be read says so now rather than with the first feedback.
+            # A read-only file fails here rather than at the first feedback.
             database.execute(f"PRAGMA user_version = {FORMAT}")
             database.execute("ROLLBACK")
         else:
@@ -243,12 +243,12 @@ def _set_up(database: sqlite3.Connection) -> None:
 
 
 def integer(database: sqlite3.Connection, pragma: str) -> int:
-    """Return the number that a pragma of the file has."""
+    """Return the integer value of a pragma."""
     return int(database.execute(f"PRAGMA {pragma}").fetchone()[0])
 
 
 def unreadable(path: str, error: Exception) -> LedgerError:
-    """Return the error for a file that the operating system does not let us use."""
+    """Return the error for a file that the operating system does not let us access."""
     if is_full(error):
         return failed(path, error)
     return LedgerError(
@@ -258,7 +258,7 @@ def unreadable(path: str, error: Exception) -> LedgerError:
 
 
 def repair_of_cut_off(path: str) -> str:
-    """Return in words what to do about a ledger that has lost its end."""
+    """Return in words how to repair a ledger that has lost its end."""
     return (
         "The end of its log (-wal) is damaged or gone, or an older copy is in its place: put the "
         f"newer files back, if there are any; to go on with what is there, remove {path}.lock"
@@ -273,28 +273,28 @@ def damaged(path: str, problems: Sequence[str]) -> LedgerError:
 
 
 def unread(path: str, error: Exception) -> LedgerError:
-    """Return the error for something that was not read."""
+    """Return the error for a failed read."""
     return unreadable(path, error) if is_out_of_reach(error) else damaged(path, [str(error)])
 
 
 def is_full(error: Exception) -> bool:
-    """Return True for an error of writing that comes from a disk, or a quota, that is full."""
+    """Return whether a write error comes from a full disk or quota."""
     if isinstance(error, OSError):
         return error.errno in _FULL_ERRNO
     return getattr(error, "sqlite_errorcode", None) in _FULL
 
 
 def _is_of_another_writer(error: Exception) -> bool:
-    """Return True for what happens only while a second process writes the file.
+    """Return whether an error can only come from a second process that writes the file.
 
-    There is a revision that this one has not written, or the other is in the middle of one.
+    Either a revision exists that this process has not written, or the other one is writing now.
     """
     code = getattr(error, "sqlite_errorcode", 0)
     return code in _WRITTEN_TWICE or code & 0xFF == sqlite3.SQLITE_BUSY
 
 
 def failed(path: str, error: Exception) -> LedgerError:
-    """Return the error for something that was not recorded."""
+    """Return the error for a change that was not recorded."""
     if is_full(error):
         return LedgerError(
             STORAGE_FULL,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Queries of the ledger; the checksum of each row is checked when it is read."""
+"""Queries of the ledger; reading a row checks its checksum."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from feedback_node.ledger.rows import (
 
 _FIRST_BATCH = 32
 _LARGEST_BATCH = 1024
-"""Rows that are read at once on the way back, at first and at most."""
+"""Number of rows in the first and in the largest batch when reading backwards."""
 
 _MOST_STEPS = 1000
-"""Steps of other robots, and feedbacks that set a profile, that :meth:`taught` passes by."""
+"""Most fleet steps and feedbacks with ``SET`` that :meth:`taught` skips."""
 
 
 class LedgerReader:
@@ -43,13 +43,13 @@ class LedgerReader:
         self.path = path
 
     def current(self, agent: str, layer: str = "") -> ProfileRevision | None:
-        """Return the latest revision of an agent; None for an unknown one."""
+        """Return the latest revision of an agent; None for an unknown agent."""
         where = "WHERE agent = ? AND layer = ? ORDER BY revision DESC LIMIT 1"
         found = self._select(where, agent, layer)
         return found[0] if found else None
 
     def layers(self, agent: str) -> tuple[ProfileRevision, ...]:
-        """Return the latest revision of each layer of an agent, by name."""
+        """Return the latest revision of each layer of an agent, sorted by name."""
         where = (
             "JOIN (SELECT layer AS l, max(revision) AS r FROM revision WHERE agent = ? AND "
             "layer <> '' AND content IS NOT NULL GROUP BY layer) ON layer = l AND revision = r "
@@ -58,22 +58,22 @@ class LedgerReader:
         return tuple(self._select(where, agent, agent))
 
     def count_layers(self, agent: str) -> int:
-        """Return how many layers an agent has."""
+        """Return the number of layers of an agent."""
         where = f"agent = ? AND layer > '' AND layer NOT LIKE '{FORGOTTEN_LAYER}%'"
         query = f"SELECT count(DISTINCT layer) FROM revision WHERE {where}"
         return int(self._query(query, agent)[0][0])
 
     def has_layers(self) -> bool:
-        """Return True when any agent has, or has had, a layer."""
+        """Return whether any agent has, or has had, a layer."""
         return bool(self._query("SELECT 1 FROM revision WHERE layer <> '' LIMIT 1"))
 
     def agents(self) -> tuple[str, ...]:
-        """Return the names of all agents, by name."""
+        """Return the sorted names of all agents."""
         found = self._query("SELECT DISTINCT agent FROM revision WHERE layer = '' ORDER BY agent")
         return tuple(str(agent) for (agent,) in found)
 
     def authored(self, agent: str) -> Mapping[str, float]:
-        """Return the profile of an agent as its author wrote it last.
+        """Return the last profile of an agent that its author wrote.
 
         Raises:
             Refused: ``UNKNOWN_AGENT``.
@@ -87,12 +87,12 @@ class LedgerReader:
         raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
 
     def find_all(self, feedback_id: str) -> tuple[ProfileRevision, ...]:
-        """Return all revisions that a feedback led to, in the order of their entry."""
+        """Return all revisions that a feedback led to, in order of entry."""
         where = "WHERE feedback_id IN (?, ?) ORDER BY number"
         return tuple(self._select(where, feedback_id, hidden(feedback_id)))
 
     def count(self, prefix: str) -> dict[str, int]:
-        """Return agent → how many feedbacks it has had whose id begins so."""
+        """Return agent → number of its feedbacks whose id has the prefix."""
         query = (
             "SELECT agent, count(DISTINCT feedback_id) FROM revision "
             "WHERE feedback_id >= ? AND feedback_id < ? GROUP BY agent"
@@ -103,16 +103,16 @@ class LedgerReader:
     def history(
         self, agent: str, layer: str = "", *, newest: int | None = None
     ) -> tuple[ProfileRevision, ...]:
-        """Return the revisions of an agent, oldest first; all, or the newest so many."""
+        """Return the revisions of an agent, oldest first; all, or only the newest."""
         where = "WHERE agent = ? AND layer = ? ORDER BY revision DESC LIMIT ?"
         found = self._select(where, agent, layer, -1 if newest is None else newest)
         return tuple(reversed(found))
 
     def taught(self, agent: str, layer: str = "", *, newest: int) -> tuple[ProfileRevision, ...]:
-        """Return the newest feedbacks that have led to the current profile, oldest first.
+        """Return the newest feedbacks that led to the current profile, oldest first.
 
-        Those that were undone are left out, and those before the author, a reset or an import has
-        set the profile; those that set it are none, nor are the steps of other robots.
+        It skips undone feedback and everything before the author, a reset or an import set the
+        profile, as well as feedback that sets it and steps of other robots.
         """
         found: list[ProfileRevision] = []
         for row in islice(self._back(agent, layer), newest + _MOST_STEPS):
@@ -125,12 +125,12 @@ class LedgerReader:
     def entries(
         self, *, after: int = 0, agent: str = "", most: int = -1
     ) -> tuple[tuple[int, ProfileRevision], ...]:
-        """Return revisions, each with its number, in the order of their entry.
+        """Return revisions with their numbers, in order of entry.
 
         Args:
-            after: The number of the last one that is known.
-            agent: Of one agent only.
-            most: So many at most; -1 for all.
+            after: Number of the last known revision.
+            agent: Only revisions of this agent; empty for all.
+            most: Largest number of revisions; -1 for all.
         """
         where = f"WHERE number > ? {'AND agent = ?' if agent else ''} ORDER BY number LIMIT ?"
         values = (after, agent, most) if agent else (after, most)
@@ -142,7 +142,7 @@ class LedgerReader:
             raise unread(self.path, error) from error
 
     def checksum(self, number: int) -> int | None:
-        """Return the checksum of a row; 0 for one that was forgotten, None for one not there."""
+        """Return the checksum of a row; 0 for a forgotten one, None for a missing one."""
         try:
             query = "SELECT checksum, content IS NULL FROM revision WHERE number = ?"
             found = self._database.execute(query, (number,)).fetchone()
@@ -151,12 +151,12 @@ class LedgerReader:
         return None if found is None else 0 if found[1] else int(found[0])
 
     def before(self, revision: ProfileRevision) -> ProfileRevision:
-        """Return the revision that came before one; revision 0 comes before itself."""
+        """Return the previous revision; revision 0 returns itself."""
         number = max(0, revision.revision - 1)
         return self._row(revision.agent, revision.layer, number)
 
     def _back(self, agent: str, layer: str) -> Iterator[ProfileRevision]:
-        """Return the revisions that have led to the current one, from it back to the first."""
+        """Yield the revisions that led to the current one, from it back to the first."""
         row = self.current(agent, layer)
         near: dict[int, ProfileRevision] = {}
         batch = _FIRST_BATCH

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of the ledger: the table, the revision that each holds, and its checksum."""
+"""Rows of the ledger: the table, the revision in each row, and its checksum."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FLEET = "fleet"
 FORGOTTEN = "forgotten"
 
 FORGOTTEN_LAYER = "forgotten/"
-"""Prefix of the layer under which erased rows stay; the number of the first of them follows."""
+"""Prefix of the layer of erased rows; the number of the first row follows."""
 
 COLUMNS = "number, agent, layer, revision, feedback_id, content, checksum"
 INSERT = f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?)"
@@ -54,7 +54,7 @@ BEGIN SELECT RAISE(ABORT, 'revisions are never changed; append a new one'); END"
 )
 
 LONGEST_TEXT = 1000
-"""Most characters of a text that comes with feedback."""
+"""Most characters of a text in feedback."""
 
 _HIDDEN = "sha256:"
 
@@ -67,25 +67,25 @@ class RevisionCause:
         cause: ``authored``, ``layer`` (where one begins), ``feedback``, ``undo``, ``reset``,
             ``import`` or ``forgotten``.
         kind: Number of the feedback's kind as in ``Feedback.msg``; 0 for no feedback.
-        feedback_id: Unique among all feedback; None for a change without feedback.
+        feedback_id: Unique id of the feedback; None for a change without feedback.
         epoch: Market of the run; may be empty.
         round: Round of the run; 0 for none.
         rate: Learning rate of the agent.
-        weight: Of the source; the rate was multiplied by it.
-        rates: Parameter → what it has moved by, where that is not ``rate``.
-        target: Parameter → value moved towards or away from, without those that had no opinion;
-            of an authored revision the profile as its file has it.
-        retreat: Parameter → value that negative feedback moved it towards because the profile
-            lay on the scene.
+        weight: Weight of the source, multiplied with the rate.
+        rates: Parameter → its effective rate, where it differs from ``rate``.
+        target: Parameter → value that it moved towards or away from, without parameters without
+            an opinion; for an authored revision, the profile in the file.
+        retreat: Parameter → value that negative feedback moved it towards, because the profile
+            was on the scene.
         scene_id: Scene of the run; may be empty.
         leaf: Path of the node that was running; may be empty.
-        cancels: True when the run is stopped because of it.
-        restores: Of an undo, the revision whose profile it brings back.
-        changes: How many feedbacks, without those that set a profile, have led to it.
-        step: Of ``fleet``, the step of another robot as
-            :meth:`feedback_node.learning.fleet_steps.FleetStep.fields`; empty when only the order
-            of the steps has changed. Of ``forgotten``, such a step when another robot has
-            forgotten it, else the layer as :func:`hidden_layer` and the stamp up to which.
+        cancels: True if the revision stops the run.
+        restores: For an undo, the revision whose profile it restores.
+        changes: Number of feedbacks that led to it, without those that set a profile.
+        step: For ``fleet``, the step of another robot as in
+            :meth:`feedback_node.learning.fleet_steps.FleetStep.fields`; empty if only the order of
+            the steps has changed. For ``forgotten``, such a step if another robot has forgotten
+            it; else the result of :func:`hidden_layer` and the stamp up to which it is forgotten.
     """
 
     cause: str = FEEDBACK
@@ -110,13 +110,13 @@ class RevisionCause:
 
 @dataclass(frozen=True, kw_only=True)
 class ProfileRevision:
-    """Profile of an agent, or of one of its layers, from one change to the next.
+    """Profile of an agent or one of its layers, from one change to the next.
 
     Attributes:
-        layer: Empty for everybody's, ``person/anna``, ``place/lobby``.
-        revision: Counts up from 0 in each layer; 0 is what the agent's file began with, or what
-            the layer began with.
-        profile: Parameter → value; empty when it was forgotten.
+        layer: ``person/anna``, ``place/lobby``; empty for the profile for everybody.
+        revision: Counts up from 0 in each layer; 0 is the first profile of the agent's file or of
+            the layer.
+        profile: Parameter → value; empty if it was forgotten.
         stamp: Wall time of the entry [s].
     """
 
@@ -132,9 +132,9 @@ class Row(NamedTuple):
     """Row of the table, in the order of :data:`COLUMNS`.
 
     Attributes:
-        number: Order of entry.
-        feedback_id: None without one; a hash of it when it was forgotten.
-        content: The rest as JSON; None when it was forgotten.
+        number: Position in the order of entry.
+        feedback_id: None without one; its hash if it was forgotten.
+        content: The rest as JSON; None if it was forgotten.
     """
 
     number: int
@@ -152,7 +152,7 @@ class Row(NamedTuple):
 
     @property
     def is_intact(self) -> bool:
-        """True when the row has the checksum of what it holds."""
+        """True if the checksum of the row matches its content."""
         try:
             return checksum_of(self) == self.checksum
         except (TypeError, ValueError):
@@ -160,7 +160,7 @@ class Row(NamedTuple):
 
 
 class Damaged(ValueError):
-    """A row is not what was written."""
+    """A row differs from what was written."""
 
 
 _DEFAULTS = vars(RevisionCause())
@@ -172,7 +172,7 @@ _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
 def create_tables(database: sqlite3.Connection) -> None:
-    """Create the tables of an empty ledger, inside a transaction of the caller."""
+    """Create the tables of an empty ledger, in a transaction of the caller."""
     database.execute(f"PRAGMA application_id = {APPLICATION}")
     database.execute(f"PRAGMA user_version = {FORMAT}")
     for statement in _SCHEMA:
@@ -180,7 +180,7 @@ def create_tables(database: sqlite3.Connection) -> None:
 
 
 def has_tables(database: sqlite3.Connection) -> bool:
-    """Return True when the tables, indexes and triggers are those of a ledger."""
+    """Return whether the tables, indexes and triggers are those of a ledger."""
     found = database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")
     return sorted(str(sql) for (sql,) in found) == sorted(_SCHEMA)
 
@@ -189,13 +189,13 @@ def checksum_of(row: Row) -> int:
     """Return the CRC-32 of everything before the checksum, as a JSON array.
 
     Raises:
-        TypeError, ValueError: A value is none that a row holds.
+        TypeError, ValueError: A value has the wrong type for a row.
     """
     return zlib.crc32(_JSON.encode(row[:-1]).encode())
 
 
 def with_checksum(row: Row) -> Row:
-    """Return a row with the checksum of what it holds."""
+    """Return a row with the checksum of its content."""
     return row._replace(checksum=checksum_of(row))
 
 
@@ -203,7 +203,7 @@ def row_of(number: int, revision: ProfileRevision) -> Row:
     """Return a revision as a row.
 
     Raises:
-        ValueError: A value of it is not finite.
+        ValueError: One of its values is not finite.
     """
     cause = revision.cause
     content: dict[str, Any] = {"profile": dict(revision.profile), "stamp": revision.stamp}
@@ -219,7 +219,7 @@ def read_row(row: Row) -> ProfileRevision:
     """Return the revision of a row; a forgotten one without its content.
 
     Raises:
-        Damaged: The row is not what was written.
+        Damaged: The row differs from what was written.
     """
     if not row.is_intact:
         raise Damaged(f"{row.name} (row {row.number}) is not what was written")
@@ -249,25 +249,25 @@ def read_row(row: Row) -> ProfileRevision:
 
 
 def hidden(feedback_id: str) -> str:
-    """Return what stays of the id of a forgotten feedback, so that it is not applied again."""
+    """Return the hash that replaces the id of forgotten feedback, so it is not applied again."""
     if is_hidden(feedback_id):
         return feedback_id
     return _HIDDEN + hashlib.sha256(feedback_id.encode()).hexdigest()
 
 
 def hidden_layer(layer: str) -> str:
-    """Return what stays of the name of a forgotten layer, by which others of a fleet know it."""
+    """Return the hash that replaces the name of a forgotten layer and identifies it in a fleet."""
     kind, _, _ = layer.partition("/")
     return f"{kind}/{hidden(layer)}"
 
 
 def is_hidden(feedback_id: str) -> bool:
-    """Return True for what :func:`hidden` returns."""
+    """Return whether an id is a result of :func:`hidden`."""
     return feedback_id.startswith(_HIDDEN)
 
 
 def name_of(agent: str, layer: str) -> str:
-    """Return the name of a profile: the agent, and the layer where it is not everybody's."""
+    """Return the name of a profile: the agent, and the layer if there is one."""
     return f"{agent} for {layer}" if layer else agent
 
 
@@ -279,7 +279,7 @@ def _numbers(values: Any) -> dict[str, float]:
 
 
 def check_texts(**texts: str) -> None:
-    """Check the texts of a feedback by their field.
+    """Check the texts of a feedback, given by field name.
 
     Raises:
         Refused: ``TOO_LONG``, ``BAD_TEXT`` or ``RESERVED_ID``.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Export and import of profiles and their history as JSON documents."""
+"""Exports and imports profiles and their history as JSON documents."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from feedback_node.ledger.rows import IMPORT, ProfileRevision, RevisionCause
 
 FORMAT = 1
 LONGEST = 4_000_000
-"""Most characters of a document that is imported."""
+"""Most characters of an imported document."""
 
 _MOST = 100_000
 _LONGEST_NAME = 200
@@ -29,7 +29,7 @@ def to_document(
     *,
     document_id: str,
 ) -> str:
-    """Return a document of summaries and their history; one of the same id is imported once."""
+    """Return a document of summaries and their history; its id makes it importable only once."""
     return json.dumps(
         {
             "format": FORMAT,
@@ -44,7 +44,7 @@ def to_document(
 def from_document(
     text: str, space: SceneSpace, *, source: str, reason: str
 ) -> tuple[LedgerEntry, ...]:
-    """Read a document from outside; return the revisions to be recorded for it.
+    """Read a document from outside; return the revisions to record.
 
     Raises:
         Refused: ``TOO_LONG``, ``BAD_DOCUMENT``, ``BAD_LAYER``, ``UNKNOWN_PARAMETER``, or as in
@@ -69,7 +69,7 @@ def from_document(
 
 
 def read_json(text: str) -> Any:
-    """Return what a document from outside holds, unchecked.
+    """Return the unchecked content of a document from outside.
 
     Raises:
         Refused: ``TOO_LONG`` or ``BAD_DOCUMENT``.
@@ -111,7 +111,7 @@ def _is_name(value: Any) -> TypeGuard[str]:
 def _revision(revision: ProfileRevision) -> dict[str, Any]:
     cause = revision.cause
     fields = {name: value for name, value in vars(cause).items() if value or name == "cause"}
-    fields.pop("step", None)  # What it did is there; a history of many would be too large.
+    fields.pop("step", None)  # the other fields have its effect; it is too large
     for name in ("rates", "target"):
         if name in fields:
             fields[name] = dict(fields[name])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Documents with steps of other robots: what they say is checked, recorded once, and replayed."""
+"""Documents with steps of other robots: checks, records (once) and replays the steps."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ from feedback_node.ledger.rows import (
 from feedback_node.management.documents import read_json
 
 KIND = "fleet"
-"""Of the documents with steps."""
+"""Kind of the documents with steps."""
 
 FORMAT = 1
 
 MOST_STEPS = 200
-"""Steps of one document."""
+"""Most steps of one document."""
 
 MOST_AGENTS = 1000
 
 SAME = 1e-9
-"""Two profiles are the same when no value differs by more."""
+"""Largest difference of the values of two equal profiles."""
 
 LATER = ("UNKNOWN_AGENT", "OTHER_BASE")
-"""Codes of refusals that may pass: no host has introduced the agent, or its file is another."""
+"""Codes of refusals that may be temporary: the agent is unknown, or its file differs."""
 
 
 @dataclass(kw_only=True)
@@ -60,9 +60,9 @@ class _AgentReplay:
     """Replays of one agent, by layer.
 
     Attributes:
-        last: Number of the last row of the ledger that is in them.
-        shared: Layers that have steps of other robots.
-        forgettings: Of its layers.
+        last: Number of the last ledger row that they include.
+        shared: Layers with steps of other robots.
+        forgettings: When its layers were forgotten.
     """
 
     agent: Agent
@@ -77,14 +77,14 @@ class _AgentReplay:
 
 @dataclass(frozen=True, kw_only=True)
 class TakenSteps:
-    """What has become of a document.
+    """Result of taking in a document.
 
     Attributes:
-        recorded: The revisions.
-        erased: Agents and their layers that another robot has forgotten.
-        delayed: Why traces of those stay in the file for now; empty when they are gone.
-        answer: JSON: which steps were refused, each with robot, number, code and reason, and
-            whether that may pass.
+        recorded: The recorded revisions.
+        erased: Layers that another robot has forgotten, with their agents.
+        delayed: Why traces of them stay in the file for now; empty if they are gone.
+        answer: JSON with the refused steps: robot, number, code, reason, and whether the refusal
+            may be temporary.
     """
 
     recorded: tuple[ProfileRevision, ...]
@@ -94,9 +94,9 @@ class TakenSteps:
 
 
 class FleetDocuments:
-    """Steps of other robots on their way into the ledger.
+    """Takes steps of other robots into the ledger.
 
-    What was computed of an agent is kept in memory, and made anew from the ledger when it is gone.
+    Results for an agent are cached in memory and computed again from the ledger if missing.
     """
 
     def __init__(self, profiles: Profiles, ledger: Ledger, *, wall: Callable[[], float]) -> None:
@@ -106,14 +106,14 @@ class FleetDocuments:
         self._replays: dict[str, _AgentReplay] = {}
 
     def clear(self) -> None:
-        """Drop what is in memory: somebody was forgotten."""
+        """Drop the cache, because a person or place was forgotten."""
         self._replays.clear()
 
     def take(self, document: Mapping[str, Any]) -> TakenSteps:
-        """Record the new steps of a document, and put the profiles of its agents in order.
+        """Record the new steps of a document, and update the profiles of its agents.
 
-        One bad step does not keep the others out. Each layer that was forgotten is a transaction,
-        all that is recorded after it is another one.
+        An invalid step does not affect the others. Each forgotten layer is one transaction; the
+        records after it are another one.
 
         Raises:
             Refused: ``BAD_DOCUMENT``, or as in :class:`Ledger`.
@@ -163,10 +163,10 @@ class FleetDocuments:
         )
 
     def _forget(self, step: FleetStep, robot: str) -> tuple[str, tuple[ProfileRevision, ...], str]:
-        """Erase the layer that another robot has forgotten, but for what came after that.
+        """Erase the layer that another robot has forgotten, except what came after that.
 
         Returns:
-            The name of the layer, empty without one; what was recorded anew; and why traces stay.
+            The name of the layer, empty without one; the entries recorded again; why traces stay.
         """
         cause = RevisionCause(
             cause=FORGOTTEN, source=step.robot, feedback_id=step.feedback_id, step=step.fields()
@@ -271,7 +271,7 @@ class FleetDocuments:
     def _taken(
         self, steps: Sequence[FleetStep], before: Mapping[str, float], state: ReplayState
     ) -> Iterable[LedgerEntry]:
-        """Yield entries for new steps of one layer; the last of them has the profile after all."""
+        """Yield entries for new steps of one layer; the last one has the resulting profile."""
         for number, step in enumerate(steps, start=1):
             is_last = number == len(steps)
             word = step.kind.name.lower() if step.event is StepEvent.FEEDBACK else str(step.event)
@@ -299,7 +299,7 @@ class FleetDocuments:
         return LedgerEntry(agent=agent, layer=layer, profile=profile, cause=cause)
 
     def _replays_of(self, name: str, robot: str) -> _AgentReplay:
-        """Return the replays of an agent with all rows of the ledger in them."""
+        """Return the replays of an agent, including all rows of the ledger."""
         agent = self._profiles.agent(name)
         base = base_of(self._ledger.authored(name))
         found = self._replays.get(name)
@@ -331,7 +331,7 @@ class FleetDocuments:
 
 
 def read_document(text: str) -> Mapping[str, Any] | None:
-    """Return a document with steps; None when the text is no JSON, or of another kind."""
+    """Return a document with steps; None if the text is no JSON or of another kind."""
     document = read_json(text)
     if isinstance(document, dict) and document.get("kind") == KIND:
         return document
@@ -341,13 +341,13 @@ def read_document(text: str) -> Mapping[str, Any] | None:
 def to_fleet_document(
     robot: str, agents: Iterable[str], steps: Iterable[FleetStep], *, persons: bool = False
 ) -> str:
-    """Return the document of a robot that takes in steps of others.
+    """Return the document with which a robot takes in steps of others.
 
     Args:
-        robot: Its name.
-        agents: Whose profiles are put in order, beside those of the steps.
-        steps: Those of others.
-        persons: Whether layers of persons are taken in.
+        robot: Name of the robot.
+        agents: Agents to update in addition to those of the steps.
+        steps: Steps of other robots.
+        persons: Whether to take in layers of persons.
     """
     return json.dumps(
         {
@@ -363,10 +363,10 @@ def to_fleet_document(
 
 
 def refusals_of(answer: str) -> Sequence[Mapping[str, Any]]:
-    """Return what the answer of the feedback node says about steps that it has refused.
+    """Return the refused steps in the answer of the feedback node.
 
     Raises:
-        Refused: ``BAD_ANSWER``: it is of a version that knows no steps.
+        Refused: ``BAD_ANSWER``; the answer is from a version that knows no steps.
     """
     try:
         found: Sequence[Mapping[str, Any]] = json.loads(answer)["refused"]

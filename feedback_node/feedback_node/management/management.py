@@ -20,11 +20,11 @@ from feedback_node.management.fleet_documents import FleetDocuments, read_docume
 from feedback_node.management.profile_documents import ProfileDocument, ProfileDocuments
 
 _MOST_NAMED = 3
-"""Changes that a message names one by one."""
+"""Most changes that a message names one by one."""
 
 
 class ManagementAction(IntEnum):
-    """Kind of a request; the numbers are those of ``ManageProfiles.srv``."""
+    """Kind of a request; the numbers match ``ManageProfiles.srv``."""
 
     HISTORY = 0
     UNDO = 1
@@ -37,7 +37,7 @@ class ManagementAction(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class ManagementCommand:
-    """Request as received, unchecked; see ``ManageProfiles.srv``."""
+    """Unchecked request; see ``ManageProfiles.srv``."""
 
     action: int
     agent: str = ""
@@ -53,9 +53,9 @@ class ManagementResult:
     """Result of a request; its message is for people.
 
     Attributes:
-        document: JSON, of those actions that return one.
-        deliveries: Profiles for the hosts, beside the changes.
-        forgets: True when somebody was forgotten.
+        document: JSON, for actions that return a document.
+        deliveries: Profiles for the hosts, in addition to the changes.
+        forgets: True if something was forgotten.
     """
 
     message: str
@@ -66,7 +66,7 @@ class ManagementResult:
 
 
 class Management:
-    """Execution of requests; each is carried out as a whole or not at all."""
+    """Executes requests, each completely or not at all."""
 
     def __init__(
         self,
@@ -165,7 +165,7 @@ class Management:
         }
         steps = sum(bool(one.cause.step) for one in taken.recorded)
         changes = tuple(self._profiles.on_recorded([one]) for one in newest.values())
-        # A host drops what was forgotten before it gets what came after that.
+        # A host must drop a forgotten layer before it gets the layer's later profile.
         again = [key for key in taken.erased if key in newest]
         deliveries += tuple(self._profiles.delivery(name, layer) for name, layer in again)
         message = f"{steps} step{'s' if steps != 1 else ''} of other robots taken in"
@@ -244,7 +244,7 @@ class Management:
 
 
 def _with_traces(message: str, delayed: str) -> str:
-    """Return a message with why traces of what was forgotten stay for now, if they do."""
+    """Return a message that also says why traces of forgotten content stay for now, if so."""
     if not delayed:
         return message
     return (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Documents about the profiles of a ledger, which a feedback node may have open or not."""
+"""Documents about the profiles of a ledger, whether or not a feedback node has it open."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from feedback_node.ledger.rows import ProfileRevision
 from feedback_node.management.documents import to_document
 
 MOST_REVISIONS = 5000
-"""Newest revisions that one document holds."""
+"""Most revisions in one document; the newest are kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProfileDocument:
-    """JSON about so many profiles."""
+    """JSON document about a number of profiles."""
 
     count: int
     text: str
 
 
 class ProfileDocuments:
-    """Documents about the profiles of a ledger.
+    """Creates documents about the profiles of a ledger.
 
     Args:
         ledger: The ledger.
-        false_rate: Returns the share of the feedback of an agent and layer that seems wrong.
-        new_id: Returns the id of a document.
+        false_rate: Returns the estimated share of wrong feedback of an agent and layer.
+        new_id: Returns a new document id.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class ProfileDocuments:
         self._new_id = new_id
 
     def history(self, agent: str, layer: str = "") -> ProfileDocument:
-        """Return a profile with its revisions; all profiles without theirs when none is named.
+        """Return one profile with its revisions, or all profiles without if none is named.
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``UNKNOWN_LAYER``.
@@ -64,7 +64,7 @@ class ProfileDocuments:
         return self._document([one], revisions)
 
     def export(self, agent: str, layer: str = "") -> ProfileDocument:
-        """Return profiles with their revisions: of an agent or all, all layers or one.
+        """Return profiles with their revisions: of one agent or all, one layer or all.
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``UNKNOWN_LAYER``.
@@ -79,7 +79,7 @@ class ProfileDocuments:
         return self._document(selected, revisions)
 
     def layers_of(self, agent: str) -> list[ProfileRevision]:
-        """Return the layers of an agent, or of all."""
+        """Return the layers of an agent, or of all agents."""
         names = [agent] if agent else self._ledger.agents()
         return [one for name in names for one in self._ledger.layers(name)]
 
@@ -97,7 +97,7 @@ class ProfileDocuments:
         return current
 
     def unknown(self, agent: str, layer: str) -> Refused:
-        """Return the refusal of a profile that is not there."""
+        """Return the refusal for an unknown profile."""
         agents = self._ledger.agents()
         if agent and agent not in agents:
             known = ", ".join(agents) or "none yet"
@@ -135,14 +135,14 @@ class ProfileDocuments:
 def read_profiles(
     path: Path, space: SceneSpace, agent: str, layer: str = "", *, revisions: bool
 ) -> ProfileDocument:
-    """Return a document about the profiles of a ledger file, which is only read.
+    """Return a document about the profiles of a ledger file, opened read-only.
 
     Args:
         path: The file; a feedback node may write it meanwhile.
         space: The scene parameters.
-        agent: Whose profiles; empty for all.
-        layer: Which layer; empty for all of an export, for everybody's profile of a history.
-        revisions: A history, of one profile, instead of an export.
+        agent: Agent of the profiles; empty for all.
+        layer: Layer; empty for all in an export, and for the profile for everybody in a history.
+        revisions: True for the history of one profile instead of an export.
 
     Raises:
         LedgerError: As in :func:`inspect`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback node on ROS: messages in, changes of profiles out; what it decides is pure."""
+"""Feedback node on ROS: messages in, changes of profiles out; the decisions are pure code."""
 
 from __future__ import annotations
 
@@ -61,17 +61,17 @@ from feedback_node.node.messages import (
 from feedback_node.simulated_feedback import SimulatedFeedback
 
 CARDS_S = 10.0
-"""So long after its start the node waits for the card of an agent that it is asked about [s]."""
+"""Time after its start in which the node waits for the card of a requested agent [s]."""
 
 _REST_S = 0.025
-"""Least time between two evaluations of live scenes [s]."""
+"""Shortest time between two evaluations of live scenes [s]."""
 
 _TIDY_S = 1.0
 _LINGER_S = 0.2
-"""Time for the news of a run that has just started, when the node is told to stop [s]."""
+"""Wait for the news of a run that has just started when the node stops [s]."""
 
 _MOST_PROBLEMS = 100
-"""Hosts whose problems are remembered, and lines about problems in :data:`_PROBLEMS_S`."""
+"""Most hosts with remembered problems, and most problem lines in :data:`_PROBLEMS_S`."""
 
 _PROBLEMS_S = 5.0
 
@@ -94,13 +94,13 @@ _START = (
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackConfiguration:
-    """What a feedback node is made of.
+    """Inputs from which a feedback node is built.
 
     Attributes:
         space: The scene parameters of the system.
-        ledger: Opens the ledger, for as long as the node is active.
-        simulated: Feedback that experiments have in their files; None for none.
-        note: Said in the log at each activation; empty for nothing.
+        ledger: Opens the ledger, which stays open while the node is active.
+        simulated: Feedback from the files of an experiment; None for none.
+        note: Logged at each activation; empty for nothing.
     """
 
     space: SceneSpace
@@ -110,11 +110,11 @@ class FeedbackConfiguration:
 
 
 class FeedbackNode(ManagedNode[FeedbackConfiguration]):
-    """Learns from moods, people and lists, and delivers profiles to the hosts."""
+    """Learns from moods, people and prepared lists, and delivers profiles to the hosts."""
 
     start_parameters = _START
     stop_limit_s = 2.6
-    """So long it waits for the market to ask for feedback on the last run [s]."""
+    """Longest wait for the market to ask for feedback on the last run [s]."""
 
     def __init__(
         self, configuration: FeedbackConfiguration | None = None, **node_kwargs: Any
@@ -138,7 +138,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         )
 
     def activate(self, configuration: FeedbackConfiguration, closing: ExitStack) -> None:
-        """Open the ledger and make what learns.
+        """Open the ledger and create the learning parts.
 
         Raises:
             LedgerError: The ledger cannot be used.
@@ -183,7 +183,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self._management = Management(
             self._profiles, ledger, wall=time.time, new_id=lambda: str(uuid.uuid4())
         )
-        # Other nodes' answers are awaited, which the default group would keep from coming.
+        # The callbacks await answers of other nodes, which the default group would block.
         group = ReentrantCallbackGroup()
         for kind, name, answer in (
             (CollectFeedback, "~/collect", self._on_collect),
@@ -202,16 +202,16 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         )
 
     def begin_stop(self) -> None:
-        """Wait for no host any more; the market may still ask for feedback on the last run."""
+        """Stop waiting for hosts; the market may still ask for feedback on the last run."""
         self._stopping = True
         self._stop_earliest = time.monotonic() + _LINGER_S
 
     def has_stopped(self) -> bool:
-        """Return True when no request is under way and the market will not send one."""
+        """Return True when no request is in progress and the market will not send one."""
         lingers = time.monotonic() < self._stop_earliest
         return not (lingers or self._answering or self._controller.collecting)
 
-    # What happens around the runs
+    # Events around runs
 
     def _on_card(self, message: HostCard, sender: str) -> None:
         self._pending_cards.pop(message.host, None)
@@ -222,7 +222,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             if isinstance(refusal, LedgerError):
                 self._health.update()
                 if len(self._pending_cards) < _MOST_PROBLEMS:
-                    # Its agents learn nothing before the ledger has taken them.
+                    # Its agents cannot learn before the ledger has recorded them.
                     self._pending_cards[message.host] = message, sender
             self._log_problems(message.host, (str(refusal),))
             return
@@ -236,7 +236,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         self._resume_waiting()
 
     def _log_problems(self, host: str, problems: tuple[str, ...]) -> None:
-        """Log the problems of a host's card, unless they are those of its last one."""
+        """Log the problems of a host's card, unless its last card had the same ones."""
         if problems != self._problems.pop(host, ()):
             for problem in problems:
                 if line := self._budget.line(problem):
@@ -286,7 +286,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             self._set_timer()
 
     def _poll(self) -> None:
-        """Evaluate the newest live scene, or the time."""
+        """Evaluate the rules on the newest live scene, or on the passed time."""
         message, self._live, self._polled_at = self._live, None, time.monotonic()
         try:
             live = None if message is None else scene_from_msg(message, self._space)
@@ -372,7 +372,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
 
     @contextmanager
     def _request(self) -> Iterator[None]:
-        """Count a request while it is under way."""
+        """Count a request while it is in progress."""
         self._answering += 1
         try:
             yield
@@ -380,7 +380,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             self._answering -= 1
 
     async def _once_known(self, teach: Callable[[], ResultT]) -> ResultT:
-        """Apply feedback that may precede the agent's card after a restart; wait for the card."""
+        """Apply feedback; wait for the agent's card if it has not arrived after a restart yet."""
         while True:
             try:
                 return teach()
@@ -398,10 +398,10 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             card.set_result(None)
 
     async def _answer(self, change: ProfileChange, response: Any) -> None:
-        """Deliver and publish a change; say so once the hosts have it, or have not answered."""
+        """Deliver and publish a change; complete the answer after those of the hosts."""
         answers: list[Future] = []
         for delivery in self._profiles.deliveries(change.all):
-            # A host that is stopping, too, gets the profile after its next start.
+            # No wait at a stop: a stopping host gets the profile after its next start.
             answer = None if self._stopping else Future()
             self._hosts.deliver(delivery, answer)
             answers += [answer] if answer is not None else []
@@ -414,7 +414,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
             )
 
     def _publish_change(self, change: ProfileChange) -> Feedback:
-        """Publish a change unless it was published when it was new; return its message."""
+        """Publish a change if it is new; return its message."""
         messages = [feedback_to_msg(one, self._profiles.space) for one in change.all]
         if change.fresh:
             self._untidy = True
@@ -443,13 +443,13 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
         try:
             done = self._management.execute(command)
         except Refused as refusal:
-            # What a document quotes may hold characters that no message can carry.
+            # A quote of a document may contain characters that are invalid in messages.
             response.code = refusal.code
             response.message = refusal.reason.encode(errors="replace").decode()
             return response
         self._untidy = True
         if done.forgets:
-            # Later subscribers must not get what the latched history says.
+            # Later subscribers must not get the latched history.
             for publisher in (self._feedback, self._traces):
                 self.destroy_publisher(publisher)
             self._create_history_publishers()
@@ -479,7 +479,7 @@ class FeedbackNode(ManagedNode[FeedbackConfiguration]):
 
 
 def make_node() -> FeedbackNode:
-    """Create the node as the parameters of its process ask for; it closes its ledger at its end.
+    """Create the node from the parameters of its process; it closes its ledger when it ends.
 
     Raises:
         BtAgentsError: The trees folder, the experiment or the ledger cannot be used.
@@ -488,5 +488,5 @@ def make_node() -> FeedbackNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the feedback node until it is told to stop; return the exit code."""
+    """Run the feedback node until it is stopped; return the exit code."""
     return run(make_node, args)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests to the market to cancel runs, sent until it has answered."""
+"""Requests to the market to cancel runs, repeated until it answers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LIMIT_S = 1.0
 
 
 class CancelRequests:
-    """Sends the requests; one without an answer is sent again as long as its run goes on."""
+    """Sends the requests; repeats an unanswered one while its run continues."""
 
     def __init__(self, node: Node, calls: Calls, goes_on: Callable[[AnnouncedRun], bool]) -> None:
         self._node = node
@@ -29,14 +29,14 @@ class CancelRequests:
         self._client = node.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
 
     def retry(self) -> None:
-        """Send again what the market has not answered."""
+        """Resend unanswered requests."""
         stops, self._unanswered = self._unanswered, []
         for stop in stops:
             if self._goes_on(stop.run):
                 self.request(stop)
 
     def request(self, stop: RuleStop) -> None:
-        """Have a run stopped, and its scene asked for again as it is now."""
+        """Request the stop of a run, and another round for its current scene."""
         what = f"{stop.run.agent} in round {stop.run.round} was to be stopped ({stop.reason})"
 
         def unanswered(problem: str) -> None:

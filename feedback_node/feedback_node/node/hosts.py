@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Delivery of profiles to the hosts that bid with them."""
+"""Delivers profiles to the hosts that bid with them."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _MOST_UNDER_WAY = 200
 
 
 class HostProfiles:
-    """Delivers profiles; one that its host has not answered is delivered again.
+    """Delivers profiles; repeats a delivery that its host has not answered.
 
     Args:
         node: The feedback node.
         calls: Its calls.
-        profiles: What is delivered.
-        refused: Called after a host has not taken an agent's profile.
+        profiles: The profiles to deliver.
+        refused: Called after a host has not accepted an agent's profile.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class HostProfiles:
         self._reported: set[str] = set()
 
     def is_there(self, host: str) -> bool:
-        """Return whether a host takes profiles."""
+        """Return whether a host accepts profiles."""
         return bool(self._client(host).service_is_ready())
 
     def deliver(self, delivery: Delivery, answer: Future | None = None) -> None:
@@ -93,7 +93,7 @@ class HostProfiles:
         )
 
     def retry(self) -> None:
-        """Send again what available hosts have not answered; drop clients of other hosts."""
+        """Resend what available hosts have not answered; drop the clients of unknown hosts."""
         for key, waiting in sorted(self._unanswered.items()):
             delivery = self._refreshed(waiting)
             if delivery is None or self._client(delivery.host).service_is_ready():
@@ -114,7 +114,7 @@ class HostProfiles:
         self._waiting.pop(host, None)
 
     def _refreshed(self, delivery: Delivery) -> Delivery | None:
-        """Return a delivery with the current profile; None when no host wants it any more."""
+        """Return a delivery with the current profile; None if no host needs it any more."""
         if not delivery.agent:
             return delivery if delivery.host in self._profiles.hosts else None
         if not self._profiles.knows(delivery.agent):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of cards, runs and feedback from and to messages; scenes are checked."""
+"""Converts cards, runs and feedback from and to messages; checks scenes."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
 
 def set_profile_name(host: str) -> str:
-    """Return the name of the service by which a host takes profiles."""
+    """Return the name of the service with which a host accepts profiles."""
     return f"{host}/set_profile"
 
 
 def card_from_msg(message: HostCard, space: SceneSpace, sender: str = "") -> LearningCard:
-    """Return the card of a host, which ``sender`` has published.
+    """Return the card of a host, published by ``sender``.
 
     Raises:
-        Refused: ``BAD_NAME`` when the host's name is none.
+        Refused: ``BAD_NAME``; the name of the host is invalid.
     """
     if not is_full_name(message.host):
         raise Refused(
@@ -185,7 +185,7 @@ def feedback_to_msg(change: ProfileChange, space: SceneSpace) -> Feedback:
 
 
 def taught_text(agent: str, taught: Sequence[ProfileChange]) -> str:
-    """Return as text who has taught an agent in a run for which nothing is collected."""
+    """Return in words who taught an agent in a run without collected feedback."""
     if not taught:
         return f"no feedback for {agent}"
     sources = dict.fromkeys(one.revision.cause.source or "somebody" for one in taught)
@@ -211,7 +211,7 @@ def mood_trace_to_msg(run: AnnouncedRun, leaves: Sequence[LeafMood], stamp: floa
 def table_to_msg(
     table: Table, undecided: Iterable[tuple[str, str]], differing: Iterable[str], space: SceneSpace
 ) -> ProfilesMsg:
-    """Return the message of all current profiles, of undecided rules, and of who differs."""
+    """Return the message of all current profiles, undecided rules and differing agents."""
     return ProfilesMsg(
         parameters=space.names,
         agents=[name for name, _, _, _ in table],
