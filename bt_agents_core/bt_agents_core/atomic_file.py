@@ -10,9 +10,9 @@ from pathlib import Path
 
 
 def write_atomically(path: Path, text: str, *, durable: bool = True) -> None:
-    """Replace the text of an existing file; its permissions stay, and a link stays a link.
+    """Replace the text of an existing file; keep its permissions, and keep a link a link.
 
-    A text that is not ``durable`` survives the process, but perhaps no loss of power.
+    A text that is not ``durable`` survives the process, but may not survive a power loss.
 
     Raises:
         OSError: The file or its folder cannot be written; the old file is still there.

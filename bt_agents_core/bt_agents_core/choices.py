@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choices of a question, and the answers that count."""
+"""Choices of a question, and the answers that match them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from bt_agents_core.text import folded
 
 
 def counted_answer(text: str, choices: Sequence[str]) -> str:
-    """Return an answer as it counts: spelt like its choice, or as given where there are none.
+    """Return an answer spelled like its choice, or as given if there are no choices.
 
-    Capitals, blanks around, and how an accent is stored do not matter. What is none of the choices
-    counts as no answer, which is empty.
+    Case, surrounding blanks and the encoding of accents do not matter. An answer that matches no
+    choice counts as no answer: the empty text.
     """
     answer = text.strip()
     if not choices:

@@ -15,8 +15,8 @@ class DeliveryQueue(Generic[ContentT]):
 
     Args:
         clock: Steady time [s].
-        most: Items that are stored.
-        answer_s: An item that is not acknowledged for so long is sent again [s].
+        most: Maximum number of stored items.
+        answer_s: Time after which an unacknowledged item is sent again [s].
     """
 
     def __init__(self, clock: Callable[[], float], *, most: int, answer_s: float) -> None:
@@ -27,11 +27,11 @@ class DeliveryQueue(Generic[ContentT]):
         self._deadline: float | None = None
 
     def __len__(self) -> int:
-        """Return how many are not acknowledged yet."""
+        """Return the number of unacknowledged items."""
         return len(self._waiting)
 
     def enqueue(self, item: ContentT) -> ContentT | None:
-        """Store an item; return the oldest one when it had to make room."""
+        """Store an item; return the oldest one if it had to make room."""
         dropped = None
         if len(self._waiting) == self._most:
             dropped = self._waiting.popleft()
@@ -41,26 +41,26 @@ class DeliveryQueue(Generic[ContentT]):
 
     @property
     def next_to_send(self) -> ContentT | None:
-        """The item to send now; None when there is none, or its answer can still come."""
+        """The item to send now; None if there is none or its answer may still arrive."""
         if not self._waiting or (self._deadline is not None and self._clock() < self._deadline):
             return None
         return self._waiting[0]
 
     @property
     def overdue(self) -> bool:
-        """True when the answer to the item in flight has not come in time."""
+        """True if the answer to the item in flight is overdue."""
         return self._deadline is not None and self._clock() >= self._deadline
 
     def sent(self) -> None:
-        """Start the time for an answer, as the next item is on its way."""
+        """Start the timeout for the answer to the item that was just sent."""
         self._deadline = self._clock() + self._answer_s
 
     def peer_lost(self) -> None:
-        """Have the item in flight sent again, as its receiver has gone."""
+        """Resend the item in flight because its receiver is gone."""
         self._deadline = None
 
     def acknowledge(self, item: ContentT) -> bool:
-        """Take an item out; return False for one that is not the first any more."""
+        """Remove an item; return False if it is no longer the first."""
         if not self._waiting or self._waiting[0] is not item:
             return False
         self._waiting.popleft()

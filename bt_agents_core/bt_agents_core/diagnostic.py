@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Problems of files as data: code, place, message and hint."""
+"""Problems in files as data: code, place, message and hint."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Position(NamedTuple):
 
 
 class Severity(Enum):
-    """Severity of a problem; the value is its name in a report."""
+    """Severity of a problem; the value is its name in reports."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -28,17 +28,17 @@ class Severity(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnostic:
-    """One problem of a file.
+    """One problem in a file.
 
     Attributes:
-        code: Key of the table of codes.
-        position: First character of what is wrong.
+        code: Key in the table of codes.
+        position: First character of the faulty text.
         end: The character after its last one; None marks one character.
         message: What was found and what is expected.
-        hint: How to mend it; may be empty.
+        hint: How to fix it; may be empty.
         severity: A file with a warning can be used, one with an error cannot.
-        excerpt: The line of ``position``; empty when it is not known.
-        inserted: Places that insert the text that is wrong; empty for what no other file inserts.
+        excerpt: The line of ``position``; empty if unknown.
+        inserted: Places that insert the faulty text; empty if no other file inserts it.
     """
 
     code: str

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The exceptions of the project under one root, so that a caller can catch what it means to."""
+"""The exceptions of the project, under one root."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ class BtAgentsError(Exception):
 
 
 class NodeMustEnd(BtAgentsError):
-    """Reason for which a node ends by itself; a callback that raises it is not survived."""
+    """Reason for a node to end; unlike other exceptions of a callback, it ends the process."""
 
 
 STORAGE_FULL = "STORAGE_FULL"
-"""Code of a refusal because the disk takes no more; the same is taken when there is room."""
+"""Code of a refusal because the disk is full; the same input succeeds once there is room."""
 
 LONGEST_REASON = 500
-"""Characters of a reason; what comes from outside may be as long as it likes."""
+"""Longest reason in characters; texts from outside may have any length."""
 
 
 class Refused(BtAgentsError):
-    """Input that is not taken; nothing has changed.
+    """Refusal of an input; nothing has changed.
 
     Attributes:
         code: Stable name of the reason in upper case, for example ``NOT_FINITE``.
-        reason: The same in words: what was found, what was expected, how to mend it.
+        reason: The same in words: what was found, what was expected, how to fix it.
     """
 
     def __init__(self, code: str, reason: str) -> None:
@@ -38,12 +38,12 @@ class Refused(BtAgentsError):
 
 
 class ReadError(BtAgentsError):
-    """A file that could not be read as a whole; carries every problem found in it.
+    """A file that could not be read completely, with every problem found in it.
 
     Attributes:
         report: All problems as text, one block each, ready for a terminal.
-        lines: One line a problem: ``file:line:col: error[code]: message``.
-        diagnostics: The problems themselves, for other ways of showing them.
+        lines: One line per problem: ``file:line:col: error[code]: message``.
+        diagnostics: The problems as data, for other renderings.
     """
 
     def __init__(

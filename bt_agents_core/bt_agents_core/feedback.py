@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 
 TUNING = "tuning"
-"""Source of feedback that sets what somebody has tuned."""
+"""Source of feedback that applies a tuning."""
 
 BUTTON = "button"
 """Source of feedback that a person gives with a button."""
@@ -17,14 +17,14 @@ MOOD_RULE = "mood rule"
 """Source of feedback that a mood rule of the agent gives."""
 
 FLEET = "fleet"
-"""Source of the steps that other robots of the fleet have made."""
+"""Source of the learning steps of other robots in the fleet."""
 
 WEIGHTS: Mapping[str, float] = {BUTTON: 1.0, MOOD_RULE: 0.5}
-"""How much the sources count that an agent's file does not weigh; all others count 1."""
+"""Default weights of sources that an agent's file does not weigh; others weigh 1."""
 
 
 class FeedbackKind(IntEnum):
-    """Kind of feedback; the numbers are those of ``Feedback.msg``."""
+    """Kind of feedback; the numbers match ``Feedback.msg``."""
 
     DIRECT = 0
     POSITIVE = 1
@@ -33,7 +33,7 @@ class FeedbackKind(IntEnum):
 
 
 class Share(StrEnum):
-    """What of an agent's learning the robots of a fleet share."""
+    """Part of an agent's learning that the robots of a fleet share."""
 
     EVERYTHING = "everything"
     PLACE = "place"
@@ -50,22 +50,22 @@ class Update(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class LearningRule:
-    """Learning rule of an agent; the defaults are the paper's formula.
+    """Learning rule of an agent; the defaults give the paper's formula.
 
     Attributes:
-        rates: Learning rate of a parameter, 0..1, where it is not the agent's; 0 freezes it.
-        update: ``PLAIN`` follows each feedback, ``HUBER`` no farther than ``width``, ``MEDIAN``
+        rates: Learning rates that override the agent's, by parameter, 0..1; 0 freezes it.
+        update: ``PLAIN`` follows each feedback, ``HUBER`` at most as far as ``width``, ``MEDIAN``
             the median of the last ``window``.
-        width: Of ``HUBER``: largest distance that counts, by parameter, in its unit; one without
-            an entry takes :data:`feedback_node.learning.updates.WIDTH_SHARE` of its range.
-        window: Of ``MEDIAN``: how many of the last feedbacks count, 1 or more.
+        width: For ``HUBER``: largest distance that counts, by parameter, in its unit; without an
+            entry it is :data:`feedback_node.learning.updates.WIDTH_SHARE` of the range.
+        window: For ``MEDIAN``: how many of the last feedbacks count, 1 or more.
         anneal: The rate after n changes is ``rate / (1 + anneal * n)``; 0 keeps it constant.
-        drift: Farthest that feedback takes the profile from its file, by parameter, in its unit.
-        retreat: Value that negative feedback moves a parameter to when the profile lies on the
-            scene there, so that nothing leads away; in its unit.
-        weights: What the rate is multiplied by for feedback of a source, 0 or more.
-        layers: What the agent learns apart: ``person``, ``place``.
-        general: How much of what a layer learns the profile for everybody learns, too, 0..1.
+        drift: Farthest that feedback moves the profile from its file, by parameter, in its unit.
+        retreat: Value that negative feedback moves a parameter to when profile and scene are
+            equal there, so that no direction leads away; in its unit.
+        weights: Factor on the rate for feedback from a source, 0 or more.
+        layers: What the agent learns separately: ``person``, ``place``.
+        general: Share of a layer's learning that also applies to the profile for everybody, 0..1.
         share: What the robots of a fleet learn together: all but persons, places, or nothing.
     """
 

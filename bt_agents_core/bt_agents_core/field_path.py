@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dotted paths into nested data, such as ``faces.0.mood``: field names and numbers of items."""
+"""Dotted paths into nested data, such as ``faces.0.mood``: field names and item indices."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from typing import Any
 from bt_agents_core.errors import BtAgentsError
 
 Member = Callable[[Any, str], Any]
-"""Returns a field of a value; raises ``KeyError`` when the value has fields but not this one, and
-``TypeError`` when it has none."""
+"""Function that returns a field of a value.
+
+It raises ``KeyError`` if the value has fields but not this one, ``TypeError`` if it has none."""
 
 
 class NoSuchField(BtAgentsError):
-    """A path that leads nowhere.
+    """A path to a field that does not exist.
 
     Attributes:
-        part: The first part that is not there.
+        part: The first part that does not exist.
         found: The parts before it, joined by dots.
-        value: What they lead to.
+        value: The value at ``found``.
     """
 
     def __init__(self, part: str, found: str, value: Any) -> None:
@@ -34,12 +35,12 @@ class NoSuchItem(NoSuchField):
 
 
 def value_at(data: Any, path: str, member: Member) -> Any:
-    """Return what a path leads to: field names and numbers of items, from 0, joined by dots.
+    """Return the value at a path of field names and item indices, which count from 0.
 
-    ``member`` takes a field; :func:`item_of` does so in plain data.
+    ``member`` reads a field; :func:`item_of` does so in plain data.
 
     Raises:
-        NoSuchField: There is nothing; :class:`NoSuchItem` where a list is too short.
+        NoSuchField: The path leads nowhere; :class:`NoSuchItem` if a list is too short.
     """
     value = data
     parts = path.split(".")
@@ -65,7 +66,7 @@ def item_of(value: Any, part: str) -> Any:
 
 
 def is_index(part: str) -> bool:
-    """Return whether a part of a path can be the number of an item."""
+    """Return whether a part of a path can be an item index."""
     return part.isascii() and part.isdigit()
 
 

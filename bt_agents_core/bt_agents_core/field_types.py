@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from enum import Enum
 
 Plain = None | bool | int | float | str | tuple["Plain", ...] | Mapping[str, "Plain"]
-"""A value without any name in it."""
+"""A value that contains no names."""
 
 
 class FieldType(Enum):
-    """Types of fields, tunables, inputs and outputs; the value is the word in a file."""
+    """Types of fields, tunables, inputs and outputs; the value is the word in files."""
 
     TEXT = "text"
     NUMBER = "number"
@@ -22,12 +22,12 @@ class FieldType(Enum):
     ANGLE = "angle"
     ANY = "any"
 
-    # That of Enum is computed anew each time, and these are keys wherever a file is read.
+    # Enum computes its hash anew each time, and these are keys wherever a file is read.
     __hash__ = object.__hash__
 
 
 class BindingKind(Enum):
-    """The kind of ROS interface a skill or leaf uses; the value is the word in a file."""
+    """Kind of ROS interface that a skill or leaf uses; the value is the word in files."""
 
     ACTION = "action"
     SERVICE = "service"

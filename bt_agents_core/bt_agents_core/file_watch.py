@@ -17,11 +17,11 @@ Poll = Callable[[], Mapping[str, Stamp]]
 """Function that returns the stamp of each file by its name."""
 
 _DEEPEST = 8
-"""Depth of nested folders that are polled; links may lead in circles."""
+"""Maximum depth of polled folders; links may lead in circles."""
 
 
 def poll(paths: Iterable[Path], suffixes: tuple[str, ...]) -> dict[str, Stamp]:
-    """Return the stamp of each file; in folders, of those with a suffix and no hidden ones."""
+    """Return the stamp of each file; in folders, of files with a suffix that are not hidden."""
     stamps: dict[str, Stamp] = {}
     for path in paths:
         if path.is_dir():
@@ -40,10 +40,10 @@ def differing(before: Mapping[str, Stamp], after: Mapping[str, Stamp]) -> tuple[
 
 
 def changes(poll_files: Poll, sleep: Callable[[float], None]) -> Iterator[tuple[str, ...]]:
-    """Yield the names of changed files, whenever some differ from the poll before.
+    """Yield the names of changed files whenever some differ from the previous poll.
 
-    The first poll is made by this call. ``sleep`` waits so many seconds; it ends the watch by
-    raising ``KeyboardInterrupt``.
+    The call itself makes the first poll. ``sleep`` waits for a number of seconds; it ends the
+    watch by raising ``KeyboardInterrupt``.
     """
     return _changes(poll_files(), poll_files, sleep)
 
@@ -67,7 +67,7 @@ def _poll_folder(
         with os.scandir(folder) as entries:
             found = [entry for entry in entries if not entry.name.startswith(".")]
     except OSError:
-        # Editors replace files; what is gone now is back at the next poll.
+        # Editors replace files; a file that is gone now is back at the next poll.
         return
     for entry in found:
         if entry.name.endswith(suffixes):

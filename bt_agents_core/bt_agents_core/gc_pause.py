@@ -10,9 +10,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def gc_paused() -> Iterator[None]:
-    """Keep the garbage collector from looking through everything again and again.
+    """Pause the garbage collector within this block.
 
-    Only for work that ends soon and whose size is bounded. It stays off where it was off.
+    Use it only for short work of bounded size. A collector that was off stays off.
     """
     was_on = gc.isenabled()
     gc.disable()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the parts of a node: a level, a sentence, and named values."""
+"""Health of the parts of a node: a level, a sentence and named values."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 MOST_VALUES = 50
-"""Values of a part that are told; the others are counted."""
+"""Maximum number of values to report per part; further ones are only counted."""
 
 
 class Health(IntEnum):
     """Level of a part, with the numbers of ``diagnostic_msgs/DiagnosticStatus``.
 
     Attributes:
-        OK: All is as it should be.
-        WARN: Somebody should look at it, and everything goes on.
-        ERROR: Something does not work until it is mended.
-        STALE: Nothing is heard any more of what was there.
+        OK: Everything works as intended.
+        WARN: Everything works, but needs attention.
+        ERROR: Something does not work until it is fixed.
+        STALE: A part that was there no longer sends anything.
     """
 
     OK = 0
@@ -32,9 +32,9 @@ class PartHealth:
     """Health of one part of a node.
 
     Attributes:
-        part: Which: ``hosts`` of a market.
+        part: Name of the part, such as ``hosts`` of a market.
         message: The level in words.
-        values: Name → text; none that differs at each look, such as an age.
+        values: Name → text; none that changes constantly, such as an age.
     """
 
     part: str
@@ -44,7 +44,7 @@ class PartHealth:
 
 
 def first_values(values: Mapping[str, str]) -> Mapping[str, str]:
-    """Return at most :data:`MOST_VALUES` values, and how many are left out."""
+    """Return at most :data:`MOST_VALUES` values and the number of omitted ones."""
     if len(values) <= MOST_VALUES:
         return values
     kept = dict(list(values.items())[: MOST_VALUES - 1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Listening sockets of servers that people open by an address with a port."""
+"""Listening sockets of servers that people open at an address with a port."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from collections.abc import Sequence
 from bt_agents_core.errors import BtAgentsError
 
 STUDIO_PORTS = range(8770, 8790)
-"""Ports of which a studio takes the first that is free."""
+"""Ports for studios; each takes the first free one."""
 
 
 def listen(host: str, ports: Sequence[int]) -> socket.socket:
-    """Return a socket that listens on the first port that is free.
+    """Return a socket that listens on the first free port.
 
     Raises:
-        BtAgentsError: The address or all of the ports cannot be taken.
+        BtAgentsError: The address or all of the ports are unavailable.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     for port in ports:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live scene of a run, which is stale once nothing has come for the lease."""
+"""The live scene of a run, which becomes stale after a lease without messages."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dataclasses import replace
 from bt_agents_core.scene import Scene
 
 LEASE_S = 1.0
-"""A live scene says nothing any more after this silence; at least twice their distance [s]."""
+"""Silence after which a live scene is stale; at least twice the period of live scenes [s]."""
 
 
 class LiveSceneView:
-    """Latest live scene of one run, at first as awarded; each counts for ``lease_s`` [s]."""
+    """Latest live scene of one run, initially the awarded one; each counts for ``lease_s`` [s]."""
 
     def __init__(
         self, awarded: Scene, clock: Callable[[], float], lease_s: float = LEASE_S
@@ -25,12 +25,12 @@ class LiveSceneView:
         self._seen_at = clock()
 
     def receive(self, scene: Scene) -> None:
-        """Take a live scene; one of another scene id is none of this run."""
+        """Take a live scene; ignore one with another scene id."""
         if scene.scene_id == self.scene_id:
             self._scene = scene
             self._seen_at = self._clock()
 
     def now(self) -> Scene:
-        """Return the latest scene, marked as stale when nothing has come during the lease."""
+        """Return the latest scene, marked as stale if none arrived during the lease."""
         silent_s = self._clock() - self._seen_at
         return self._scene if silent_s <= self.lease_s else replace(self._scene, stale_s=silent_s)

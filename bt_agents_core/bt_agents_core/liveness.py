@@ -4,24 +4,24 @@
 from __future__ import annotations
 
 STALL_S = 0.5
-"""A process in which nobody had a turn for longer than this has stalled [s]."""
+"""A process that ran nothing for longer than this has stalled [s]."""
 
 LONGEST_PAUSE_S = 10.0
-"""Longest pause of a process after which it goes on rather than starts again [s].
+"""Longest pause after which a process continues instead of restarting [s].
 
-Fast DDS drops a peer after 20 s of silence. Of two processes that were both paused, often only one
-drops the other; they find each other again, but the one no longer hears what the other announces.
+Fast DDS drops a peer after 20 s of silence. If two processes were both paused, often only one
+drops the other; they find each other again, but one no longer hears what the other announces.
 """
 
 SLOW_NETWORK = "slow_network"
-"""ROS parameter of market, hosts and robot: how much longer than by cable they wait."""
+"""ROS parameter of market, hosts and robot: factor on the waiting times for a wired network."""
 
 
 def extended_after_stall(last_seen: float, lease_s: float, since: float, now: float) -> float:
-    """Return the last sign of life of a peer, extended as this process has not listened since.
+    """Return the last sign of life of a peer, extended by a stall of this process.
 
-    A lease that was valid then lasts for half its length from now at least. All times are on the
-    steady clock [s]; ``since`` is when somebody listened last.
+    A lease that was valid at ``since``, when this process last listened, stays valid for at least
+    half its length from now. All times are on the steady clock [s].
     """
     return max(last_seen, now - lease_s / 2) if since - last_seen < lease_s else last_seen
 
@@ -31,11 +31,11 @@ class StallDetector:
 
     Args:
         limit_s: A longer gap between two polls is a stall.
-        settle_s: How long afterwards to wait for news of what has happened meanwhile.
+        settle_s: How long to wait afterwards for news about the time of the stall.
 
     Attributes:
-        last_stall_s: How long the last stall was.
-        confirmed: False after a stall until somebody who had none has said what holds now.
+        last_stall_s: Length of the last stall.
+        confirmed: False after a stall until a process without a stall has confirmed the state.
     """
 
     def __init__(self, now: float, *, limit_s: float = STALL_S, settle_s: float = 0.3) -> None:
@@ -47,7 +47,7 @@ class StallDetector:
         self._until = now
 
     def hold_off_s(self, now: float) -> float:
-        """Poll the clock; return how long not to act, 0 for not at all [s]."""
+        """Poll the clock; return how long to refrain from acting, 0 if not at all [s]."""
         gap, self._last = now - self._last, now
         if gap > self._limit_s:
             self.last_stall_s = gap

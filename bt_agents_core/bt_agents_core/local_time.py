@@ -19,22 +19,22 @@ class LocalTime:
     weekday: str
 
     def after(self, seconds: float) -> LocalTime:
-        """Return the local time so long after the begin of this hour [s]."""
+        """Return the local time a number of seconds after the beginning of this hour."""
         days, hour = divmod(self.hour + int(seconds // _HOUR_S), 24)
         weekday = WEEKDAYS[(WEEKDAYS.index(self.weekday) + days) % len(WEEKDAYS)]
         return LocalTime(hour=hour, weekday=weekday)
 
 
 NOON = LocalTime(hour=12, weekday="monday")
-"""Local time where nothing else is said."""
+"""Local time if none is given."""
 
 
 def local_time(stamp_s: float) -> LocalTime:
-    """Return the local time of a moment since 1970 [s], in the time zone of this machine."""
+    """Return the local time of a Unix timestamp [s], in the time zone of this machine."""
     then = time.localtime(stamp_s)
     return LocalTime(hour=then.tm_hour, weekday=WEEKDAYS[then.tm_wday])
 
 
 def next_hour_s(elapsed_s: float) -> float:
-    """Return when the next hour begins, both counted from the begin of an hour [s]."""
+    """Return when the next hour begins; both times count from the beginning of an hour [s]."""
     return (elapsed_s // _HOUR_S + 1) * _HOUR_S

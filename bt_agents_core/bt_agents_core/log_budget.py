@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Allowance of log lines for what other processes cause, which must not fill the disk."""
+"""Limit on log lines that other processes cause, so that they do not fill the disk."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 
 class LogBudget:
-    """So many lines in a period, which begins with its first line.
+    """Maximum number of lines per period, which begins with its first line.
 
     Args:
-        lines: Most lines in a period.
+        lines: Maximum number of lines in a period.
         period_s: Length of a period [s].
         clock: Steady time [s].
     """
@@ -23,9 +23,9 @@ class LogBudget:
         self._until = -float("inf")
 
     def line(self, text: str) -> str:
-        """Return the line to log; empty when too many came before.
+        """Return the line to log; empty if the period already has enough lines.
 
-        The last one of a period says that others are left out.
+        The last line of a period says that further ones are left out.
         """
         now = self._clock()
         if now >= self._until:

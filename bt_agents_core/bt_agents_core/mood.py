@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Change of the mood during one run, against its start or a baseline."""
+"""Change of the mood during one run, relative to its start or to a baseline."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue,
 
 
 class Addressee:
-    """Whom a run is about, the first one named; scenes about others count as nobody there."""
+    """Person whom a run is about: the first one named; scenes about others count as empty."""
 
     def __init__(self, awarded: Scene) -> None:
         self._person_id = awarded.person_id
 
     def mask(self, live: Scene) -> Scene:
-        """Return a live scene, without the person if it is about another one."""
+        """Return a live scene, without its person if that is somebody else."""
         self._person_id = self._person_id or live.person_id
         if not live.person_id or live.person_id == self._person_id:
             return live
@@ -26,13 +26,13 @@ class Addressee:
 
 
 class MoodStart:
-    """Mood that the changes in a run are counted from.
+    """Mood from which the changes in a run are counted.
 
-    It is that of the scene as awarded. Somebody who gives a mood may err, so that a camera that
-    sees another one sees no change: the first mood that is measured takes its place.
+    It is the mood of the scene as awarded. A given mood may be wrong, and a camera that measures
+    another one has seen no change: the first measured mood replaces a given one.
 
     Attributes:
-        value: The mood; NaN when it is not known.
+        value: The mood; NaN if unknown.
     """
 
     def __init__(self, awarded: Scene, space: SceneSpace, confidence: float = 0.0) -> None:
@@ -42,7 +42,7 @@ class MoodStart:
         self.is_given = self._origin(awarded) is Origin.GIVEN and not math.isnan(self.value)
 
     def follow(self, live: Scene) -> None:
-        """Take a live scene, while the mood is only given."""
+        """Take a live scene as long as the mood is only given."""
         if self.is_given and self._origin(live) is Origin.MEASURED:
             measured = mood_of(live, self._space, confidence=self._confidence)
             if not math.isnan(measured):
@@ -58,14 +58,14 @@ class Mood:
     """Mood in one run and its change since the start, in the unit of the scene parameter.
 
     Attributes:
-        start: Mood of the scene as awarded, see :class:`MoodStart`; when that is not known, the
-            first live one that is. With a baseline the mean over its time, NaN until then.
-        now: Mood of the latest live scene; NaN when it is not known.
+        start: Mood of the scene as awarded, see :class:`MoodStart`; if that is unknown, the first
+            known mood of a live scene. With a baseline, the mean over its time, NaN until then.
+        now: Mood of the latest live scene; NaN if unknown.
 
     Args:
         clock: Steady time [s].
-        baseline_s: Length of the baseline, from the first known mood on [s]; 0 for none.
-        confidence: Moods with less are not known, 0..1.
+        baseline_s: Length of the baseline from the first known mood on [s]; 0 for none.
+        confidence: Moods with less confidence count as unknown, 0..1.
     """
 
     def __init__(
@@ -93,12 +93,12 @@ class Mood:
 
     @property
     def change(self) -> float:
-        """Mood now minus mood at the start; NaN when either is unknown."""
+        """Mood now minus mood at the start; NaN if either is unknown."""
         return self.now - self.start
 
     @property
     def due(self) -> float:
-        """When the baseline is complete [s]; infinite when it is, or has not begun."""
+        """When the baseline will be complete [s]; infinite if it is complete or has not begun."""
         return self._until
 
     def receive(self, live: Scene) -> None:
@@ -133,5 +133,5 @@ class Mood:
         self._until = math.inf
 
     def forget(self) -> None:
-        """Mark the mood as unknown, after the live scene has become stale."""
+        """Mark the mood as unknown, because the live scene has become stale."""
         self.now = MISSING

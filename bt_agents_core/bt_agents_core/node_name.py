@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Name of a node for people, with the values that it runs with."""
+"""Name of a node for people, with its current values."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ _REFERENCE = re.compile(r'wait \$\{.*|\S+ (?P<text>".*\$\{.*")', re.DOTALL)
 
 
 def filled_name(name: str, message: str) -> str:
-    """Return a name with the message of the node in place of a reference: ``wait 8 s``.
+    """Return a name whose reference is replaced by the message of the node: ``wait 8 s``.
 
-    A node that is named by a reference says in its message what it runs with; before that, the
-    name stays as the author wrote it.
+    The message of a node that is named by a reference gives its current value; without a message,
+    the name stays as the author wrote it.
     """
     reference = _REFERENCE.fullmatch(name)
     if reference is None or not message:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open goals: what a host has sent and what has not ended, so that others can end it."""
+"""Open goals: goals that a host has sent and that have not ended, so that others can end them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from bt_agents_core.ros_names import LONGEST_NAME, is_full_name
 from bt_agents_core.text import printable_line
 
 MOST_OPEN_GOALS = 100
-"""Open goals of one host that are named to others; of more, the latest ones."""
+"""Maximum number of open goals that a host reports; of more, the latest ones."""
 
 TAKEOVER_S = 3.0
-"""Time for the goals of a host that is gone to end after they were cancelled [s]."""
+"""Time that the cancelled goals of a departed host have to end [s]."""
 
 _LONGEST_PATH = 200
 _ID_BYTES = 16
@@ -23,15 +23,15 @@ _SHOWN = 5
 
 @dataclass(frozen=True, kw_only=True)
 class OpenGoal:
-    """A goal of an action that has been sent and whose end is not confirmed.
+    """A goal of an action that has been sent and has no confirmed end.
 
     Attributes:
-        path: Node of the tree that sent it, for people; on one line, and cut when it is too long.
+        path: Tree node that sent it, for people; one line, shortened if it is too long.
         action: Fully qualified name of the action.
         goal_id: Its id, 16 bytes.
 
     Raises:
-        Refused: ``BAD_GOAL``. All zeros would be an id that stands for every goal of a server.
+        Refused: ``BAD_GOAL``. An id of zeros would mean every goal of a server.
     """
 
     path: str
@@ -60,7 +60,7 @@ class OpenGoal:
 
 
 def name_goals(goals: Iterable[OpenGoal]) -> str:
-    """Format goals for people; of many the first ones."""
+    """Format goals for people; only the first ones of many."""
     names = [str(goal) for goal in goals]
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return ", ".join(names[:_SHOWN]) + more

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Packages that only some commands need: the words for one that is missing."""
+"""Messages about optional packages that are missing."""
 
 _OF_THE_LAB = (
     "install it with pip install 'bt-agents[lab]', or beside a workspace of colcon with "
@@ -12,11 +12,11 @@ _OTHERS = {
 
 
 def how_to_install(package: str) -> str:
-    """Return how to install a package that rosdep does not know."""
+    """Return instructions for installing a package that rosdep does not know."""
     return _OTHERS.get(package, _OF_THE_LAB)
 
 
 def journal_needs(package: str | None) -> str:
-    """Return that a journal needs a module that is not there, and how to get its package."""
+    """Return a message that a journal needs a missing module, and how to get its package."""
     name = (package or "").partition(".")[0]
     return f"a journal needs the package {name}; {how_to_install(name)}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Facts: values that agents have remembered of a person, and the one validator of them."""
+"""Facts: values that agents remember about a person, and their only validator."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType, Plain
 
 Fact = bool | float | str
-"""A value that is remembered of a person."""
+"""A remembered value about a person."""
 
 MOST_FACTS = 32
-"""Facts of one person."""
+"""Maximum number of facts about one person."""
 
 LONGEST_FACT = 500
-"""Characters of a text that is remembered."""
+"""Longest remembered text in characters."""
 
 _KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _TYPES: Mapping[FieldType, tuple[type, str]] = {
@@ -32,21 +32,21 @@ _VALUE_FIELDS: Mapping[int, tuple[str, type]] = {
     3: ("double_value", float),
     4: ("string_value", str),
 }
-"""Type of a ``ParameterValue``, as in ``ParameterType.msg`` → its field and type."""
+"""Type of a ``ParameterValue``, as in ``ParameterType.msg`` → its field and Python type."""
 
 _NOT_SET = 0
 
 
 FACT_TYPES = tuple(_TYPES)
-"""Types that a fact may have."""
+"""Types of facts."""
 
 
 def fact(key: str, value: object, wanted: FieldType | None = None) -> Fact:
-    """Return a value from outside as a fact, a whole number as a number.
+    """Return a value from outside as a fact; an integer becomes a float.
 
     Raises:
-        Refused: ``BAD_KEY`` or ``BAD_VALUE``; the value is of no such type, or not the ``wanted``
-            one, not finite, or too long.
+        Refused: ``BAD_KEY`` or ``BAD_VALUE``: the value has no such type or not the ``wanted``
+            one, is not finite, or is too long.
     """
     if not _KEY.fullmatch(key):
         raise Refused(
@@ -75,7 +75,7 @@ def has_type(value: Fact, wanted: FieldType) -> bool:
 
 
 def facts(given: Iterable[tuple[str, object]]) -> dict[str, Fact]:
-    """Return values from outside by key, without those that are None.
+    """Return values from outside as facts by key, without those that are None.
 
     Raises:
         Refused: ``DUPLICATE_KEY`` or ``TOO_MANY``, else as in :func:`fact`.
@@ -99,13 +99,13 @@ def message_fields(key: str, value: Fact) -> dict[str, Plain]:
 
 
 def from_message_fields(fields: Mapping[str, Any]) -> tuple[str, Fact]:
-    """Return key and value that :func:`message_fields` was called with."""
+    """Return the key and value that were passed to :func:`message_fields`."""
     name, _ = _VALUE_FIELDS[fields["value"]["type"]]
     return fields["key"], fields["value"][name]
 
 
 def values_of(messages: Sequence[Any]) -> list[tuple[str, object]]:
-    """Return keys and unchecked values of ``PersonFact`` messages; None is to be forgotten.
+    """Return keys and unchecked values of ``PersonFact`` messages; None means forget the key.
 
     Raises:
         Refused: ``TOO_MANY``, or ``BAD_VALUE`` for a list.

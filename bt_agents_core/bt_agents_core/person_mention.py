@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Search for a person by name in texts that were written for other ends."""
+"""Search for a person by name in texts."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import re
 
 
 class PersonMention:
-    """Pattern of the name of a person: as a word of a text, or as the whole of it.
+    """Pattern for the name of a person, as a word of a text or as the whole text.
 
-    A name without any letter, such as the number of a tracker, is no word that could be told from
-    other numbers; within a text it counts only behind ``person/``.
+    A name without letters, such as the number of a tracker, looks like any other number; within a
+    text it counts only after ``person/``.
     """
 
     def __init__(self, name: str) -> None:
@@ -25,9 +25,9 @@ class PersonMention:
         self._pattern = re.compile(f"{before}(?:{either}){after}")
 
     def may_be_in(self, data: bytes) -> bool:
-        """Return whether the name can be in serialised data; False is certain."""
+        """Return whether the name may occur in serialized data; False is certain."""
         return any(form in data for form in self._forms)
 
     def is_in(self, text: str) -> bool:
-        """Return whether a text names the person."""
+        """Return whether a text mentions the person."""
         return self._pattern.search(text) is not None

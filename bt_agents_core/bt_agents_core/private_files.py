@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders and files that nobody but their owner can read, whatever the umask."""
+"""Folders and files that only their owner can read, whatever the umask."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ _OF_A_DATABASE = ("", "-wal", "-shm", "-journal")
 
 
 def make_private_folder(path: Path, *, within: Path | None = None) -> None:
-    """Make a folder, with those above it that are missing.
+    """Make a folder and its missing parents.
 
-    Folders that were there keep their rights, as they may hold what is not ours; only
-    ``within``, a folder of this program, and those from there down to ``path`` are tightened.
+    Existing folders keep their permissions, because they may hold files of others; only
+    ``within``, a folder of this program, and the folders from there down to ``path`` become
+    private.
 
     Raises:
-        OSError: It cannot be made, or is no folder.
+        OSError: It cannot be made, or is not a folder.
     """
     missing = []
     for folder in (path, *path.parents):
@@ -32,7 +33,7 @@ def make_private_folder(path: Path, *, within: Path | None = None) -> None:
     for folder in reversed(missing):
         with suppress(FileExistsError):
             folder.mkdir(mode=FOLDER_MODE)
-    # A file in its place, or a link that leads nowhere, is named as one.
+    # The error names a file in its place or a dangling link.
     path.mkdir(exist_ok=True)
     for folder in (path, *path.parents):
         if within is None or not folder.is_relative_to(within):
@@ -41,10 +42,10 @@ def make_private_folder(path: Path, *, within: Path | None = None) -> None:
 
 
 def open_private(path: Path, flags: int) -> int:
-    """Open a file, made when it is missing; return its descriptor.
+    """Open a file, which is made if missing; return its descriptor.
 
     Raises:
-        OSError: As of :func:`os.open`.
+        OSError: As for :func:`os.open`.
     """
     descriptor = os.open(path, flags | os.O_CREAT | os.O_CLOEXEC, FILE_MODE)
     try:
@@ -56,7 +57,7 @@ def open_private(path: Path, flags: int) -> int:
 
 
 def make_private_file(path: Path) -> None:
-    """Make an empty file, or tighten the one that is there.
+    """Make an empty file, or make an existing one private.
 
     Raises:
         OSError: It cannot be made.
@@ -65,9 +66,9 @@ def make_private_file(path: Path) -> None:
 
 
 def make_private_database(path: Path) -> None:
-    """Make a file for SQLite, or tighten the one that is there with its logs.
+    """Make a file for SQLite, or make an existing one and its logs private.
 
-    The logs that SQLite makes later have the rights of the file.
+    SQLite gives later logs the permissions of the file.
 
     Raises:
         OSError: It cannot be made.
@@ -78,9 +79,9 @@ def make_private_database(path: Path) -> None:
 
 
 def tighten(path: Path) -> None:
-    """Take all rights of others on a file or folder of this user away, when it is there.
+    """Remove all permissions of others on a file or folder of this user, if it exists.
 
-    Folders that everybody may write, such as /tmp, are left as they are.
+    Folders that everybody may write to, such as /tmp, stay as they are.
     """
     with suppress(OSError):
         _tighten(path, path.stat())

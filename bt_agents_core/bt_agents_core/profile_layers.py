@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Layers of profiles: for one person or one place, over the one for everybody."""
+"""Layers of profiles: for one person or one place, on top of the one for everybody."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 
 EVERYBODY = ""
-"""The layer that is there always."""
+"""The layer that always exists."""
 
 PERSON = "person"
 PLACE = "place"
 
 MOST_LAYERS = 1000
-"""Persons and places that one agent has profiles for."""
+"""Maximum number of persons and places for which one agent has profiles."""
 
 LONGEST_LAYER = 256
 
 
 def layers_of(scene: Scene) -> dict[str, str]:
-    """Return the layers of a scene in order of precedence: kind → layer."""
+    """Return the layers of a scene by kind, in order of precedence."""
     named = {PERSON: scene.person_id, PLACE: scene.place}
     return {kind: f"{kind}/{name}" for kind, name in named.items() if name}
 
 
 def checked_layer(layer: str) -> str:
-    """Return the name of a layer of a person or a place, or refuse it with ``BAD_LAYER``."""
+    """Return the name of a layer for a person or a place, or refuse it with ``BAD_LAYER``."""
     kind, slash, name = layer.partition("/")
     if not layer.isprintable():
         raise Refused(

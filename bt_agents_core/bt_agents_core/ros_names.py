@@ -6,11 +6,11 @@ from __future__ import annotations
 import re
 
 LONGEST_NAME = 180
-"""Characters of a fully qualified name."""
+"""Longest fully qualified name in characters."""
 
 _NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
 
 
 def is_full_name(name: str) -> bool:
-    """Return whether something can be called so: ``/library/agents``."""
+    """Return whether this is a valid full name, such as ``/library/agents``."""
     return len(name) <= LONGEST_NAME and _NAME.fullmatch(name) is not None

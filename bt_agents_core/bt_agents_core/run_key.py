@@ -9,9 +9,9 @@ from typing import Any
 
 @dataclass(frozen=True, kw_only=True)
 class RunKey:
-    """Identity of a run: market, round and agent; round 0 is no run.
+    """Identity of a run: market, round and agent; round 0 means no run.
 
-    A round has several runs when agents refuse theirs.
+    A round has several runs if agents refuse theirs.
     """
 
     epoch: str
@@ -20,5 +20,5 @@ class RunKey:
 
     @classmethod
     def of(cls, message: Any) -> RunKey:
-        """Return the run that a message is about: a goal, an event, a heartbeat or a status."""
+        """Return the run of a message: a goal, an event, a heartbeat or a status."""
         return cls(epoch=message.epoch, round=message.round, agent=message.agent)

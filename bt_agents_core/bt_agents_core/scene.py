@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene parameters, vectors and scenes: the one validator of every vector that comes in."""
+"""Scene parameters, vectors and scenes, with the only validator of incoming vectors."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ Vector = tuple[float, ...]
 MISSING = math.nan
 
 MAX_WEIGHT = 100.0
-"""Most that a parameter or a source of feedback can weigh; most things weigh 1."""
+"""Largest weight of a parameter or a source of feedback; most weigh 1."""
 
 MAX_VALUE = 1e15
-"""Largest limit of a range: from there on, numbers get coarse, and squares of them overflow."""
+"""Largest limit of a range: numbers beyond it get coarse, and their squares overflow."""
 
 MIN_WIDTH = 1e-9
-"""Smallest width of the range of a scene parameter, by which distances are divided."""
+"""Smallest width of the range of a scene parameter; distances are divided by it."""
 
 AGAIN = "+again"
-"""Ends the id of a scene that a restarted market asks for again by itself."""
+"""Suffix of the id of a scene that a restarted market announces again by itself."""
 
 _AWARDED = re.compile(r"\+award\d+$")
 _FOLLOW_UP = re.compile(r"\+[0-9]+\Z")
 
 
 class Origin(IntEnum):
-    """Origin of a value of a scene; the numbers are those of ``SceneValue.msg``."""
+    """Origin of a value in a scene; the numbers match ``SceneValue.msg``."""
 
     MISSING = 0
     MEASURED = 1
@@ -49,26 +49,26 @@ class Origin(IntEnum):
 
 
 Labels = tuple[tuple[float, str], ...]
-"""Values of a scene parameter, each with a word for it."""
+"""Values of a scene parameter, each with a word."""
 
 
 def nearest_label(labels: Labels, value: float) -> str:
-    """Return the word for the value that is nearest, of two the smaller one; empty for none."""
+    """Return the word for the nearest value, the smaller of two; empty if there are no labels."""
     return min(labels, key=lambda one: (abs(one[0] - value), one[0]), default=(value, ""))[1]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneParameter:
-    """One named, ranged dimension of every scene, and of every profile unless none has it.
+    """One named dimension of scenes, and of profiles unless it is left out there.
 
     Attributes:
         minimum: Smallest value, in the parameter's own unit.
         default: Value in the range that stands for "nothing special"; never used as a measurement.
         labels: Words for some values, for example ``{1.0: "child"}``.
-        weight: How much it counts where distances are weighted, 0 or more.
-        assumed: Value in a scene with somebody of whom it is not known; None for missing.
-        unattended: Value in a scene without anybody where it is not measured; None for missing.
-        profiled: False where no profile has it, so that it counts in no distance.
+        weight: Its weight in weighted distances, 0 or more.
+        assumed: Value in a scene with a person if it is unknown; None for missing.
+        unattended: Value in a scene without persons if it is not measured; None for missing.
+        profiled: False if profiles do not have it, so that it counts in no distance.
     """
 
     name: str
@@ -84,14 +84,14 @@ class SceneParameter:
 
     @property
     def ignorance(self) -> float:
-        """Standard deviation of a value of which only the range is known.
+        """Standard deviation of a value if only its range is known.
 
-        That of the uniform distribution, (max − min) / √12.
+        It is that of the uniform distribution, (max − min) / √12.
         """
         return (self.maximum - self.minimum) / math.sqrt(12.0)
 
     def unknown(self, *, met: bool) -> SceneValue:
-        """Return what a scene holds that nobody knows, once somebody was ``met`` or before."""
+        """Return the value for a scene if it is unknown, with or without a person ``met``."""
         if met and self.assumed is not None:
             return SceneValue(
                 name=self.name,
@@ -119,7 +119,7 @@ class SceneParameter:
 class SceneValue:
     """One value of a scene; ``value`` is NaN exactly when ``origin`` is ``MISSING``.
 
-    Two that are missing are equal, though two NaNs are not.
+    Two missing values are equal, although two NaNs are not.
 
     Attributes:
         value: In the unit of the parameter.
@@ -127,7 +127,7 @@ class SceneValue:
         std: Standard deviation in the unit of the parameter; 0 when exact or not stated, NaN when
             missing.
         confidence: 0..1 as the sources state it; 1 when not stated, 0 when missing.
-        source: Where it comes from in words; may be empty.
+        source: Its source in words; may be empty.
     """
 
     name: str
@@ -140,7 +140,7 @@ class SceneValue:
 
     @property
     def observed(self) -> bool:
-        """True for a measured, given or told value, which is neither estimated nor assumed."""
+        """True for a measured, given or told value, not for an estimated or assumed one."""
         return self.origin in (Origin.MEASURED, Origin.GIVEN, Origin.TOLD)
 
     def __eq__(self, other: object) -> bool:
@@ -177,19 +177,18 @@ class Scene:
     """The vector that describes an interaction, with the origin of each value.
 
     Attributes:
-        scene_id: Unique per analysed scene.
+        scene_id: Unique for each analysed scene.
         label: Words for people; may be empty.
         values: Every parameter of the space once, in its order.
-        urgent: True may stop a running tree at once, where new scenes preempt.
-        person_id: Who it is, by name or as a tracker calls them; empty when nobody knows.
-        place: Where it is; may be empty.
-        persons: How many persons are tracked; 0 when nobody counts them.
-        visits: How often the person has been here, this visit included; 0 for somebody who is not
-            known by name.
-        remembered: What agents have remembered of the person.
+        urgent: True may stop a running tree at once if new scenes preempt.
+        person_id: The person, by name or by the id of a tracker; empty if unknown.
+        place: Place of the interaction; may be empty.
+        persons: Number of tracked persons; 0 if they are not counted.
+        visits: Number of visits of the person, including this one; 0 if not known by name.
+        remembered: What agents remember about the person.
         stamp: Time of the analysis [s].
-        stale_s: Of a live scene: how long the scene layer has been silent, once that is so long
-            that the values tell nothing about now; 0 otherwise [s].
+        stale_s: For a live scene: how long the scene layer has been silent, once that is too long
+            for the values to be current; 0 otherwise [s].
     """
 
     scene_id: str
@@ -207,31 +206,31 @@ class Scene:
 
     @cached_property
     def vector(self) -> Vector:
-        """The values alone, in the order of the space, NaN where missing."""
+        """The values alone, in the order of the space, NaN for missing ones."""
         return tuple(value.value for value in self.values)
 
     @cached_property
     def observed(self) -> Vector:
-        """The values measured, given or told, in the order of the space, NaN for others."""
+        """The measured, given or told values, in the order of the space, NaN for others."""
         return tuple(value.value if value.observed else MISSING for value in self.values)
 
     @cached_property
     def std(self) -> Vector:
-        """The standard deviations alone, in the order of the space, NaN where missing."""
+        """The standard deviations alone, in the order of the space, NaN for missing ones."""
         return tuple(value.std for value in self.values)
 
     def get(self, name: str) -> float:
-        """Return the value of a parameter, NaN when missing; ``KeyError`` without such a one."""
+        """Return the value of a parameter, NaN when missing; ``KeyError`` if there is none."""
         for value in self.values:
             if value.name == name:
                 return value.value
         raise KeyError(name)
 
     def of_person(self, member: str) -> Fact:
-        """Return ``name``, ``visits`` or something remembered of a person who is known by name.
+        """Return ``name``, ``visits`` or a remembered fact of a person who is known by name.
 
         Raises:
-            KeyError: Nobody who is there is known by name, or nothing of the kind is remembered.
+            KeyError: No person is known by name, or no such fact is remembered.
         """
         if not self.visits or not self.person_id:
             raise KeyError(member)
@@ -249,13 +248,13 @@ class Scene:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneSpace:
-    """The scene parameters that all parts of one system share, in order.
+    """The ordered scene parameters that all parts of one system share.
 
     Attributes:
-        parameters: At least one, names unique; those that no profile has come last.
-        mood: Name of the parameter that is the person's mood; None when there is none.
-        remembers: What agents may remember of a person, with its type.
-        left_out: Of a space of profiles: names of the scene parameters that no profile has.
+        parameters: At least one, with unique names; those that profiles do not have come last.
+        mood: Name of the parameter for the person's mood; None if there is none.
+        remembers: What agents may remember about a person, with its type.
+        left_out: For a space of profiles: names of the scene parameters that profiles do not have.
     """
 
     parameters: tuple[SceneParameter, ...]
@@ -264,13 +263,13 @@ class SceneSpace:
     left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Put the parameters that no profile has behind the others, each kind in its order."""
+        """Put the parameters that profiles do not have after the others, in order."""
         ordered = sorted(self.parameters, key=lambda one: not one.profiled)
         object.__setattr__(self, "parameters", tuple(ordered))
 
     @cached_property
     def profiles(self) -> SceneSpace:
-        """The space of profiles: the parameters that profiles have, which are the first ones."""
+        """The space of profiles: the parameters that profiles have, which come first."""
         shared = tuple(one for one in self.parameters if one.profiled)
         if len(shared) == len(self.parameters):
             return self
@@ -291,9 +290,9 @@ class SceneSpace:
         return len(self.parameters)
 
     def vector(self, values: Iterable[float], *, missing: bool = False, what: str = "") -> Vector:
-        """Return values from outside, one for each parameter in order, as a vector.
+        """Return values from outside, one per parameter in order, as a vector.
 
-        With ``missing`` NaN stands for a missing value; ``what`` is the subject of error messages.
+        With ``missing``, NaN marks a missing value; ``what`` is the subject of error messages.
 
         Raises:
             Refused: ``WRONG_LENGTH``, ``NOT_A_NUMBER``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.
@@ -332,11 +331,11 @@ class SceneSpace:
         return self.vector((values[name] for name in self.names), what=what)
 
     def ordered(self, values: Mapping[str, float]) -> Vector:
-        """Return named values in the order of the space, NaN for what is not there; unchecked."""
+        """Return named values in the order of the space, unchecked; NaN for those not named."""
         return tuple(values.get(name, MISSING) for name in self.names)
 
     def completed(self, scene: Scene, *, met: bool) -> Scene:
-        """Return a scene with what is not known of it as of somebody ``met``, or of nobody."""
+        """Return a scene whose unknown values are filled in, with or without a person ``met``."""
         values = (
             parameter.unknown(met=met)
             if value.origin in (Origin.MISSING, Origin.DEFAULT)
@@ -346,18 +345,18 @@ class SceneSpace:
         return replace(scene, values=tuple(values))
 
     def compared(self, scene: Scene) -> Scene:
-        """Return a scene of the whole space with the values of this space of profiles alone."""
+        """Return a scene of the whole space reduced to this space of profiles."""
         if len(scene.values) == len(self.parameters):
             return scene
         return replace(scene, values=scene.values[: len(self.parameters)])
 
     def named(self, vector: Iterable[float]) -> dict[str, float]:
-        """Return the values of a vector by name, in order, without what is missing."""
+        """Return the values of a vector by name, in order, without missing ones."""
         pairs = zip(self.names, vector, strict=True)
         return {name: value for name, value in pairs if not math.isnan(value)}
 
     def parameter(self, name: str, *, what: str = "") -> SceneParameter:
-        """Return the parameter of a name, or refuse it with ``UNKNOWN_PARAMETER``."""
+        """Return the parameter with a name, or refuse it with ``UNKNOWN_PARAMETER``."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
@@ -413,10 +412,10 @@ class SceneSpace:
 
 
 def mood_of(scene: Scene, space: SceneSpace, *, confidence: float = 0.0) -> float:
-    """Return the mood of the person in a scene, NaN when it is not known.
+    """Return the mood of the person in a scene, NaN if unknown.
 
-    It is known of a person who is there, when it was measured, given or told, with ``confidence``
-    or more: a person who is lost is not unhappy, and neither is one whose mood is only assumed.
+    It is known if a person is there and the value was measured, given or told with ``confidence``
+    or more: a lost person is not unhappy, nor is one whose mood is only assumed.
     """
     if space.mood is None or not scene.person:
         return MISSING
@@ -425,32 +424,32 @@ def mood_of(scene: Scene, space: SceneSpace, *, confidence: float = 0.0) -> floa
 
 
 def follow_up_id(origin: str, number: int) -> str:
-    """Return the id of the scene of an interaction's follow-up round, counted from 1."""
+    """Return the scene id of an interaction's follow-up round, counted from 1."""
     return f"{origin}+{number}"
 
 
 def origin_id(scene_id: str) -> str:
-    """Return the id of the scene that the market began with, also for a follow-up round."""
+    """Return the id of the scene that the market started with, also for a follow-up round."""
     return _FOLLOW_UP.sub("", scene_id)
 
 
 def awarded_id(scene_id: str, number: int) -> str:
-    """Return the id under which an operator's award has a scene run once more."""
+    """Return the id under which a scene runs again after an operator's award."""
     return f"{unawarded_id(scene_id)}+award{number}"
 
 
 def unawarded_id(scene_id: str) -> str:
-    """Return the id of the scene that an operator's award is about."""
+    """Return the id of the scene of an operator's award."""
     return _AWARDED.sub("", scene_id)
 
 
 def first_id(scene_id: str) -> str:
-    """Return the id under which a scene was announced, also after a restart of the market."""
+    """Return the id under which a scene was first announced, also after a market restart."""
     return origin_id(scene_id).removesuffix(AGAIN)
 
 
 def scene_name(scene: Any) -> str:
-    """Return the name of a scene, or of its message, for people: its label, else its values.
+    """Return the name of a scene or its message for people: its label, else its values.
 
     Example:
         ``age 4.5, familiarity 1, mood 3``
@@ -462,12 +461,12 @@ def scene_name(scene: Any) -> str:
 
 
 def finite_or_none(value: float) -> float | None:
-    """Return a number as JSON can have it; None for NaN and infinity."""
+    """Return a number as JSON can hold it; None for NaN and infinity."""
     return value if math.isfinite(value) else None
 
 
 def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> float:
-    """Return ``value`` if it is in range; refuse others: ``NOT_FINITE``, ``OUT_OF_RANGE``."""
+    """Return ``value`` if it is in range; else refuse it: ``NOT_FINITE``, ``OUT_OF_RANGE``."""
     if not math.isfinite(value):
         raise Refused(
             "NOT_FINITE",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linear mapping of the readings of a source to values of its scene parameter, and back.
+"""Linear mapping between readings of a source and values of its scene parameter.
 
-Points are (reading, value) pairs with rising readings; without any, a reading is the value.
+Points are (reading, value) pairs with rising readings; without points, a reading is the value.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ def mapped(points: Points, reading: float) -> float:
 def mapped_std(points: Points, reading: float, std: float) -> float:
     """Return the standard deviation of the value of an uncertain reading.
 
-    It is that of the values which the readings one deviation below and above map to, around the
-    value itself: the sigma points of S. Julier and J. Uhlmann, "A New Extension of the Kalman
-    Filter to Nonlinear Systems", 1997, in one dimension. On a straight piece of the map this is
-    the deviation times the slope, exactly. Beyond an end of the map it is the one at the end: a
-    value that is held there is not known exactly.
+    It maps the readings one deviation below and above, and takes the deviation of their values
+    from the value itself: the sigma points of S. Julier and J. Uhlmann, "A New Extension of the
+    Kalman Filter to Nonlinear Systems", 1997, in one dimension. On a straight piece of the map
+    this is exactly the deviation times the slope. Beyond an end of the map it is the deviation at
+    the end: a value that is held there is not known exactly.
     """
     if points:
         reading = min(max(reading, points[0][0]), points[-1][0])
@@ -42,7 +42,7 @@ def mapped_std(points: Points, reading: float, std: float) -> float:
 
 
 def inverted(points: Points, value: float) -> float:
-    """Return a reading that maps to a value, as nearly as the points allow."""
+    """Return a reading that maps to a value, as closely as the points allow."""
     if not points:
         return value
     for (x0, y0), (x1, y1) in pairwise(points):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State folder of one trees folder: what was learned, tuned and ordered there, and nowhere else.
+"""State folder of one trees folder: what was learned, tuned and ordered for it.
 
-A trees folder is known by the id in its file :data:`ID_FILE`, so that it may be moved; its state
-folder notes where it was last. By both a copy is told from the original.
+The id in the file :data:`ID_FILE` identifies a trees folder even after a move; the state folder
+notes its last path. Together they distinguish a copy from the original.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ _HASH_DIGITS = 10
 
 @dataclass(frozen=True, kw_only=True)
 class StateFolder:
-    """State folder of a trees folder; it need not be there yet.
+    """State folder of a trees folder; it may not exist yet.
 
     Attributes:
-        path: Where it is.
+        path: Its path.
         trees: The trees folder.
-        note: What people should know about the two: that a folder is a copy, or was moved.
-        is_new: Nothing was kept of the trees folder before.
+        note: Remark for people, such as that a folder is a copy or was moved.
+        is_new: Whether nothing was stored for the trees folder before.
     """
 
     path: Path
@@ -60,17 +60,17 @@ class StateFolder:
 
     @property
     def tunings(self) -> Path:
-        """File of the tunings; that of the presets lies beside it."""
+        """File of the tunings; the file of the presets is next to it."""
         return self.path / "tunings.sqlite"
 
     @property
     def open_goals(self) -> Path:
-        """File of the goals that the host has open at servers."""
+        """File of the host's open goals at action servers."""
         return self.path / "open-goals"
 
     @property
     def orders(self) -> Path:
-        """File of pins, vetoes and counts of runs."""
+        """File of pins, vetoes and run counts."""
         return self.path / "orders.json"
 
     @property
@@ -80,7 +80,7 @@ class StateFolder:
 
     @property
     def memory(self) -> Path:
-        """File of what is remembered of persons and places."""
+        """File of what agents remember about persons and places."""
         return self.path / "people.json"
 
     @property
@@ -93,7 +93,7 @@ def state_home(environment: Mapping[str, str] = os.environ) -> Path:
     """Return the folder of all logs and state folders of a user, by the XDG rules.
 
     Raises:
-        BtAgentsError: Neither the environment nor the system knows a home of the user.
+        BtAgentsError: Neither the environment nor the system names a home of the user.
     """
     if base := environment.get("XDG_STATE_HOME"):
         return Path(base) / "bt-agents"
@@ -107,15 +107,15 @@ def state_home(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def find_state(trees: Path, explicit: str = "", home: Path | None = None) -> StateFolder:
-    """Return the state folder of a trees folder; nothing is written.
+    """Return the state folder of a trees folder; write nothing.
 
     Args:
         trees: The trees folder.
-        explicit: The state folder, when somebody has named it.
-        home: In which those that nobody named lie, without it :func:`state_home`.
+        explicit: The state folder, if the user named one.
+        home: Folder of state folders that the user did not name; defaults to :func:`state_home`.
 
     Raises:
-        BtAgentsError: It belongs to another trees folder that is still there, a file about it
+        BtAgentsError: It belongs to another trees folder that still exists, a file about it
             cannot be read, or there is no home.
     """
     trees = trees.resolve()
@@ -140,10 +140,10 @@ def find_state(trees: Path, explicit: str = "", home: Path | None = None) -> Sta
 
 
 def claim_state(trees: Path, explicit: str = "", home: Path | None = None) -> StateFolder:
-    """Make the state folder of a trees folder, and write down which folder it belongs to.
+    """Make the state folder of a trees folder, and record which folder it belongs to.
 
-    Nobody but its owner can read what is in it. A folder that somebody has named, and that held
-    other files before, keeps its rights.
+    Only its owner can read its content. A folder that the user named, and that already held other
+    files, keeps its permissions.
 
     Raises:
         BtAgentsError: As in :func:`find_state`, or it cannot be written.
@@ -165,7 +165,7 @@ def claim_state(trees: Path, explicit: str = "", home: Path | None = None) -> St
             "with --state, or set XDG_STATE_HOME to a folder that can be written"
         ) from None
     if not explicit and not is_installed(found.trees) and _id_of(found.trees) != found.path.name:
-        # Without the file, as in a folder that cannot be written, it is known by its path.
+        # Without the file, as in a read-only folder, its path identifies it.
         with suppress(OSError):
             (found.trees / ID_FILE).write_text(f"{found.path.name}\n", encoding="utf-8")
     return found
@@ -193,7 +193,7 @@ def _moved(owner: Path) -> str:
 
 
 def _free_states(trees: Path, home: Path) -> Iterator[StateFolder]:
-    """Yield the state folders that a trees folder may have by its path, the usual one first."""
+    """Yield the possible state folders of a trees folder by its path, the usual one first."""
     name = trees.parent.name if trees.name == "trees" else trees.name
     plain = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")[:40] or "trees"
     digest = hashlib.sha256(os.fsencode(trees)).hexdigest()[:_HASH_DIGITS]
@@ -224,7 +224,7 @@ def _id_if_readable(trees: Path) -> str:
 
 
 def _owner_of(place: Path) -> Path | None:
-    """Return the trees folder that a state folder belongs to; None while it is nobody's."""
+    """Return the trees folder that a state folder belongs to; None if there is none yet."""
     text = _read(place / _OWNER_FILE)
     return Path(text) if text else None
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cause of the stop of a run, who wanted it and why, as they travel between the nodes."""
+"""Cause of a stopped run, who wanted it and why, as nodes exchange them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from enum import IntEnum
 
 
 class StopCause(IntEnum):
-    """Cause of the stop of a run; the numbers are those of ``RunAgent.action`` and ``Run.msg``.
+    """Cause of a stopped run; the numbers match ``RunAgent.action`` and ``Run.msg``.
 
     Attributes:
-        NOT_STOPPED: Its tree has ended by itself.
+        NOT_STOPPED: Its tree ended by itself.
         BY_MARKET: The marketplace told the host to stop it.
-        MARKET_LOST: Its marketplace was silent for too long, or another one has taken its place.
-        BY_HOST: The host had a reason of its own.
+        MARKET_LOST: Its marketplace was silent for too long, or was replaced by another one.
+        BY_HOST: The host stopped it for its own reason.
     """
 
     NOT_STOPPED = 0
@@ -24,13 +24,13 @@ class StopCause(IntEnum):
 
 
 class StoppedBy(IntEnum):
-    """Who wanted a run stopped; the numbers are those of ``Run.msg``.
+    """Who wanted a run stopped; the numbers match ``Run.msg``.
 
     Attributes:
-        NOT_SAID: It was not stopped, or nobody has said.
+        NOT_SAID: It was not stopped, or nothing was stated.
         OPERATOR: A person who operates the robot.
         MOOD_RULE: A mood rule of the agent.
-        OTHER_SCENE: A scene that is more urgent.
+        OTHER_SCENE: A more urgent scene.
     """
 
     NOT_SAID = 0
@@ -40,12 +40,12 @@ class StoppedBy(IntEnum):
 
     @classmethod
     def of(cls, number: int) -> StoppedBy:
-        """Return whom the number of a message means; one that means nobody is not said."""
+        """Return the member for a number in a message; an unknown number is ``NOT_SAID``."""
         return cls(number) if number in set(cls) else cls.NOT_SAID
 
 
 STOPPERS = ("operator", "mood rule", "other scene", "market", "host")
-"""Who may stop a run, in the words of ``cancel.by``."""
+"""Who can stop a run, in the words of ``cancel.by``."""
 
 _BY_MARKET = {
     StoppedBy.OPERATOR: "operator",
@@ -56,7 +56,7 @@ _BY_MARKET = {
 
 @dataclass(frozen=True, kw_only=True)
 class Cancellation:
-    """What ``cancel.by`` and ``cancel.reason`` name.
+    """Values of ``cancel.by`` and ``cancel.reason``.
 
     Attributes:
         by: One of :data:`STOPPERS`.
@@ -68,7 +68,7 @@ class Cancellation:
 
 
 def stopper(cause: StopCause, by: StoppedBy = StoppedBy.NOT_SAID) -> str:
-    """Return the word of :data:`STOPPERS` for whoever stopped a run."""
+    """Return the word of :data:`STOPPERS` for who stopped a run."""
     if cause is StopCause.BY_HOST:
         return "host"
     return _BY_MARKET.get(by, "market")

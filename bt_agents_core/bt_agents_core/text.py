@@ -9,10 +9,10 @@ from functools import lru_cache
 from unicodedata import category, normalize
 
 EXCERPT = 40
-"""Characters of a found text that a message shows."""
+"""Characters of a found text that messages show."""
 
 DIGITS = 4
-"""Digits of values of scenes and profiles; more would tell people nothing."""
+"""Digits of values of scenes and profiles for people."""
 
 _MOST_QUOTED = 5
 
@@ -20,32 +20,32 @@ _JOINERS = "\u200c\u200d"
 
 
 def ellipsize(text: str, longest: int = EXCERPT) -> str:
-    """Return a text, or its start and "…" when it has more than so many characters."""
+    """Return a text, or its start and "…" if it exceeds a number of characters."""
     return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
 def folded(text: str) -> str:
-    """Return a text as it is compared: capitals do not matter, nor how an accent is stored."""
+    """Return a text for comparison: case and the encoding of accents do not matter."""
     return text.lower() if text.isascii() else normalize("NFC", normalize("NFC", text).casefold())
 
 
 def single_spaced(text: str) -> str:
-    """Return a text in one line, each run of blanks as one space."""
+    """Return a text in one line, with each run of blanks as one space."""
     return " ".join(text.split())
 
 
 def excerpt(text: str, longest: int) -> str:
-    """Return a text in one line, or its start and "…" when it has more characters."""
+    """Return a text in one line, or its start and "…" if it has more characters."""
     flat = single_spaced(text)
     return flat if len(flat) <= longest else f"{flat[: longest - 1].rstrip()}…"
 
 
 def printable(text: str) -> str:
-    r"""Return a text from outside as terminals and logs may show it, in one line.
+    r"""Return a text from outside in one line that is safe for terminals and logs.
 
-    Control characters, the starts of escape sequences, line ends, marks of direction, invisible
-    characters and lone surrogates are shown by their numbers: ``\x1b``, ``\n``, ``\u202e``. Words
-    in any language stay as they are, and so does what is printable already.
+    Control characters, the starts of escape sequences, line ends, direction marks, invisible
+    characters and lone surrogates become escapes: ``\x1b``, ``\n``, ``\u202e``. Words in any
+    language and other printable characters stay as they are.
     """
     if text.isprintable():
         return text
@@ -57,7 +57,7 @@ def printable(text: str) -> str:
 
 
 def printable_lines(text: str) -> str:
-    """Return a text of several lines, each as of :func:`printable`; tabs stay."""
+    """Return a text of several lines, each made :func:`printable`; tabs stay."""
     if text.isprintable():
         return text
     lines = text.split("\n")
@@ -65,14 +65,14 @@ def printable_lines(text: str) -> str:
 
 
 def printable_line(text: str) -> str:
-    """Return a text that is kept in one line, with blanks for what :func:`printable` shows."""
+    """Return a text in one line, with blanks for what :func:`printable` escapes."""
     return single_spaced("".join(c if c.isprintable() else " " for c in text))
 
 
 def _is_written(before: str, one: str, after: str) -> bool:
-    """Return whether languages write a character that :meth:`str.isprintable` denies.
+    """Return whether languages use a character that :meth:`str.isprintable` rejects.
 
-    These are the blanks of other widths, and the joiners between letters and in emoji.
+    These are blanks of other widths, and the joiners between letters and in emoji.
     """
     if one in _JOINERS:
         return all(not near.isascii() and near.isprintable() for near in (before, after))
@@ -85,14 +85,14 @@ def quote(text: str) -> str:
 
 
 def join_words(words: Sequence[str], last: str = "and") -> str:
-    """Return words as a sentence lists them: ``a, b and c``."""
+    """Return words as a list in a sentence: ``a, b and c``."""
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def join_first(words: Iterable[str], most: int = 4) -> str:
-    """Return words with commas, of many the first and the number of the others."""
+    """Return words with commas; of many, the first ones and the number of the others."""
     every = list(words)
     if len(every) <= most:
         return ", ".join(every)
@@ -100,7 +100,7 @@ def join_first(words: Iterable[str], most: int = 4) -> str:
 
 
 def join_quoted(words: Iterable[str]) -> str:
-    """Return words in quotes, the first of many."""
+    """Return words in quotes; of many, the first ones."""
     every = list(words)
     more = ", …" if len(every) > _MOST_QUOTED else ""
     return ", ".join(f"'{word}'" for word in every[:_MOST_QUOTED]) + more
@@ -108,10 +108,10 @@ def join_quoted(words: Iterable[str]) -> str:
 
 @lru_cache(maxsize=4096)
 def format_number(value: float, digits: int = 6) -> str:
-    """Return a number in at most so many digits, with a real minus sign."""
+    """Return a number with a maximum number of digits and a real minus sign."""
     return f"{value + 0.0:.{digits}g}".replace("-", "−")
 
 
 def format_known(value: float) -> str:
-    """Return a value of a scene or profile in :data:`DIGITS`, a dash for NaN."""
+    """Return a value of a scene or profile with :data:`DIGITS` digits, a dash for NaN."""
     return "–" if math.isnan(value) else f"{value:.{DIGITS}g}"

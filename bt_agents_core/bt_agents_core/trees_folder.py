@@ -12,18 +12,18 @@ from pathlib import Path
 from bt_agents_core.errors import BtAgentsError
 
 SHIPPED = "shipped"
-"""Name by which the trees folder of the installation is asked for."""
+"""Name that selects the trees folder of the installation."""
 
 _TREES, _TREES_PACKAGE, _SCENE = "trees", "bt_agents_trees", "scene.yaml"
 _MOST_SEARCHED = 200
-"""Folders that are looked through for one to propose."""
+"""Maximum number of folders to search for a suggestion."""
 
 
 class NoTreesFolderError(BtAgentsError):
-    """No trees folder is named, and there is none here.
+    """No trees folder is named, and none is here.
 
     Attributes:
-        near: One that is not far, to propose; None when there is none.
+        near: A nearby one to suggest; None if there is none.
     """
 
     def __init__(self, near: Path | None) -> None:
@@ -35,7 +35,7 @@ class NoTreesFolderError(BtAgentsError):
 
 
 def is_trees(folder: Path) -> bool:
-    """Return whether a folder is one of trees; one that cannot be read is none."""
+    """Return whether a folder is a trees folder; an unreadable one is not."""
     try:
         return (folder / _SCENE).is_file()
     except (OSError, ValueError):
@@ -45,10 +45,10 @@ def is_trees(folder: Path) -> bool:
 def find_trees(explicit: str = "") -> Path:
     """Return the trees folder: ``explicit``, else this one or ``./trees``.
 
-    :data:`SHIPPED` names that of the installation, which is never taken otherwise.
+    :data:`SHIPPED` names that of the installation, which is never the default.
 
     Raises:
-        NoTreesFolderError: None is named, and there is none here.
+        NoTreesFolderError: None is named, and none is here.
         BtAgentsError: There is no such folder, or it has no ``scene.yaml``.
     """
     if explicit == SHIPPED:
@@ -67,9 +67,9 @@ def find_trees(explicit: str = "") -> Path:
 
 
 def is_installed(path: Path) -> bool:
-    """Return whether a file or folder is part of an installation, which is nobody's to edit.
+    """Return whether a file or folder is part of an installation, which must not be edited.
 
-    The trees folder of a checkout is not, though the installation that is made of it links there.
+    The trees folder of a checkout is not, although an installation made from it links there.
     """
     inside = path.resolve()
     return any(
@@ -79,10 +79,10 @@ def is_installed(path: Path) -> bool:
 
 
 def enclosing_folder(path: Path) -> Path:
-    """Return the trees folder that a file or folder lies in, short when it is below this one.
+    """Return the trees folder of a file or folder, as a short path if below the current one.
 
     Raises:
-        BtAgentsError: It lies in none.
+        BtAgentsError: It is in none.
     """
     here, inside = Path.cwd(), path.absolute()
     for folder in (inside, *inside.parents):
@@ -95,7 +95,7 @@ def enclosing_folder(path: Path) -> Path:
 
 
 def find_experiments(name: str) -> tuple[Path, ...]:
-    """Return the folders of an experiment: a path, else of ``./experiments`` or the installed.
+    """Return the folders of an experiment: a path, or one in ``./experiments`` or installed.
 
     An experiment of several parts has a folder for each: ``2`` is all of ``2-*``.
 
@@ -117,7 +117,7 @@ def find_experiments(name: str) -> tuple[Path, ...]:
 
 
 def find_sweep(name: str) -> Path:
-    """Return the file of a sweep: a path, else of ``./experiments/sweeps`` or the installed.
+    """Return the file of a sweep: a path, or one in ``./experiments/sweeps`` or installed.
 
     Raises:
         BtAgentsError: There is no such sweep.
@@ -163,15 +163,15 @@ def _installed(local: str, package: str, proof: str) -> Path:
 
 
 def _shares(package: str) -> Iterator[Path]:
-    """Yield where the data of a package may be installed."""
-    # A ROS workspace names its prefixes; a wheel installs into that of the environment.
+    """Yield the folders where the data of a package may be installed."""
+    # A ROS workspace names its prefixes; a wheel installs into the environment's.
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     for prefix in (*filter(None, prefixes), sys.prefix):
         yield Path(prefix) / "share" / package
 
 
 def _near() -> Iterator[Path]:
-    """Yield trees folders above this folder, then in the folders of this one."""
+    """Yield trees folders above this folder, then those in its subfolders."""
     here = Path.cwd()
     above = chain.from_iterable((folder, folder / _TREES) for folder in here.parents)
     beside = chain.from_iterable(

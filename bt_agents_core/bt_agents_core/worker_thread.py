@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Worker thread for slow files: an executor whose shutdown is bounded in time."""
+"""Worker thread for slow file access: an executor whose shutdown is bounded in time."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _T = TypeVar("_T")
 class WorkerThread(Executor):
     """Executor with one daemon thread.
 
-    A process waits at its end for the threads of :mod:`concurrent.futures`, however long a disk or
-    a network folder takes; for this one it does not.
+    A process does not wait for this thread at its end, unlike for those of
+    :mod:`concurrent.futures`, however long a disk or a network folder takes.
     """
 
     def __init__(self, name: str) -> None:
