@@ -48,7 +48,7 @@ class DeliveryQueue(Generic[ContentT]):
 
     @property
     def overdue(self) -> bool:
-        """True if the answer to the item in flight is overdue."""
+        """True if the item in flight was not acknowledged in time."""
         return self._deadline is not None and self._clock() >= self._deadline
 
     def sent(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Activation of a node: what it has made since its begin is taken back together at its end."""
+"""Activation of a node: everything made during it is destroyed together at its end."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ _DESTROY = {
     "publishers": "destroy_publisher",
     "guards": "destroy_guard_condition",
 }
-"""Where a node lists its entities of a kind → what destroys one, and its handlers of events."""
+"""Node attribute that lists entities → its method that destroys one and its event handlers."""
 
 
 class Activation:
-    """Endpoints, timers, parameters and callbacks that a node gets after this is made.
+    """Endpoints, timers, parameters and callbacks that a node gets after this object is made.
 
-    rclpy knows no scope of them but the node itself.
+    In rclpy, their only scope is the node itself.
     """
 
     def __init__(self, node: Any) -> None:
         self._node = node
-        # The objects themselves, as the id of one that is gone may be that of another.
+        # The objects themselves, because the id of a deleted object may be reused.
         self._before = [one for kind in (*_DESTROY, "waitables") for one in getattr(node, kind)]
         self._parameters = frozenset(node._parameters)
         self._callbacks = {name: list(getattr(node, name)) for name in _CALLBACKS}
 
     def end(self, *, keeps: Callable[[str], bool]) -> None:
-        """Destroy what was made.
+        """Destroy everything that was made.
 
         Args:
-            keeps: Whether the value of a parameter counts when it is declared again.
+            keeps: Whether a parameter keeps its value when it is declared again.
         """
         node = self._node
         before = {id(entity) for entity in self._before}
@@ -61,7 +61,7 @@ class Activation:
         for name, callbacks in self._callbacks.items():
             getattr(node, name)[:] = callbacks
         for name in node._parameters.keys() - self._parameters:
-            # Those that are read-only cannot be undeclared.
+            # Read-only parameters cannot be undeclared.
             parameter = node._parameters.pop(name)
             del node._descriptors[name]
             if keeps(name):

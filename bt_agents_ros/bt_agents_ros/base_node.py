@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of every node of the system: what all of them offer to whoever operates ROS."""
+"""Base class of every node of the system, with what all nodes offer to ROS operators."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from bt_agents_ros.workarounds.quick_logger import QuickLogger
 
 
 class BaseNode(LocalNode):
-    """Node that refuses parameters that are not finite, and survives malformed requests.
+    """Node that refuses non-finite parameters and survives malformed requests.
 
-    Levels of loggers are set by services, QoS policies are overridden by parameters.
+    Services set the levels of loggers, and parameters override QoS policies.
 
     Attributes:
-        may_be_infinite: Parameters of which infinity is a value.
+        may_be_infinite: Parameters that accept infinity.
     """
 
     may_be_infinite: frozenset[str] = frozenset()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serialised bids; only the round number changes between rounds, so the rest is cached."""
+"""Serialized bids; only the round number changes between rounds, so the rest is cached."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from bt_agents_interfaces.msg import Bids
 
 _HEADER_BYTES = 4
-"""How a message says by which rules, and in which order of bytes, it is written."""
+"""Length of the header that states the encoding rules and the byte order of a message."""
 
 _NUMBER_BYTES = 4
 _MARKS = (0x01020304, 0xF1F2F3F4)
@@ -23,11 +23,11 @@ class HostAnswer(Protocol):
     """Answer of a host to a call for bids."""
 
     def fields(self) -> Mapping[str, Any]:
-        """Return the fields of ``Bids.msg`` that hold it."""
+        """Return the fields of ``Bids.msg`` that hold the answer."""
 
 
 class BidEncoder:
-    """Encoder of the answers of one start of a host, which caches the last one."""
+    """Encoder for the answers of one start of a host; it caches the last answer."""
 
     def __init__(self, host: str, instance: str) -> None:
         self._host = host
@@ -36,7 +36,7 @@ class BidEncoder:
         self._rest = b""
 
     def message(self, epoch: str, number: int, answer: HostAnswer) -> bytes:
-        """Return the serialized message of an answer in a round of a market."""
+        """Return the serialized message for an answer in a round of a market."""
         if self._encoded != (epoch, answer):
             message = serialize_message(
                 Bids(epoch=epoch, host=self._host, host_instance=self._instance, **answer.fields())
@@ -47,9 +47,9 @@ class BidEncoder:
 
 
 def round_of(data: bytes, like: bytes, epoch: str) -> int | None:
-    """Return the round of a serialized message; None when more than it is unlike another one.
+    """Return the round of a serialized message; None if more than the round differs from ``like``.
 
-    None too when it is written by other rules than messages of this process.
+    It is also None if the encoding rules differ from those of this process.
     """
     start = len(_before(epoch))
     end = start + _NUMBER_BYTES
@@ -64,8 +64,8 @@ def round_of(data: bytes, like: bytes, epoch: str) -> int | None:
 
 @lru_cache(maxsize=4)
 def _before(epoch: str) -> bytes:
-    """Return how every message for a market begins, up to the number of the round."""
-    # Bytes between two fields are left as they were, and so differ from message to message.
+    """Return the start of every message for a market, up to the number of the round."""
+    # Padding between fields is not initialized, so it differs from message to message.
     one, other = (serialize_message(Bids(epoch=epoch, round=mark)) for mark in _MARKS)
     mine, its = (mark.to_bytes(_NUMBER_BYTES, sys.byteorder) for mark in _MARKS)
     place = next(

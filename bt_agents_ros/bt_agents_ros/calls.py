@@ -19,7 +19,7 @@ _POLL_S = 0.02
 """Period for polling a server that is not ready [s]; rclpy has no event for that."""
 
 REPEAT_S = 0.5
-"""Period in which a request with an id is sent again until it is answered [s]."""
+"""Period for resending a request with an id until it is answered [s]."""
 
 _ID_FIELDS = ("request_id", "feedback_id")
 
@@ -27,8 +27,8 @@ _ID_FIELDS = ("request_id", "feedback_id")
 def identify(request: Any) -> bool:
     """Return whether a request may be sent again; it gets an id if its type has one.
 
-    A server takes the same id once. After a server was killed the graph shows it until its lease
-    ends: a request that is sent before the next start of it is discovered reaches nobody.
+    A server accepts the same id once. The graph shows a killed server until its lease ends: a
+    request that is sent before the restarted server is discovered gets lost.
     """
     for name in _ID_FIELDS:
         if hasattr(request, name):
@@ -49,10 +49,10 @@ class _Call:
 
 
 class Calls:
-    """Client side of service calls; call it from the executor's thread only.
+    """Client side of service calls; use it from the executor's thread only.
 
-    A request waits for its server until the deadline, so a server that is just starting is found.
-    One with an id is sent again until its first answer. A late answer is discarded.
+    A request waits for its server until the deadline, so it reaches a server that is just
+    starting. One with an id is sent again until its first answer. Late answers are discarded.
     """
 
     def __init__(self, node: Node) -> None:
@@ -71,8 +71,8 @@ class Calls:
     ) -> None:
         """Send a request; exactly one of the two callbacks follows, on the executor's thread.
 
-        The deadline [s] is for finding the server and getting the answer; ``on_failure`` takes the
-        reason.
+        The deadline [s] covers finding the server and getting the answer; ``on_failure`` takes
+        the reason.
         """
         call = _Call(client, request, time.monotonic() + deadline_s, on_answer, on_failure)
         self._open.append(call)
@@ -80,7 +80,7 @@ class Calls:
         self._set_timer()
 
     def fail(self, client: Client, reason: str) -> None:
-        """End all calls of a client, which is about to be destroyed, with a reason."""
+        """End all calls of a client that is about to be destroyed, with a reason."""
         for call in [one for one in self._open if one.client is client]:
             self._end(call)
             call.on_failure(reason)
@@ -94,7 +94,7 @@ class Calls:
         try:
             future = call.client.call_async(call.request)
         except Exception as error:
-            # What cannot be sent, such as half a character, must not keep the others waiting.
+            # A request that cannot be sent, such as half a character, must not block the others.
             self._end(call)
             call.on_failure(f"{call.client.srv_name} cannot be asked: {error}")
             return

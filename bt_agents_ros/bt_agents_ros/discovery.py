@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Discovery: types of names on the graph, and whether two nodes are matched both ways."""
+"""Discovery: types of names on the graph, and whether two nodes match in both directions."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from bt_agents_ros.workarounds.sender_identity import PREFIX
 def is_matched(
     node: Node, publisher: Publisher[Any], subscription: Subscription[Any], partner: str
 ) -> bool:
-    """Return whether a publisher and a subscription are matched with all that the graph shows.
+    """Return whether a publisher and a subscription match all endpoints that the graph shows.
 
-    The other end of both is the process that alone publishes the topic ``partner``, perhaps more
-    than once, as the graph goes on showing one that was killed.
+    The other end of both is the only process that publishes the topic ``partner``. The graph may
+    list it more than once, because it still shows killed processes for a while.
     """
     subscriptions = node.get_subscriptions_info_by_topic(publisher.topic_name)
     publishers = node.get_publishers_info_by_topic(subscription.topic_name)
@@ -34,12 +34,12 @@ def is_matched(
 
 
 def participants(endpoints: list[Any]) -> frozenset[str]:
-    """Return the participants of endpoints that the graph shows, as callbacks are told them."""
+    """Return the participants of endpoints on the graph, in the form that callbacks get."""
     return frozenset(bytes(endpoint.endpoint_gid[:PREFIX]).hex() for endpoint in endpoints)
 
 
 def types_on_graph(node: Node, kind: BindingKind, name: str) -> frozenset[str]:
-    """Return the types with which an action or a service is served, or a topic published."""
+    """Return the types of the servers of an action or service, or of a topic's publishers."""
     if kind is BindingKind.SERVICE:
         name = node.resolve_service_name(name)
         others = node.get_node_names_and_namespaces()

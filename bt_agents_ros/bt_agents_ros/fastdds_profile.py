@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Profiles of Fast DDS: XML files that say how the processes of a system reach each other."""
+"""Profiles of Fast DDS: XML files that define how processes of a system reach each other."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _SECOND_NS = 10**9
 
 
 class FastDdsProfile:
-    """Profile that is made from another one.
+    """Profile derived from another one.
 
     Args:
-        file: Of the other one; empty for what Fast DDS does without.
+        file: The other profile; empty for the defaults of Fast DDS.
 
     Raises:
-        BtAgentsError: The file cannot be read, or is no XML.
+        BtAgentsError: The file cannot be read, or is not XML.
     """
 
     def __init__(self, file: str) -> None:
@@ -35,11 +35,11 @@ class FastDdsProfile:
             )
         except (OSError, ElementTree.ParseError) as error:
             raise BtAgentsError(f"{PROFILE} is '{file}', which cannot be read: {error}") from None
-        # Fast DDS also reads a file whose elements are in no namespace.
+        # Fast DDS also reads a file whose elements have no namespace.
         self._prefix = self._root.tag[: self._root.tag.rfind("}") + 1]
 
     def set_property(self, name: str, value: str) -> None:
-        """Give all participants that are the default a property."""
+        """Set a property of all default participants."""
         for participant in self._default_participants():
             policy = self._child(self._child(participant, "rtps"), "propertiesPolicy")
             entry = self._added(self._child(policy, "properties"), "property")
@@ -47,7 +47,7 @@ class FastDdsProfile:
             self._added(entry, "value").text = value
 
     def prolong_lifespans(self, factor: float) -> None:
-        """Have what is sent expire later by a factor; what never expires stays so."""
+        """Multiply the lifespan of messages by a factor; infinite lifespans stay."""
         for duration in self._root.iterfind(f".//{self._prefix}lifespan/{self._prefix}duration"):
             seconds, nanoseconds = self._number(duration, "sec"), self._number(duration, "nanosec")
             if seconds is None or nanoseconds is None:
@@ -57,7 +57,7 @@ class FastDdsProfile:
             self._child(duration, "nanosec").text = str(longer % _SECOND_NS)
 
     def text(self) -> str:
-        """Return the document."""
+        """Return the XML document."""
         body = ElementTree.tostring(self._root, encoding="unicode")
         return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'
 
@@ -74,7 +74,7 @@ class FastDdsProfile:
         return default
 
     def _number(self, duration: ElementTree.Element, name: str) -> int | None:
-        """Return a part of a duration, 0 without it; None when it is no number, but endless."""
+        """Return a part of a duration, 0 if missing; None if it is not a number but infinite."""
         text = duration.findtext(f"{self._prefix}{name}", "0").strip()
         return int(text) if text.isdecimal() else None
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cancellation of goals that another process has sent, at servers whose action type is unknown.
+"""Cancellation of goals that another process sent to servers of unknown action types.
 
 Every action server has a service that cancels a goal by its id and a latched topic with the states
-of its goals, both of one type for all actions.
+of its goals; their types are the same for all actions.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from bt_agents_ros import qos
 from bt_agents_ros.timers import steady_timer
 
 CANCEL_AGAIN_S = 0.25
-"""Time after which a goal is cancelled once more [s]: what the graph shows may be dead."""
+"""Time after which a goal is cancelled again [s]: a server on the graph may be dead."""
 
 ANSWERS_OF_SEVERAL = 8
-"""Answers that a goal is unknown, after which none of several servers takes it any more."""
+"""Number of "unknown goal" answers after which none of several servers can still accept it."""
 
 MOST_CANCELLED = 500
-"""Goals that are cancelled at one time; more are reported as not confirmed."""
+"""Maximum number of goals to cancel at a time; others are reported as not confirmed."""
 
 _POLL_S = 0.01
 _ENDS = (GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED)
 
 
 class CancelledGoal:
-    """State machine of one goal, from its first cancel until its server has surely ended it.
+    """State machine of one goal, from its first cancel request to its certain end.
 
     =========================================== ===============================================
     event                                       what follows
@@ -53,10 +53,10 @@ class CancelledGoal:
     =========================================== ===============================================
 
     Args:
-        several: Whether there may be several servers, so that more answers in a row are needed.
+        several: Whether several servers may exist, so that more answers in a row are needed.
 
     Attributes:
-        ended: Whether its server does nothing for it any more.
+        ended: Whether its server no longer works on it.
     """
 
     def __init__(self, several: bool = False) -> None:
@@ -67,14 +67,14 @@ class CancelledGoal:
         self._cancel_at = 0.0
 
     def take_cancel(self, now: float) -> bool:
-        """Return whether to send a cancel now, where its server is there; steady time [s]."""
+        """Return whether to send a cancel request now, if the server is there; steady time [s]."""
         due = not self.ended and now >= self._cancel_at
         if due:
             self._cancel_at = now + CANCEL_AGAIN_S
         return due
 
     def on_answer(self, return_code: int) -> None:
-        """Handle the answer to a cancel, as in ``CancelGoal.srv``."""
+        """Handle the answer to a cancel request, as in ``CancelGoal.srv``."""
         terminated = return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
         is_gone = return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID or (
             terminated and self._is_listed is False
@@ -83,14 +83,14 @@ class CancelledGoal:
         self.ended = self.ended or self._gone >= self._answers
 
     def on_states(self, status: int | None) -> None:
-        """Handle a list of states, with that of the goal; None when it is not in the list."""
+        """Handle a list of states by the state of the goal; None if the list does not have it."""
         self._is_listed = status is not None
         self.ended = self.ended or status in _ENDS
 
 
 @dataclass(eq=False, kw_only=True)
 class _Server:
-    """Client and subscription of the server of one action, and its goals."""
+    """Client and subscription for the server of one action, and its goals."""
 
     client: Any
     states: Any
@@ -104,8 +104,8 @@ class _Cancellation:
 
     Attributes:
         due: When to give up, steady time [s].
-        overdue: True once a poll has found that so; the next one decides, as after a stall the
-            timer comes before the messages.
+        overdue: True once a poll has found it overdue; the next poll decides, because after a
+            stall the timer fires before messages arrive.
     """
 
     goals: list[tuple[OpenGoal, CancelledGoal]]
@@ -116,7 +116,7 @@ class _Cancellation:
 
 
 class GoalCanceller:
-    """Cancels goals at their servers; call it from the executor's thread only."""
+    """Cancels goals at their servers; use it from the executor's thread only."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -133,9 +133,9 @@ class GoalCanceller:
     ) -> None:
         """Cancel goals, and call back once.
 
-        That is as soon as all have ended, and ``within_s`` seconds from now at the latest.
-        ``on_end`` takes those that are not confirmed to have ended. There may be ``several``
-        servers for each.
+        The callback comes as soon as all have ended, and ``within_s`` seconds from now at the
+        latest. ``on_end`` takes the goals whose end is not confirmed. Each goal may have
+        ``several`` servers.
         """
         tracked = [(goal, CancelledGoal(several)) for goal in goals]
         room = MOST_CANCELLED - sum(len(one.goals) for one in self._open)
@@ -157,7 +157,7 @@ class GoalCanceller:
         self._timer.reset()
 
     def _connect(self, action: str) -> _Server | None:
-        """Return a connection to a server; None where the name cannot be used."""
+        """Return a connection to a server; None if the name is unusable."""
         client = None
         try:
             client = self._node.create_client(
@@ -168,7 +168,7 @@ class GoalCanceller:
                 GoalStatusArray, f"{action}/_action/status", partial(_on_states, server), qos.FACT
             )
         except Exception as error:
-            # The name comes from outside; rclpy has no common root for what it makes of bad ones.
+            # The name comes from outside; rclpy's errors for bad names have no common base class.
             if client is not None:
                 self._node.destroy_client(client)
             self._node.get_logger().warning(f"goals of {action} cannot be cancelled: {error}")
@@ -236,7 +236,7 @@ def _on_answer(server: _Server, track: CancelledGoal, future: Any) -> None:
     if future not in server.pending:
         return
     server.pending.remove(future)
-    # An answer that cannot be read is none.
+    # An unreadable answer is no answer.
     if not future.cancelled() and future.exception() is None and future.result() is not None:
         track.on_answer(future.result().return_code)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publisher of the health of a node on ``/diagnostics``, as monitors of ROS read it."""
+"""Publisher of the health of a node on ``/diagnostics``, for ROS monitors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bt_agents_ros.timers import HEARTBEAT_S
 TOPIC = "/diagnostics"
 
 PERIOD_S = 1.0
-"""Time between two messages while nothing changes [s]."""
+"""Time between messages while nothing changes [s]."""
 
 _LONGEST_TEXT = 500
 
@@ -25,11 +25,11 @@ _LONGEST_TEXT = 500
 class HealthPublisher:
     """Publishes the health of the parts of a node once a second, and when it changes.
 
-    It has no timer, so that a node that rests is not woken for it: the node calls :meth:`update`
-    at least once a second.
+    It has no timer, so that it does not wake an idle node: the node calls :meth:`update` at least
+    once a second.
 
     Args:
-        node: Whose parts they are; the parts are called after it.
+        node: Owner of the parts, whose names begin with its name.
         judge: Returns the health of all parts.
     """
 
@@ -43,14 +43,14 @@ class HealthPublisher:
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.EVENTS)
 
     def update(self) -> None:
-        """Publish the health if it has changed, or if a second has passed."""
+        """Publish the health if it has changed or a second has passed."""
         parts, now = tuple(self._judge()), time.monotonic()
         if parts == self._published and now < self._due:
             return
         if parts != self._published:
             self._published = parts
             self._statuses = [_status(self._name, part) for part in parts]
-        # Who calls five times a second, and a little late, is in time.
+        # A caller that calls five times a second, and slightly late, is in time.
         self._due = now + PERIOD_S - HEARTBEAT_S / 2
         message = DiagnosticArray(status=self._statuses)
         message.header.stamp = self._node.get_clock().now().to_msg()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Answers to the questions of the tree language about the ROS types of this machine."""
+"""The ROS types installed on this machine, as the tree language queries them."""
 
 from __future__ import annotations
 

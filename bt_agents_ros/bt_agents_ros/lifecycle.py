@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States of a managed node, as the state machine of rcl has them, and its services about them."""
+"""States of a managed node, as in rcl's state machine, and the services for them."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _SUCCESS, _FAILURE, _ERROR = "transition_success", "transition_failure", "transi
 class Lifecycle:
     """State machine of a managed node, with its five services and ``~/transition_event``.
 
-    rclpy's ``LifecycleNode`` answers when a callback returns; a tree that is to end cleanly takes
-    as long as it needs, so here a transition may be awaited.
+    rclpy's ``LifecycleNode`` answers when a callback returns; a tree that must end cleanly takes
+    as long as it needs, so here transitions can be awaited.
 
     Args:
-        node: It has the services.
-        change: Makes the transition of an id, which is one from the present state.
+        node: The node that offers the services.
+        change: Makes the transition with an id, which is possible in the current state.
     """
 
     def __init__(self, node: Node, change: Callable[[int], Awaitable[None]]) -> None:
@@ -57,9 +57,9 @@ class Lifecycle:
 
     @property
     def _possible(self) -> dict[int, str]:
-        """Labels of the transitions that may be asked for now, by their ids.
+        """Labels of the transitions that can be requested now, by their ids.
 
-        While one is under way there is none: those that rcl has then say how it has ended.
+        During a transition there are none: those that rcl has then report how it ended.
         """
         if self._machine.current_state[0] > State.PRIMARY_STATE_FINALIZED:
             return {}
@@ -67,13 +67,13 @@ class Lifecycle:
 
     @contextmanager
     def transition(self, number: int) -> Iterator[None]:
-        """Be in a transition within this block, and in the state behind it afterwards.
+        """Make a transition within this block; its target state is reached after the block.
 
-        After an error of ours the node is in the state before; after any other one
-        unconfigured, as rcl has it.
+        After a :class:`BtAgentsError` the node is in its previous state; after any other error it
+        is unconfigured, as in rcl.
 
         Raises:
-            Refused: ``NO_TRANSITION``: it does not lead on from the present state.
+            Refused: ``NO_TRANSITION``: it does not start from the current state.
         """
         if number not in self._possible:
             raise self._refusal(f"transition {number}")
@@ -116,7 +116,7 @@ class Lifecycle:
             log.error(f"it is {self.state}, as before: {error}")
             return response
         except Exception:
-            # Whoever asks waits for an answer.
+            # The caller waits for an answer.
             log.error(f"it was {before} and is {self.state}:\n{traceback.format_exc()}")
             return response
         log.info(f"it was {before} and is {self.state}")
@@ -124,7 +124,7 @@ class Lifecycle:
         return response
 
     def _number_of(self, transition: Transition) -> int:
-        """Return the id of what is asked for by its label, or else by its id."""
+        """Return the id of the requested transition, which is given by its label or its id."""
         if not transition.label:
             return int(transition.id)
         for number, label in self._possible.items():

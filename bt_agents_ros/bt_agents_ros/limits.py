@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits of messages: the one table of how large a message and each of its fields may be.
+"""Limits of messages: the only table of maximum sizes of messages and their fields.
 
-The widest system that they are made for has 10,000 agents in a host, with 20 nodes, 5 tunables and
-1,500 characters each, scenes of 64 parameters and trees of 10,000 nodes; its messages have at most
-four fifths of the bytes that they may have.
+The largest intended system has 10,000 agents in a host, with 20 nodes, 5 tunables and 1,500
+characters each, scenes of 64 parameters and trees of 10,000 nodes; its messages need at most four
+fifths of the allowed bytes.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ KIB = 1024
 MIB = 1024 * KIB
 
 TOO_LARGE = "TOO_LARGE"
-"""Code of a message, or of a request, that is larger than it may be."""
+"""Code for a message or request that is too large."""
 
 MESSAGE_BYTES = 256 * KIB
-"""Bytes of a serialized message of ``bt_agents_interfaces``, and of any request."""
+"""Most bytes of a serialized message of ``bt_agents_interfaces``, and of any request."""
 
 BYTES_OF: Mapping[str, int] = {
     "AgentFiles": 32 * MIB,
@@ -43,25 +43,25 @@ BYTES_OF: Mapping[str, int] = {
     "Tunables": 32 * MIB,
     "Tunings": 32 * MIB,
 }
-"""The same of messages that grow with agents, trees or files, instead of :data:`MESSAGE_BYTES`."""
+"""The same for messages that grow with agents, trees or files."""
 
 FOREIGN_BYTES = 4 * MIB
-"""Bytes of a serialized message of another package, such as a reading of a sensor or an answer."""
+"""Most bytes of a serialized message of another package, such as a sensor reading or an answer."""
 
 TEXT_CHARACTERS = 20_000
-"""Characters of a text in a field; an author may write as many."""
+"""Most characters of a text in a field; an author may write as many."""
 
 LIST_ENTRIES = 20_000
-"""Entries of a list in a field."""
+"""Most entries of a list in a field."""
 
 FOREIGN_ENTRIES = 5_000
-"""Entries of a list of texts or messages in a message of another package."""
+"""Most entries of a list of texts or messages in a message of another package."""
 
 MOST_PARAMETERS = 1_000
-"""Parameters, or levels of loggers, in one request; for more of them there are several."""
+"""Most parameters or logger levels in one request; for more, clients send several requests."""
 
 MOST_UNREPORTED = 10
-"""Ended runs that a host keeps for the next market, and hands over when it registers."""
+"""Ended runs that a host keeps for the next market and reports when it registers."""
 
 CHARACTERS_OF: Mapping[str, int] = {
     "AgentFiles.texts": MIB,
@@ -80,7 +80,7 @@ CHARACTERS_OF: Mapping[str, int] = {
     "RunRecord.record": 200_000,
     "SceneValue.source": 1_000,
 }
-"""Characters of a text in a field, instead of :data:`TEXT_CHARACTERS`."""
+"""Most characters of a text in these fields, instead of :data:`TEXT_CHARACTERS`."""
 
 ENTRIES_OF: Mapping[str, int] = {
     "Bids.vectors": 1_000_000,
@@ -107,7 +107,7 @@ ENTRIES_OF: Mapping[str, int] = {
     "SetParameters_Request.parameters": MOST_PARAMETERS,
     "Tunables.tunables": 100_000,
 }
-"""Entries of a list in a field, instead of :data:`LIST_ENTRIES` or :data:`FOREIGN_ENTRIES`."""
+"""Most entries of lists in these fields, instead of the two general limits."""
 
 SCENE_CHARACTERS: Mapping[str, int] = {
     "scene_id": 200,
@@ -115,4 +115,4 @@ SCENE_CHARACTERS: Mapping[str, int] = {
     "person_id": 200,
     "place": 200,
 }
-"""Characters of the texts of a scene; who announces a longer one is answered by name."""
+"""Most characters of the texts of a scene; the refusal of a longer one names the field."""

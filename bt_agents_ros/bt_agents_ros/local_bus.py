@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bus of one process: messages, requests and answers between its own nodes, without middleware.
+"""Bus of one process: messages, requests and answers between its nodes, without middleware.
 
-What is handed over waits in the queue of its receiver until an executor takes it, so that nothing
-is called from within what sends it. Each receiver gets a copy of its own.
+An item waits in the queue of its receiver until an executor takes it, so that a sender never calls
+a receiver directly. Each receiver gets its own copy.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 Copy: TypeAlias = Callable[[Any], Any]
-"""Returns a copy that shares nothing with its original that can be changed."""
+"""Function that returns a copy, which shares no mutable data with its original."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Channel:
-    """What both ends of a topic have to agree on, and how many messages one end keeps.
+    """Properties that both ends of a topic agree on, and the queue depth of one end.
 
     Attributes:
         kind: Type of the messages.
-        depth: Messages that are kept, the oldest one goes first; None for any number.
-        is_reliable: Whether none may be lost within the depth.
+        depth: Number of messages to keep, dropping the oldest; None for any number.
+        is_reliable: Whether no message may be lost within the depth.
         is_latched: Whether late readers get what writers still keep.
     """
 
@@ -33,7 +33,7 @@ class Channel:
     is_latched: bool
 
     def suits(self, reader: Channel) -> bool:
-        """Return whether a reader gets the messages of a writer of this channel, as in DDS."""
+        """Return whether a reader on this channel matches a writer, as in DDS."""
         return (
             self.kind is reader.kind
             and self.is_reliable >= reader.is_reliable
@@ -42,13 +42,13 @@ class Channel:
 
 
 class LocalQueue:
-    """Bounded queue of what one entity receives over the bus; the oldest item goes first.
+    """Bounded queue of one entity's items from the bus; it drops the oldest one when full.
 
     Args:
-        bus: Where it counts as pending while it holds something.
-        entity: Whose callback is called.
-        depth: Items that it holds; None for any number.
-        part: Part of an action that it is for, as in the data of a waitable; else empty.
+        bus: The bus that lists it as pending while it is not empty.
+        entity: The entity whose callback is called.
+        depth: Maximum number of items; None for any number.
+        part: Part of an action, as in the data of a waitable; empty otherwise.
     """
 
     def __init__(self, bus: LocalBus, entity: Any, depth: int | None, part: str = "") -> None:
@@ -62,15 +62,15 @@ class LocalQueue:
         return len(self._items)
 
     def put(self, item: Any) -> None:
-        """Append an item; nothing when the entity was destroyed."""
+        """Append an item; do nothing if the entity was destroyed."""
         if not self._is_closed:
             self._items.append(item)
             self._bus.pending[self] = None
 
     def take(self) -> Any | None:
-        """Remove the oldest item and return it; None when there is none.
+        """Remove and return the oldest item; None if there is none.
 
-        With more items the queue is the last of those that are pending.
+        If items remain, the queue moves to the end of the pending queues.
         """
         self._bus.pending.pop(self, None)
         item = self._items.popleft() if self._items else None
@@ -79,7 +79,7 @@ class LocalQueue:
         return item
 
     def close(self) -> None:
-        """Drop what it holds, and all that comes later."""
+        """Drop all items, also those that arrive later."""
         self._is_closed = True
         self._items.clear()
         self._bus.pending.pop(self, None)
@@ -90,7 +90,7 @@ class LocalReader:
     """Subscription on a topic of the bus.
 
     Attributes:
-        copy: Makes what this one gets of a message; None for a copy of all of it.
+        copy: Makes this reader's copy of a message; None for a full copy.
     """
 
     topic: str
@@ -104,7 +104,7 @@ class LocalWriter:
     """Publisher on a topic of the bus.
 
     Attributes:
-        kept: The last messages of a latched one, for readers that come later.
+        kept: The last messages of a latched topic, for late readers.
     """
 
     topic: str
@@ -130,8 +130,8 @@ class LocalMessage:
     """Message in the queue of a subscription.
 
     Attributes:
-        message: Nobody else's.
-        stamp_ns: Time at which it was published [ns].
+        message: A copy that belongs to the receiver.
+        stamp_ns: Time of publication [ns].
     """
 
     message: Any
@@ -143,9 +143,9 @@ class LocalRequest:
     """Request in the queue of a service.
 
     Attributes:
-        request: A copy of what was sent.
+        request: A copy of the sent request.
         sender: Participant of the client.
-        answer: Hands a response to the client; called once at most.
+        answer: Passes a response to the client; called at most once.
     """
 
     request: Any
@@ -154,16 +154,16 @@ class LocalRequest:
 
 
 class LocalBus:
-    """Topics and services of the nodes of one process; called from the thread of its executor.
+    """Topics and services of the nodes of one process; use it from its executor's thread.
 
     Args:
         clock_ns: Returns the time of the day [ns].
 
     Attributes:
-        sender: Participant of the process, as receivers are told.
-        pending: The queues that hold something, the one that waits longest first.
-        outgoing: Publications for other processes in their order, which are written when the
-            nodes of this one have what they wait for.
+        sender: Participant of the process, as receivers get it.
+        pending: The queues that are not empty, the one that waits longest first.
+        outgoing: Ordered publications for other processes, which are written after the nodes of
+            this process have received theirs.
     """
 
     def __init__(self, clock_ns: Callable[[], int], sender: str = "") -> None:
@@ -185,7 +185,7 @@ class LocalBus:
     def add_reader(
         self, topic: str, channel: Channel, queue: LocalQueue, copy: Copy | None = None
     ) -> LocalReader:
-        """Return a new subscription; a latched one gets at once what is kept for it."""
+        """Return a new subscription; a latched one receives the kept messages at once."""
         reader = LocalReader(topic, channel, queue, copy)
         self._readers.setdefault(topic, []).append(reader)
         if channel.is_latched:
@@ -201,7 +201,7 @@ class LocalBus:
         return server
 
     def remove(self, end: LocalReader | LocalWriter | LocalServer) -> None:
-        """Remove what was destroyed; what a publisher has kept goes with it."""
+        """Remove a destroyed entity, with the messages that a publisher kept."""
         match end:
             case LocalWriter():
                 self._writers[end.topic].remove(end)
@@ -223,9 +223,9 @@ class LocalBus:
         return [one for one in writers if one.channel.suits(reader.channel)]
 
     def publish(self, writer: LocalWriter, message: Any, *, is_kept: bool = False) -> None:
-        """Hand a copy of a message to each subscription, and keep one if it is latched.
+        """Pass a copy of a message to each subscription, and keep a copy if the topic is latched.
 
-        With ``is_kept`` nobody changes the message any more, and it is kept itself.
+        With ``is_kept``, the caller never changes the message again, and the bus keeps it itself.
         """
         published = LocalMessage(message, self._clock_ns())
         for reader in self.readers_of(writer):
@@ -235,22 +235,22 @@ class LocalBus:
             writer.kept.append(LocalMessage(kept, published.stamp_ns))
 
     def server_of(self, name: str, kind: Any) -> LocalServer | None:
-        """Return the service of a name and a type in this process, the oldest of several."""
+        """Return the service with a name and a type in this process, the oldest of several."""
         for server in self._servers.get(name, ()):
             if server.kind is kind:
                 return server
         return None
 
     def call(self, server: LocalServer, request: Any, answer: Callable[[int, Any], None]) -> int:
-        """Hand a request, which is nobody else's, to a service.
+        """Pass a request to a service; the caller gives it up.
 
         Args:
-            server: Of :meth:`server_of`.
+            server: From :meth:`server_of`.
             request: Not copied.
             answer: Takes the number of the request and the response.
 
         Returns:
-            The number, which no request over the middleware has.
+            The number; no request over the middleware has it.
         """
         self._number -= 1
         number = self._number
@@ -261,19 +261,19 @@ class LocalBus:
         return number
 
     def send_out(self, write: Callable[[], None], state_of: object | None = None) -> None:
-        """Have a publication written for other processes later.
+        """Schedule a publication for other processes.
 
         Args:
             write: Writes it.
-            state_of: What it is the newest state of; an older one that is not written yet is left
-                out, as a publisher of depth 1 keeps no other.
+            state_of: The object whose newest state it is; an older unwritten state is dropped,
+                because a publisher of depth 1 keeps only one.
         """
         key = object() if state_of is None else state_of
         self.outgoing.pop(key, None)
         self.outgoing[key] = write
 
     def write_next(self) -> None:
-        """Write the oldest publication for other processes, if there is still one."""
+        """Write the oldest publication for other processes, if there is one."""
         if self.outgoing:
             self.outgoing.pop(next(iter(self.outgoing)))()
 

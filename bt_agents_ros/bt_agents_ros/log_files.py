@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log files of ROS, of which every process would leave one in ``~/.ros/log`` for ever."""
+"""ROS log files; by default every process leaves one in ``~/.ros/log`` for ever."""
 
 NO_LOG_FILE = ("--ros-args", "--disable-external-lib-logs")
-"""Arguments of a process that writes none; it needs no home then."""
+"""Arguments of a process that writes none; it then needs no home directory."""

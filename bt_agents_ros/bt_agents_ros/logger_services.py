@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services for levels of loggers, which rclpy 7.1 serves for any number of names, known or not."""
+"""Services for logger levels, which rclpy 7.1 offers for any number of names, known or not."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _MOST_CHILDREN = 1_000
 class LoggerServices:
     """``~/get_logger_levels`` and ``~/set_logger_levels`` of a node.
 
-    rcutils keeps a name for good once it has a level, so a level is set only for the logger of the
-    node, those below it, and those of ROS itself.
+    rcutils keeps a name forever once it has a level, so these services set levels only for the
+    logger of the node, those below it, and those of ROS itself.
     """
 
     def __init__(self, node: Node) -> None:

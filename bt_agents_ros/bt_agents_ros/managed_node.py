@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Managed node: configured it has read its files, active it takes part in the system."""
+"""Managed node: configured, it has read its files; active, it takes part in the system."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from bt_agents_ros.timers import steady_timer
 AUTOSTART = "autostart"
 
 DEACTIVATION_S = 15.0
-"""Time that what is under way has to end when a node is deactivated [s].
+"""Time for ongoing work to end when a node is deactivated [s].
 
-The market gives a run 14 s to end after it was told to stop.
+The market gives a run 14 s to end after a stop request.
 """
 
 _POLL_S = 0.02
@@ -40,19 +40,19 @@ NodeT = TypeVar("NodeT", bound="ManagedNode[Any]")
 
 
 class ManagedNode(BaseNode, Generic[ConfigurationT]):
-    """Node with the states of a life cycle; inactive it has parameters and no part in the system.
+    """Node with a life cycle; while inactive, it has parameters but takes no part in the system.
 
-    A subclass says what it reads and makes: :meth:`configure`, :meth:`activate`,
-    :meth:`begin_stop` and :meth:`has_stopped`. All that :meth:`activate` makes of rclpy is
-    destroyed when the node is deactivated, and when it cannot be activated.
+    A subclass defines :meth:`configure`, :meth:`activate`, :meth:`begin_stop` and
+    :meth:`has_stopped`. All rclpy objects that :meth:`activate` makes are destroyed when the node
+    is deactivated or its activation fails.
 
     Args:
-        name: Of the node.
-        configuration: What it is active with at once; None leaves it unconfigured.
-        node_kwargs: For :class:`rclpy.node.Node`.
+        name: Name of the node.
+        configuration: Configuration with which it starts active; None leaves it unconfigured.
+        node_kwargs: Arguments for :class:`rclpy.node.Node`.
 
     Attributes:
-        start_parameters: What :meth:`configure` gets the values of.
+        start_parameters: Parameters whose values :meth:`configure` gets.
         stop_limit_s: How long its process waits for :meth:`has_stopped` when it ends [s].
     """
 
@@ -79,7 +79,7 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
                 raise
 
     def configure(self, values: Mapping[str, str]) -> ConfigurationT:
-        """Return what it needs to be active, read as its start parameters say.
+        """Return the configuration for the activation, as its start parameters say.
 
         Raises:
             BtAgentsError: It cannot be read; the node stays unconfigured.
@@ -87,54 +87,54 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
         raise NotImplementedError
 
     def activate(self, configuration: ConfigurationT, closing: ExitStack) -> None:
-        """Make what takes part in the system.
+        """Make everything that takes part in the system.
 
         Args:
-            configuration: What it is made of.
-            closing: Takes what closes all that is neither an endpoint nor a timer, such as files.
+            configuration: Result of :meth:`configure`.
+            closing: Takes the cleanup of everything but endpoints and timers, such as files.
 
         Raises:
-            BtAgentsError: That cannot be; the node stays inactive.
+            BtAgentsError: The activation fails; the node stays inactive.
         """
         raise NotImplementedError
 
     def begin_stop(self) -> None:
-        """Start ending what is under way; called once while it is active."""
+        """Start ending ongoing work; called once while the node is active."""
 
     def has_stopped(self) -> bool:
-        """Return True when nothing is under way any more."""
+        """Return True when all work has ended."""
         return True
 
     def keeps(self, _parameter: str) -> bool:
-        """Return whether the value of a parameter counts at the next activation."""
+        """Return whether the value of a parameter lasts until the next activation."""
         return True
 
     @property
     def is_active(self) -> bool:
-        """True from the activation until all is destroyed that it has made."""
+        """True from the activation until everything that it made is destroyed."""
         return self._closing is not None
 
     def start(self) -> None:
-        """Configure and activate it.
+        """Configure and activate the node.
 
         Raises:
-            BtAgentsError: One of the two failed.
+            BtAgentsError: The configuration or activation failed.
         """
         self._configure()
         self._activate()
 
     def request_stop(self) -> None:
-        """Start ending what is under way, if it is active."""
+        """Start ending ongoing work, if the node is active."""
         if self.is_active and not self._is_stopping:
             self._is_stopping = True
             self.begin_stop()
 
     def stopped(self) -> bool:
-        """Return True when nothing is under way."""
+        """Return True when no work is going on."""
         return not self.is_active or self.has_stopped()
 
     def destroy_node(self) -> None:
-        """Destroy the node; what it has open is closed."""
+        """Close everything that the node has open, and destroy it."""
         if self._closing is not None:
             closing, self._closing = self._closing, None
             closing.close()
@@ -188,7 +188,7 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
             self._is_stopping = False
 
     async def _comes_true(self, limit_s: float, done: Callable[[], bool]) -> bool:
-        """Return whether ``done()`` came true, once it has or ``limit_s`` seconds have passed."""
+        """Wait until ``done()`` or for ``limit_s`` seconds; return whether it came true."""
         ended, end = Future(executor=self.executor), time.monotonic() + limit_s
 
         def poll() -> None:
@@ -205,14 +205,14 @@ class ManagedNode(BaseNode, Generic[ConfigurationT]):
 
 
 def make_managed(kind: Callable[[], NodeT], before: Callable[[], None] = lambda: None) -> NodeT:
-    """Return a node of a process: active, or unconfigured where ``autostart`` says so.
+    """Return a node for a process: active, or unconfigured if ``autostart`` is off.
 
     Args:
-        kind: Makes it unconfigured.
-        before: Called before it is started, if it is; it may refuse that.
+        kind: Makes the unconfigured node.
+        before: Called before a start of the node; it may refuse the start.
 
     Raises:
-        BtAgentsError: It cannot be configured or activated.
+        BtAgentsError: The node cannot be configured or activated.
     """
     node = kind()
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Copies of messages, as the middleware would make them, without serializing them."""
+"""Copies of messages as the middleware would make them, but without serialization."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def copied(message: Any) -> Any:
 def copier(kind: Any) -> Callable[[Any], Any]:
     """Return the function that copies a message, request or response of a type.
 
-    The copy shares nothing that can be changed; numbers of 32 bits are rounded to these.
+    The copy shares no mutable data; numbers of 32-bit fields are rounded to 32 bits.
     """
     fields = [(f"_{name}", _copier_of_slot(slot)) for name, slot in slots_of(kind).items()]
     immutable = [name for name, made in fields if made is None] + ["_check_fields"]
     others = [(name, made) for name, made in fields if made is not None]
 
     def copy(message: Any) -> Any:
-        # Setters would check each entry again.
+        # Setters would check every entry again.
         made = kind.__new__(kind)
         for name in immutable:
             setattr(made, name, getattr(message, name))
@@ -43,7 +43,7 @@ def copier(kind: Any) -> Callable[[Any], Any]:
 
 
 def _copier_of_slot(slot: Any) -> Callable[[Any], Any] | None:
-    """Return how the value of a field is copied; None where it cannot be changed."""
+    """Return the function that copies a field's value; None if the value is immutable."""
     if isinstance(slot, idl.AbstractNestedType):
         if isinstance(slot.value_type, idl.NamespacedType):
             entry = copier(resolved(slot.value_type))
@@ -57,9 +57,9 @@ def _copier_of_slot(slot: Any) -> Callable[[Any], Any] | None:
 
 
 def _copier_of_entries(slot: Any) -> Callable[[Any], Any]:
-    """Return how a list is copied that has no messages: as the kind of list that setters make."""
+    """Return the function that copies a list without messages, to the type that setters make."""
     entry = slot.value_type
     if not isinstance(entry, idl.BasicType) or entry.typename in ("boolean", "octet"):
         return list
-    # A slice of an array of numpy, which one of fixed length is, would be a view of it.
+    # A fixed-length list is a numpy array, whose slice would be a view.
     return methodcaller("copy") if isinstance(slot, idl.Array) else itemgetter(slice(None))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of scenes and times from and to messages; scenes from outside are validated."""
+"""Conversion of scenes and times from and to messages; incoming scenes are validated."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from bt_agents_ros.limits import SCENE_CHARACTERS
 from bt_agents_ros.types import fill
 
 _SAME = ("scene_id", "label", "person", "urgent", "person_id", "place", "persons", "visits")
-"""Fields that a scene and its message have alike."""
+"""Fields that a scene and its message share."""
 
 _NUMBERS = ("value", "age_s", "std", "confidence")
-"""Fields of a value that are numbers in its message, too."""
+"""Fields of a value that are also numbers in its message."""
 
 _ORIGINS = {int(origin): origin for origin in Origin}
 
@@ -42,7 +42,7 @@ def to_time(value: float) -> Time:
 
 
 def header_at(stamp: Time) -> Header:
-    """Return the header of a message with its time; nothing of the system is in a frame."""
+    """Return a message header with a time and no frame."""
     return Header(stamp=stamp)
 
 
@@ -55,7 +55,7 @@ def scene_to_msg(scene: Scene) -> SceneMsg:
                 name=v.name,
                 origin=int(v.origin),
                 source=v.source,
-                # rclpy writes an int in a float field as garbage without a word.
+                # rclpy silently writes an int in a float field as garbage.
                 **{field: float(getattr(v, field)) for field in _NUMBERS},
             )
             for v in scene.values
@@ -69,8 +69,8 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
     """Check a scene message and return the scene.
 
     Raises:
-        Refused: As in :meth:`SceneSpace.scene`; also ``EMPTY`` without a scene id,
-            ``TOO_LONG`` and ``UNKNOWN_ORIGIN``; or as in :func:`facts`.
+        Refused: As in :meth:`SceneSpace.scene` and :func:`facts`; also ``EMPTY`` without a scene
+            id, ``TOO_LONG`` and ``UNKNOWN_ORIGIN``.
     """
     if not message.scene_id:
         raise Refused("EMPTY", "scene: no scene_id; every scene needs a unique one")
@@ -100,10 +100,10 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
 
 
 def partial_scene_from_msg(message: Any, space: SceneSpace) -> Scene:
-    """Check a scene message that may leave everything out, complete it, and return the scene.
+    """Check a scene message in which anything may be missing; return the completed scene.
 
-    A value without an origin is given. Values that are not there are unknown ones of somebody,
-    or of nobody where no value is there and ``person`` is false.
+    A value without an origin counts as given. Missing values count as unknown, with a person
+    unless the message has no values and ``person`` is false.
 
     Raises:
         Refused: As in :func:`scene_from_msg`.
@@ -130,7 +130,7 @@ def _given(value: SceneValueMsg) -> SceneValueMsg:
 
 
 def facts_to_msg(remembered: Mapping[str, Fact]) -> list[PersonFact]:
-    """Return what is remembered of a person as a part of a message."""
+    """Return the remembered facts about a person as a part of a message."""
     found = []
     for key, value in remembered.items():
         message = PersonFact()

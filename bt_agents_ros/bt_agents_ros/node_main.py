@@ -11,10 +11,10 @@ from bt_agents_core.gc_pause import gc_paused
 from bt_agents_ros.signals import end_silently
 
 SUPERVISED = "BT_AGENTS_SUPERVISED"
-"""Environment variable with the pid of the parent with which a node's process ends."""
+"""Environment variable with the pid of the parent; a node's process ends with it."""
 
 RESTARTED = "BT_AGENTS_RESTARTED"
-"""Environment variable that is set when the parent starts a process again that has ended."""
+"""Environment variable that the parent sets when it restarts a process."""
 
 READY = "BT_AGENTS_READY"
 """Environment variable with the file descriptor on which a node's process reports its start."""
@@ -25,13 +25,13 @@ def start(module: str) -> int:
     end_silently()
     with gc_paused():
         node = importlib.import_module(module)
-    # What stays until the end is not looked through again, not even then.
+    # The garbage collector never scans permanent objects again, not even at the end.
     gc.freeze()
     return int(node.main())
 
 
 def one_process() -> int:
-    """Run the nodes of several modules, which the command line names; return the exit code."""
+    """Run the nodes of the modules on the command line; return the exit code."""
     return start("bt_agents_ros.one_process")
 
 

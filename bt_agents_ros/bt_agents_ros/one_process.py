@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of a system in one process, which hand over to each other on a bus.
+"""Nodes of a system in one process, connected by a bus.
 
 ``python -m bt_agents_ros.node_main bt_agents_ros.one_process MODULE … --ros-args …``: each module
-has a ``make_node``. They are made in their order, and stopped in it, each after the one before.
+has a ``make_node``. The nodes are made and stopped in the given order, one after the other.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _ROS_ARGUMENTS = "--ros-args"
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the nodes of the modules that the command line names; return the exit code."""
+    """Run the nodes of the modules on the command line; return the exit code."""
     words = list(sys.argv if args is None else args)
     names = list(takewhile(lambda word: word != _ROS_ARGUMENTS, words[1:]))
     if not names:
@@ -50,14 +50,14 @@ def main(args: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def bus() -> Iterator[LocalBus | None]:
-    """Give the bus of the nodes that are made within this block, after ``rclpy.init``.
+    """Give the bus for nodes that are made within this block, after ``rclpy.init``.
 
-    None, after a line that says why, where the middleware carries messages to endpoints of the
-    same process in any case: each would come twice.
+    It is None, after a line that says why, if the middleware always delivers messages to endpoints
+    of the same process: each would arrive twice.
     """
     with endpoints_ignored(os.environ.get(PROFILE, "")) as file, _variable(PROFILE, str(file)):
-        # The first node makes the participant, for which Fast DDS reads the file; it ends with the
-        # last one, so this one stays.
+        # The first node makes the participant, for which Fast DDS reads the file. The participant
+        # ends with the last node, so this node stays.
         anchor = rclpy.create_node("_bus", start_parameter_services=False, enable_rosout=False)
     try:
         sender = _participant_that_ignores_itself(anchor)
@@ -77,7 +77,7 @@ def bus() -> Iterator[LocalBus | None]:
 
 
 def _participant_that_ignores_itself(node: Node) -> str | None:
-    """Return the participant of a node; None where endpoints of its process match each other."""
+    """Return the participant of a node; None if endpoints of its process match each other."""
     topic = f"_bus_{os.getpid()}"
     publisher = node.create_publisher(Time, topic, qos.EVENTS)
     subscription = node.create_subscription(Time, topic, lambda _: None, qos.EVENTS)
@@ -90,13 +90,13 @@ def _participant_that_ignores_itself(node: Node) -> str | None:
 
 @contextmanager
 def endpoints_ignored(profile: str) -> Iterator[Path]:
-    """Give a profile of Fast DDS like another one, whose participants ignore their own endpoints.
+    """Give a copy of a Fast DDS profile whose participants ignore their own endpoints.
 
     Args:
-        profile: File of the other one; empty for what Fast DDS does without.
+        profile: File of the original; empty for the defaults of Fast DDS.
 
     Raises:
-        BtAgentsError: As of :class:`FastDdsProfile`.
+        BtAgentsError: As for :class:`FastDdsProfile`.
     """
     made = FastDdsProfile(profile)
     made.set_property(_IGNORED, "true")
@@ -113,7 +113,7 @@ def endpoints_ignored(profile: str) -> Iterator[Path]:
 
 @contextmanager
 def _variable(name: str, value: str) -> Iterator[None]:
-    """Set a variable of the environment within this block."""
+    """Set an environment variable within this block."""
     before = os.environ.get(name)
     os.environ[name] = value
     try:

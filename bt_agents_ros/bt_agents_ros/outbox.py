@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outbox of service requests: at-least-once delivery, in order, also while a server is away."""
+"""Outbox of service requests: at-least-once delivery in order, even while a server is away."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from bt_agents_core.errors import STORAGE_FULL
 from bt_agents_ros.timers import steady_timer
 
 ANSWER_S = 2.0
-"""Time after which a request without an answer is sent again [s]; most answers take less."""
+"""Time after which an unanswered request is sent again [s]; most answers take less."""
 
 MOST = 1000
-"""Requests that are stored at most; more push the oldest ones out."""
+"""Maximum number of stored requests; more push the oldest ones out."""
 
 _POLL_S = 0.1
 _AWAITED = 10
-"""Sendings of one request of which any may still be answered."""
+"""Number of latest attempts to send one request whose answers still count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +37,9 @@ class Outbox:
     """Queue of requests to one service: one in flight, resent until the server has answered.
 
     A request or its answer may get lost, so the server gets some requests more than once: each
-    needs an id by which the server recognises it. Any answer ends a request, also a late one or a
-    refusal, except that the server's disk is full: then the request is sent again until there is
-    room. The queue is lost with the process. Call it from the thread of the node's executor only.
+    needs an id by which the server recognises it. Any answer ends a request, even a late one or a
+    refusal, unless the server's disk is full: then the request is sent again until there is room.
+    The queue is lost with the process. Use it from the thread of the node's executor only.
     """
 
     def __init__(
@@ -56,19 +56,19 @@ class Outbox:
 
     @property
     def waiting(self) -> int:
-        """Number of requests without an answer."""
+        """Number of unanswered requests."""
         return len(self._queue)
 
     @property
     def late(self) -> bool:
-        """True while the server is away, has no room, or owes an answer for too long."""
+        """True while the server is away, has no room or is late with an answer."""
         return self._late
 
     def put(self, request: Any, on_done: Callable[[Any | None], None]) -> None:
-        """Enqueue a request with an id of its own, which is not changed any more.
+        """Enqueue a request with its own id; the caller does not change it any more.
 
-        ``on_done`` is called once on the executor's thread, with the response, or with None when
-        the request was dropped because the queue was full.
+        ``on_done`` is called once on the executor's thread, with the response, or with None if the
+        request was dropped because the queue was full.
         """
         dropped = self._queue.enqueue(_Request(request, on_done))
         if dropped is not None:
@@ -84,7 +84,7 @@ class Outbox:
             dropped.on_done(None)
 
     def close(self) -> None:
-        """Send no more; log how many requests are lost."""
+        """Stop sending; log the number of lost requests."""
         self._timer.cancel()
         self._forget_sendings()
         if self.waiting:
@@ -123,7 +123,7 @@ class Outbox:
             )
 
     def _forget_sendings(self) -> None:
-        """Drop the futures of everything sent so far, so that late answers are ignored."""
+        """Drop the futures of everything sent so far to ignore late answers."""
         while self._sendings:
             self._client.remove_pending_request(self._sendings.popleft())
 

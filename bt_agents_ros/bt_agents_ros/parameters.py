@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Declaration of ROS parameters with description and range, as ROS users expect them."""
+"""Declaration of ROS parameters with description and range."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Value = bool | int | float | str
 NodeT = TypeVar("NodeT", bound=Node)
 
 LIVE_LEASE = "live_lease"
-"""Parameter of hosts and the feedback node: how long a live scene counts."""
+"""Parameter of hosts and the feedback node: how long a live scene is valid."""
 
 
 def describe(
@@ -40,12 +40,12 @@ def describe(
     """Return the descriptor of one parameter.
 
     Args:
-        description: What it means, with its unit.
-        minimum: Smallest value; None declares no range.
+        description: Its meaning and unit.
+        minimum: Smallest value; None for no range.
         maximum: Largest value; given together with ``minimum``.
-        step: Distance of the allowed values from ``minimum`` on; 0 allows all.
+        step: Distance between allowed values, from ``minimum`` on; 0 allows all.
         integer: True for a range of integers.
-        read_only: True when it is read once at the start.
+        read_only: True if it is read once, at the start.
         choices: Allowed texts, named in the additional constraints.
     """
     descriptor = ParameterDescriptor(description=description, read_only=read_only)
@@ -78,7 +78,7 @@ def declare_and_watch(
     descriptor: ParameterDescriptor,
     changed: Callable[[Any], None],
 ) -> Value:
-    """Declare a parameter as :func:`declare`, and hand over each value that it gets later."""
+    """Declare a parameter like :func:`declare`, and call back with each later value."""
 
     def take(parameters: list[Parameter[Any]]) -> None:
         for parameter in parameters:
@@ -91,7 +91,7 @@ def declare_and_watch(
 
 
 def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
-    """Declare :data:`LIVE_LEASE`; return its value, and call back for every other one [s]."""
+    """Declare :data:`LIVE_LEASE`; return its value, and call back with each later one [s]."""
     limits = describe(
         "silence after which the live scene is stale, at least 2 / live_rate [s]",
         minimum=0.1,
@@ -113,11 +113,11 @@ def declare_slow_network(node: Node) -> float:
 
 
 def report_unknown(node: Node, *others: Node) -> None:
-    """Log each parameter that was given to a node and that neither it nor another one has.
+    """Log each parameter that was given to a node but that no node of the process has.
 
     Args:
         node: The node.
-        others: Those of the same process, which is given the parameters of all.
+        others: Other nodes of the process, which gets the parameters of all its nodes.
     """
     for name in sorted(getattr(node, "_parameter_overrides", {})):
         if any(one.has_parameter(name) for one in (node, *others)):
@@ -138,7 +138,7 @@ def report_unknown(node: Node, *others: Node) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class StartParameter:
-    """Read-only text that says what a node is made of, so it is read before; else empty."""
+    """Read-only text parameter that is read before the node is made; empty by default."""
 
     name: str
     description: str
@@ -155,7 +155,7 @@ def make_from_parameters(
 ) -> NodeT:
     """Return a node that is constructed from the parameters of its process; ``make`` may raise.
 
-    A temporary node reads them; then they are declared on the node itself, too.
+    A temporary node reads them; then the node itself declares them, too.
     """
     reader = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
     try:
@@ -170,5 +170,5 @@ def make_from_parameters(
 
 
 def declare_start(node: Node, parameter: StartParameter) -> object:
-    """Declare what a node is made of; return its value."""
+    """Declare a start parameter; return its value."""
     return declare(node, parameter.name, "", describe(parameter.description, read_only=True))

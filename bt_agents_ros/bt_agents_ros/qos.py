@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""QoS profiles: the one table for every topic, service and action of the system."""
+"""QoS profiles: the only table for every topic, service and action of the system."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ def _profile(
 
 
 EVENTS = _profile(QUEUE, DurabilityPolicy.VOLATILE, ReliabilityPolicy.RELIABLE)
-"""Events, such as calls, bids and feedback: none may be lost, late joiners do not need them."""
+"""Events, such as calls, bids and feedback: none may get lost, late joiners do not need them."""
 
 FACT = _profile(1, DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
 """State: late joiners get the last message (latched)."""
 
 FACTS = _profile(QUEUE, DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
-"""State that several publishers share a topic for, or of which no message may be missed."""
+"""State on a topic of several publishers, or state of which no message may be missed."""
 
 HISTORY = _profile(50, DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
 """Last decisions and runs: late joiners can ask why."""
 
 SENSOR = _profile(10, DurabilityPolicy.VOLATILE, ReliabilityPolicy.BEST_EFFORT)
-"""Readings that are soon replaced by newer ones."""
+"""Readings that newer ones soon replace."""
 
 HEARTBEATS = _profile(QUEUE, DurabilityPolicy.VOLATILE, ReliabilityPolicy.BEST_EFFORT)
-"""Heartbeats of one sender, with room for what others send on their topic."""
+"""Heartbeats of one sender, with room for those of others on the same topic."""
 
 SERVICE = _profile(QUEUE, DurabilityPolicy.VOLATILE, ReliabilityPolicy.RELIABLE)
 """Services and actions, both ends."""
@@ -48,9 +48,9 @@ PROFILES = {"EVENTS": EVENTS, "FACT": FACT, "FACTS": FACTS, "HISTORY": HISTORY, 
 
 
 def listening(topic: SystemTopic) -> QoSProfile:
-    """Return the profile with which a topic is heard: all that its publishers still hold.
+    """Return the profile for subscriptions to a topic: they get all that publishers still hold.
 
-    A heartbeat is heard only while it is new, so that nobody waits for a listener that hangs.
+    A heartbeat matters only while it is new, so that a hanging listener keeps no sender waiting.
     """
     if topic.name.endswith("/heartbeat"):
         return SENSOR

@@ -22,7 +22,7 @@ PREFIX = "qos_overrides."
 """Start of the names of these parameters; a resolved topic follows."""
 
 MOST_DEPTH = 10_000
-"""Messages that a queue may be told to keep, at most."""
+"""Largest depth of a queue."""
 
 _KINDS = {
     kind.name.lower(): kind
@@ -42,18 +42,18 @@ def create_overridden(
 ) -> EndpointT:
     """Create an endpoint with the overrides that were given for it.
 
-    rclpy declares a parameter for each policy that might be overridden; only those that are given
-    are declared here, so that ``ros2 param list`` does not show hundreds.
+    rclpy declares a parameter for each policy that could be overridden; this function declares
+    only the given ones, so that ``ros2 param list`` does not show hundreds.
 
     Args:
-        create: Creates it with a profile and rclpy's options.
+        create: Creates the endpoint with a profile and rclpy's options.
         given: Names of all parameters that were given to the node.
         topic: Its resolved topic.
         endpoint: ``publisher`` or ``subscription``.
-        profile: Its profile without overrides, which stays as it is.
+        profile: Its profile without overrides, which is not changed.
 
     Raises:
-        Refused: ``BAD_QOS_OVERRIDE``: a policy or a value that there is not.
+        Refused: ``BAD_QOS_OVERRIDE``: a policy or a value that does not exist.
     """
     start = f"{PREFIX}{topic}.{endpoint}."
     names = sorted(name.removeprefix(start) for name in given if name.startswith(start))
@@ -64,7 +64,7 @@ def create_overridden(
         raise _refused(start, f"'{unknown[0]}' is none of {', '.join(sorted(_KINDS))}")
     options = QoSOverridingOptions([_KINDS[name] for name in names], callback=_check)
     try:
-        # rclpy writes the overrides into the profile, and other endpoints share this one.
+        # rclpy writes the overrides into the profile, which other endpoints share.
         return create(copy.copy(profile), options)
     except (ParameterException, InvalidQosOverridesError, RuntimeError) as error:
         raise _refused(start, str(error)) from error

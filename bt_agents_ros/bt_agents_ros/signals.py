@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SIGINT and SIGTERM: silent while a program is being loaded, later a flag that loops poll."""
+"""SIGINT and SIGTERM: silent while a program loads, later a flag that loops poll."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Interrupted(BaseException):
 class Interrupt:
     """Flag that SIGINT or SIGTERM sets.
 
-    Nothing is raised out of the signal handler: that may happen within ``Condition.__enter__`` or
-    the import of a module, whose lock would then be held for ever, or in a finalizer, where the
-    exception would be lost.
+    The signal handler raises nothing: it may run within ``Condition.__enter__`` or the import of a
+    module, whose lock would then be held for ever, or in a finalizer, where the exception would be
+    lost.
     """
 
     newest: ClassVar[Interrupt | None] = None
@@ -47,16 +47,16 @@ class Interrupt:
         return self._requested
 
     def release(self) -> None:
-        """Give the signals back to those who had them before."""
+        """Restore the previous signal handlers."""
         Interrupt.newest = None
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
     @contextmanager
     def waking(self, wake: Callable[[], None]) -> Iterator[None]:
-        """Have ``wake`` called in a thread of its own when a signal comes within this block.
+        """Call ``wake`` in its own thread when a signal arrives within this block.
 
-        A wait within a C library goes on when a signal comes, and the flag is set only after it.
+        A wait within a C library continues when a signal arrives; the flag is set only after it.
         """
         receiving, sending = socket.socketpair()
         sending.setblocking(False)
@@ -78,7 +78,7 @@ class Interrupt:
 
     @contextmanager
     def ending_at_second(self) -> Iterator[None]:
-        """Have a second signal end the process at once within this block, which may take long."""
+        """Let a second signal end the process at once within this block, which may take long."""
         self._ends_at_second = True
         try:
             yield
@@ -89,10 +89,10 @@ class Interrupt:
 
 
 def check_interrupt() -> None:
-    """Give up a start where nothing is half done; no effect without an :class:`Interrupt`.
+    """Abort a start at a safe point; no effect without an :class:`Interrupt`.
 
     Raises:
-        Interrupted: SIGINT or SIGTERM has come.
+        Interrupted: SIGINT or SIGTERM has arrived.
     """
     if Interrupt.newest:
         raise Interrupted
@@ -101,27 +101,27 @@ def check_interrupt() -> None:
 def end_silently() -> None:
     """Let a Ctrl-C end the process without a traceback, as SIGTERM does.
 
-    The parent may block SIGINT until here with :func:`block_sigint`, as Python itself prints a
-    traceback when it comes before the first line of a program.
+    The parent may block SIGINT until here with :func:`block_sigint`, because Python itself prints
+    a traceback if the signal arrives before the first line of a program.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 _AGAIN_S = 0.01
-"""From the loss of a Ctrl-C until it is raised again [s]."""
+"""Time from the loss of a Ctrl-C until it is raised again [s]."""
 
 
 class _LastingInterrupt(KeyboardInterrupt):
     """A ``KeyboardInterrupt`` that is raised again when it is lost.
 
     C code clears exceptions of the Python code that it calls: numpy in some comparisons, Cython
-    in some imports. The exception is freed there, and the program would go on.
+    in some imports. That frees the exception, and the program would continue.
     """
 
     def __del__(self) -> None:
         if signal.getsignal(signal.SIGINT) is _raise:
-            # What is raised in here would be lost too.
+            # An exception raised here would be lost, too.
             Timer(_AGAIN_S, _raise_again).start()
 
 
@@ -138,7 +138,7 @@ def _raise(_signal: int, _frame: FrameType | None) -> NoReturn:
 def interruptible() -> Iterator[None]:
     """Let a Ctrl-C raise ``KeyboardInterrupt`` within this block, and end the process after it.
 
-    Code in the block that catches it and goes on calls :func:`end_silently`.
+    Code in the block that catches it and continues must call :func:`end_silently`.
     """
     signal.signal(signal.SIGINT, _raise)
     try:
@@ -151,8 +151,8 @@ def interruptible() -> Iterator[None]:
 def loading() -> Iterator[None]:
     """Let a Ctrl-C end the process without output while modules are imported in this block.
 
-    A ``KeyboardInterrupt`` would come out of a library of ROS as an error of that library. The
-    garbage collector pauses: modules stay.
+    A ROS library would turn a ``KeyboardInterrupt`` into an error of its own. The garbage
+    collector pauses, because modules stay.
     """
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
@@ -163,5 +163,5 @@ def loading() -> Iterator[None]:
 
 
 def block_sigint() -> set[int | signal.Signals]:
-    """Block SIGINT for the process that is started next; return the mask to restore after that."""
+    """Block SIGINT for the next started process; return the mask to restore afterwards."""
     return set(signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}))

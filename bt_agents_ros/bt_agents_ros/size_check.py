@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check of messages and requests against the table of limits, and its line for the log."""
+"""Check of messages and requests against the table of limits, and the log lines for it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from bt_agents_ros.types import resolved, slots_of
 _OWN_PACKAGE = "bt_agents_interfaces."
 
 LOG_PERIOD_S = 5.0
-"""Time between two lines about one topic or service and one code [s]."""
+"""Time between log lines about the same topic or service and the same code [s]."""
 
 
 def largest_bytes(kind: Any) -> int:
-    """Return how many bytes a serialized message of a type may have."""
+    """Return the maximum number of bytes of a serialized message of a type."""
     if not is_own(kind) and not kind.__name__.endswith("_Request"):
         return limits.FOREIGN_BYTES
     return limits.BYTES_OF.get(kind.__name__, limits.MESSAGE_BYTES)
@@ -34,7 +34,7 @@ def is_own(kind: Any) -> bool:
 
 
 def check_bytes(kind: Any, size: int) -> None:
-    """Check the size of a serialized message, before it is deserialized.
+    """Check the size of a serialized message before it is deserialized.
 
     Raises:
         Refused: ``TOO_LARGE``.
@@ -47,15 +47,15 @@ def check_bytes(kind: Any, size: int) -> None:
 
 
 def may_exceed(kind: Any, size: int) -> bool:
-    """Return whether a message of so many bytes can have a text or a list that is too large."""
+    """Return whether a message of this size can contain a text or list that is too large."""
     return size > _smallest(kind)
 
 
 def most_entries(kind: Any, field: str, entry: Any) -> int | None:
-    """Return how many entries of a rosidl type a list may have; None for any number."""
+    """Return the maximum length of a list of a rosidl type; None for any length."""
     usual: int | None = limits.LIST_ENTRIES
     if not is_own(kind):
-        # Numbers become one array, everything else an object each.
+        # Numbers become one array, everything else one object per entry.
         usual = None if isinstance(entry, idl.BasicType) else limits.FOREIGN_ENTRIES
     return limits.ENTRIES_OF.get(f"{kind.__name__}.{field}", usual)
 
@@ -71,12 +71,12 @@ def check_entries(kind: Any, field: str, count: int, most: int | None) -> None:
 
 
 def check_fields(message: Any, size: int) -> None:
-    """Check the texts and lists of a message, unless it is of another package.
+    """Check the texts and lists of a message, unless it belongs to another package.
 
-    One that cannot exceed any limit by its size as it was serialized [bytes] is not looked at.
+    A message whose serialized size [bytes] is too small to exceed any limit is skipped.
 
     Raises:
-        Refused: ``TOO_LARGE``, with the first field that is.
+        Refused: ``TOO_LARGE``, with the first field that is too large.
     """
     kind: Any = type(message)
     if is_own(kind) and may_exceed(kind, size):
@@ -84,11 +84,11 @@ def check_fields(message: Any, size: int) -> None:
 
 
 def check_content(message: Any) -> int:
-    """Check the texts and lists of a message whose size is not known, and all of them together.
+    """Check the texts and lists of a message of unknown size, one by one and all together.
 
     Returns:
-        How many characters and entries it has; 0 for one of another package, which is not looked
-        at.
+        The number of its characters and entries; 0 for a message of another package, which is
+        skipped.
 
     Raises:
         Refused: ``TOO_LARGE``.
@@ -106,9 +106,9 @@ def check_content(message: Any) -> int:
 
 
 class RefusalLog:
-    """Lines for the log about what was refused.
+    """Log lines about refusals.
 
-    A source has at most one line in :data:`LOG_PERIOD_S` for each code, so that one flood does not
+    A source gets at most one line per :data:`LOG_PERIOD_S` and code, so that one flood does not
     hide another fault of the same source.
     """
 
@@ -129,7 +129,7 @@ class RefusalLog:
 
 @dataclass(frozen=True)
 class _Text:
-    """Field with a text, or a list of texts, and how many characters each may have."""
+    """Field with a text or a list of texts, and the maximum number of characters of each."""
 
     field: str
     characters: int
@@ -137,7 +137,7 @@ class _Text:
 
 @dataclass(frozen=True)
 class _List:
-    """Field with a list, and how many entries it may have."""
+    """Field with a list, and its maximum number of entries."""
 
     field: str
     entries: int | None
@@ -145,7 +145,7 @@ class _List:
 
 @dataclass(frozen=True)
 class _Nested:
-    """Field with a message, or a list of messages, of a type that has texts or lists."""
+    """Field with a message or a list of messages whose type has texts or lists."""
 
     field: str
     kind: Any
@@ -153,7 +153,7 @@ class _Nested:
 
 @dataclass(frozen=True)
 class _Checks:
-    """What of a type is checked: lists first, as the others go through their entries."""
+    """Checks of a type: lists first, because the others go through their entries."""
 
     lists: tuple[_List, ...]
     texts: tuple[_Text, ...]
@@ -163,7 +163,7 @@ class _Checks:
 
 
 def _content(message: Any, kind: Any) -> int:
-    """Check all fields of a message; return how many characters and entries they have."""
+    """Check all fields of a message; return the number of their characters and entries."""
     checks = _checks_of(kind)
     content = 0
     for one in checks.lists:
@@ -222,7 +222,7 @@ def _checks_of(kind: Any) -> _Checks:
 
 @cache
 def _smallest(kind: Any) -> int:
-    """Return the least of all limits in a type; a message with fewer bytes keeps them all."""
+    """Return the smallest limit in a type; a message with fewer bytes keeps all limits."""
     checks = _checks_of(kind)
     own = [
         *(one.entries for one in checks.lists if one.entries is not None),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spinning of a node: survives exceptions of callbacks, ends cleanly on SIGINT and SIGTERM."""
+"""Spinning of a node that survives exceptions and ends cleanly on SIGINT and SIGTERM."""
 
 from __future__ import annotations
 
@@ -30,32 +30,32 @@ from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 _POLL_S = 0.2
 _CHECK_S = 1.0
 STOP_LIMIT_S = 1.0
-"""Time that a node that is stopped has to end what it has under way [s].
+"""Time for a stopped node to end its ongoing work [s].
 
-A node that waits for others, who are perhaps told to end with it, says ``stop_limit_s`` itself.
+A node that waits for others, which may be ending with it, sets its own ``stop_limit_s``.
 """
 
 LAST_RESULTS_S = 0.05
-"""Time in which the executor sends the results of what has ended [s]."""
+"""Time for the executor to send the results of ended work [s]."""
 
 _PR_SET_PDEATHSIG = 1
 
 
 class Stopping(Protocol):
-    """Node that needs its executor to spin on until what it has under way has ended."""
+    """Node whose executor must keep spinning until its ongoing work has ended."""
 
     def request_stop(self) -> None:
-        """Start ending; called once."""
+        """Start to end; called once."""
 
     def stopped(self) -> bool:
-        """Return True when nothing is under way any more."""
+        """Return True when all work has ended."""
 
 
 class Spinner:
-    """Executor of nodes; an exception in a callback is logged and survived.
+    """Executor of nodes that logs and survives exceptions in callbacks.
 
     Args:
-        nodes: One, or those of a process that hand over to each other on a bus.
+        nodes: One node, or the nodes of a process that a bus connects.
         bus: Their bus.
     """
 
@@ -69,7 +69,7 @@ class Spinner:
         """Wait up to ``timeout_s`` seconds for work and do one piece of it.
 
         Raises:
-            NodeMustEnd: A callback has found that the node has to end.
+            NodeMustEnd: A callback found that the node must end.
         """
         try:
             self.executor.spin_once(timeout_sec=timeout_s)
@@ -102,7 +102,7 @@ class Spinner:
 def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node and spin it until SIGINT, SIGTERM or a shutdown of its context.
 
-    A node with the methods of :class:`Stopping` gets a while to end what it has under way.
+    A node with the methods of :class:`Stopping` gets some time to end its ongoing work.
     ``make_node`` is called after ``rclpy.init``; if it raises, the process ends with one line.
 
     Returns:
@@ -117,13 +117,13 @@ def run_together(
     *,
     bus: Callable[[], AbstractContextManager[LocalBus | None]],
 ) -> int:
-    """Run several nodes on one executor, as :func:`run` does with one.
+    """Run several nodes on one executor, like :func:`run` for one node.
 
     Args:
-        makers: Called one after the other. Their nodes are stopped in this order, too: each when
-            the one before has ended what it has under way.
-        args: Of the command line.
-        bus: Gives what connects the nodes that are made within its block; None for nothing.
+        makers: Called one after the other. Their nodes stop in the same order, each after the
+            previous one has ended its work.
+        args: Command line arguments.
+        bus: Gives the bus for the nodes that are made within its block, or None.
     """
     interrupt = Interrupt()
     die_with_parent()
@@ -136,7 +136,7 @@ def run_together(
                     for make_node in makers:
                         nodes.append(make_node())
                     for node in nodes:
-                        # One that is not active has yet to declare most of them.
+                        # An inactive node has not yet declared most of its parameters.
                         if getattr(node, "is_active", True):
                             report_unknown(node, *nodes)
             except BaseException as error:
@@ -158,7 +158,7 @@ def run_together(
 
 
 def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
-    """Spin until the end, then let nodes end what they have under way; return the exit code."""
+    """Spin until the end, then let nodes end their ongoing work; return the exit code."""
     code = 0
     with suppress(ExternalShutdownException, NodeMustEnd):
         report_ready()
@@ -190,7 +190,7 @@ def _spin(spinner: Spinner, interrupt: Interrupt) -> int:
 
 
 def report_ready() -> None:
-    """Report to the supervisor, if there is one, that this process is up."""
+    """Report to the supervisor, if any, that this process is up."""
     descriptor = os.environ.pop(READY, "")
     if descriptor.isdecimal():
         # The parent may have ended.
@@ -199,10 +199,10 @@ def report_ready() -> None:
 
 
 def die_with_parent() -> None:
-    """Have this process end with its supervisor, if there is one."""
+    """Let this process end with its supervisor, if any."""
     parent = os.environ.get(SUPERVISED)
     if parent and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
         if os.getppid() != int(parent):
-            # It died before the line above.
+            # The supervisor died before the line above.
             os.kill(os.getpid(), signal.SIGTERM)

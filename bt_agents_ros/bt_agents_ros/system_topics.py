@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics, services and actions of the system: the one table of their types and their users.
+"""Topics, services and actions of the system: the only table of their types and users.
 
-What stands below no node's own name is below :data:`PREFIX`, so that nothing else on a robot, of
-which ``scene`` or ``feedback`` may be names too, is taken for it.
+Names that are not below a node's own name are below :data:`PREFIX`, so that they do not clash with
+other names on a robot, such as ``scene`` or ``feedback``.
 """
 
 from __future__ import annotations
@@ -10,27 +10,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 HOST = "{host}"
-"""Stands for the name of each host in names of topics and nodes."""
+"""Placeholder for the name of each host in names of topics and nodes."""
 
 NODES = ("marketplace", "scene_layer", "feedback", HOST, "robot", "selector", "journal", "studio")
 """Names of the nodes of the system."""
 
 PREFIX = "bt_agents/"
-"""Begins the names of topics and services that belong to no node alone."""
+"""Prefix of the names of topics and services that do not belong to a single node."""
 
 _OWN_PACKAGE = "bt_agents_interfaces"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SystemTopic:
-    """A topic that nodes of the system publish or listen to whatever the trees are.
+    """A topic that nodes of the system publish or listen to, whatever the trees are.
 
     Attributes:
-        name: Relative, but for what ROS itself gives a name.
-        type: Of its messages, ``package/msg/Name``.
+        name: Relative name, except for topics that ROS itself names.
+        type: Message type, ``package/msg/Name``.
         profile: Name of the QoS profile of its publishers in :mod:`bt_agents_ros.qos`.
         publishers: Names of nodes, and of roles of the command line.
-        listeners: The same; a node that listens only while it acts is one, too.
+        listeners: The same, including nodes that listen only while they act.
     """
 
     name: str
@@ -40,7 +40,7 @@ class SystemTopic:
     listeners: frozenset[str]
 
     def is_called(self, name: str) -> bool:
-        """Return whether this is the topic of that name; a slash at its front is left out."""
+        """Return whether this is the topic with a name; a leading slash is ignored."""
         name = name.removeprefix("/")
         host, slash, rest = self.name.partition("/")
         if host != HOST:
@@ -121,7 +121,7 @@ TOPICS = (
     _topic(f"{HOST}/tunables", "Tunables", "FACT", HOST, _SHOWN),
     _topic(f"{HOST}/tunings", "Tunings", "FACT", HOST, _SHOWN),
 )
-"""All of them; sensors and what skills use stand in the files of the authors."""
+"""All topics of the system; sensors and the topics of skills are in the files of the authors."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -129,7 +129,7 @@ class SystemService:
     """A service or an action of a node of the system.
 
     Attributes:
-        name: Relative.
+        name: Relative name.
         type: ``package/srv/Name`` or ``package/action/Name``.
         server: Name of the node.
         callers: Names of nodes, and of roles of the command line, each of which may do what those
@@ -188,7 +188,7 @@ SERVICES = (
     _service(f"{HOST}/tune", "Tune", HOST, "author studio"),
     _service(f"{HOST}/versions", "ListVersions", HOST, "watch"),
 )
-"""All of them but those that every node of ROS has."""
+"""All services of the system except those that every ROS node has."""
 
 ACTIONS = (
     _action("ask", "Ask", "robot"),
@@ -210,10 +210,10 @@ def heard_by(name: str) -> tuple[SystemTopic, ...]:
 
 
 def topic_called(name: str) -> SystemTopic:
-    """Return the topic of a name, in which a host has its own.
+    """Return the topic with a name, which may contain the name of a host.
 
     Raises:
-        KeyError: The system has none.
+        KeyError: The system has no such topic.
     """
     for topic in TOPICS:
         if topic.is_called(name):

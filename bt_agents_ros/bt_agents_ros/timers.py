@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steady timers for deadlines, leases and polls, untouched by simulated time; polled futures."""
+"""Steady timers for deadlines, leases and polls, independent of simulated time; polled futures."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rclpy.node import Node
 from rclpy.timer import Timer
 
 HEARTBEAT_S = 0.2
-"""Time between two heartbeats of a node [s]; the shortest lease is more than twice as long."""
+"""Period of the heartbeats of a node [s]; the shortest lease is more than twice as long."""
 
 LIMIT_S = 5.0
-"""How long a future is waited for [s]; its work goes on after that."""
+"""How long to wait for a future [s]; its work continues after that."""
 
 _FUTURES_S = 0.01
 _DAY_S = 86400.0
@@ -26,16 +26,16 @@ _DAY_S = 86400.0
 def steady_timer(
     node: Node, period_s: float, callback: Callable[[], None], *, running: bool = True
 ) -> Timer:
-    """Create a timer on the steady clock, which nobody can set or stop.
+    """Create a timer on the steady clock, which simulated time does not affect.
 
-    Without ``running`` it is created cancelled; ``reset`` starts it.
+    Without ``running`` it is created in the cancelled state; ``reset`` starts it.
     """
     steady = Clock(clock_type=ClockType.STEADY_TIME)
     return node.create_timer(period_s, callback, clock=steady, autostart=running)
 
 
 class OneShot:
-    """Steady timer that fires once, at a time that may be moved."""
+    """Steady timer that fires once, at a time that can be moved."""
 
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
         self._callback = callback
@@ -45,7 +45,7 @@ class OneShot:
     def set(self, at: float) -> None:
         """Set the time to fire, on the steady clock [s]; infinity stops the timer.
 
-        It fires after a day at most, also when the time is further ahead.
+        It fires after at most a day, even if the time is further ahead.
         """
         if at == self._at:
             return
@@ -53,7 +53,7 @@ class OneShot:
         if at == math.inf:
             self._timer.cancel()
             return
-        # A period of zero never fires.
+        # A timer with a period of zero never fires.
         wait_s = min(at - time.monotonic(), _DAY_S)
         self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
         self._timer.reset()
@@ -65,7 +65,7 @@ class OneShot:
 
 
 class FuturePoller:
-    """Polls the futures of other threads, which must not call into rclpy."""
+    """Polls the futures of other threads, because those must not call into rclpy."""
 
     def __init__(self, node: Node) -> None:
         self._watched: list[tuple[ThreadFuture[Any], float, Callable[[str], None]]] = []
@@ -74,7 +74,7 @@ class FuturePoller:
     def watch(self, future: ThreadFuture[Any], done: Callable[[str], None]) -> None:
         """Call back once, when a future is done or :data:`LIMIT_S` has passed.
 
-        ``done`` takes what went wrong, an empty text when nothing did.
+        ``done`` takes the error message, which is empty on success.
         """
         self._watched.append((future, time.monotonic() + LIMIT_S, done))
         if self._timer.is_canceled():

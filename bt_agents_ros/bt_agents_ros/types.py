@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS types by name, and conversion of messages from and to plain data."""
+"""ROS types by name, and conversion between messages and plain data."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _SECONDS = {
     ("builtin_interfaces", "msg", "Time"): (0, 2**31),
     ("builtin_interfaces", "msg", "Duration"): (-(2**31), 2**31),
 }
-"""Types that may be written as seconds, with the seconds that fit: from, below."""
+"""Types that can be written as seconds, with the range of seconds that fits: from, below."""
 
 
 def load_type(name: str, kind: BindingKind | None = None) -> Any:
-    """Return the class of a ROS type such as ``std_msgs/msg/Bool``, of a kind unless any will do.
+    """Return the class of a ROS type such as ``std_msgs/msg/Bool``, if given of a certain kind.
 
-    Nothing is imported unless an installed package lists it.
+    It imports nothing that no installed package lists.
 
     Raises:
         Refused: ``UNKNOWN_TYPE``, ``WRONG_KIND`` or ``TYPE_NOT_LOADABLE``.
@@ -66,10 +66,10 @@ def load_type(name: str, kind: BindingKind | None = None) -> Any:
 
 
 def fill(message: Any, values: Mapping[str, Any]) -> None:
-    """Set fields of a message from plain nested data; on an error nothing is set.
+    """Set fields of a message from plain nested data; on an error, set nothing.
 
-    Fields that are not named stay. A whole number is taken for a float, NaN too; a boolean is no
-    number and a number no text. ``builtin_interfaces`` Time and Duration may be written as
+    Fields that are not named stay. A float field also takes integers and NaN; a boolean is not a
+    number, and a number is not a text. ``builtin_interfaces`` Time and Duration may be written as
     seconds.
 
     Raises:
@@ -89,7 +89,7 @@ def read_field(message: Any, path: str) -> Any:
     """Return one field of a message, such as ``faces.0.mood``, as plain data.
 
     Raises:
-        Refused: ``UNKNOWN_FIELD``, or ``NO_SUCH_ITEM`` where a list is too short.
+        Refused: ``UNKNOWN_FIELD``, or ``NO_SUCH_ITEM`` if a list is too short.
     """
     try:
         return _plain(value_at(message, path, message_field))
@@ -117,7 +117,7 @@ def message_field(value: Any, part: str) -> Any:
 
 
 class MessageView(Mapping[str, Plain]):
-    """Fields of a message by name, each converted when first read; the message must not change."""
+    """Fields of a message by name, each converted on first read; the message must not change."""
 
     def __init__(self, message: Any) -> None:
         self._message = message
@@ -142,7 +142,7 @@ class MessageView(Mapping[str, Plain]):
 
 
 def types_of(package: str) -> list[str]:
-    """Return the types of an installed package as ``msg/Bool``; empty when it has none.
+    """Return the types of an installed package, such as ``msg/Bool``; empty if it has none.
 
     The ament index names them in ``share/ament_index/resource_index/rosidl_interfaces/<package>``.
     """
@@ -156,8 +156,8 @@ def types_of(package: str) -> list[str]:
 
 
 def prefixes() -> list[Path]:
-    """Return the folders in which ROS packages are installed, first choice first."""
-    # The wheels of PyPI register in the environment's prefix and set no AMENT_PREFIX_PATH.
+    """Return the folders where ROS packages are installed, in order of precedence."""
+    # PyPI wheels register in the environment's prefix and set no AMENT_PREFIX_PATH.
     sourced = [
         Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part
     ]
@@ -186,7 +186,7 @@ def _name_problem(name: object, kind: BindingKind | None) -> str:
 def _package_problem(name: str) -> str:
     package, folder, short = name.split("/")
     for other in difflib.get_close_matches(package, _packages(), n=3, cutoff=0.8):
-        # Close names of real packages differ (nav_msgs, nav2_msgs): the type must be there too.
+        # Similar names may be real packages (nav_msgs, nav2_msgs): the type must exist there, too.
         if f"{folder}/{short}" in types_of(other):
             return f"there is no package {package}; did you mean {other}/{folder}/{short}?"
     return (
@@ -208,7 +208,7 @@ def slots_of(message_type: Any) -> dict[str, Any]:
 
 
 def slot_at(message_type: Any, path: str) -> Any:
-    """Return the rosidl type of the field of a path, or the class of a nested message.
+    """Return the rosidl type of the field at a path, or the class of a nested message.
 
     Raises:
         Refused: ``UNKNOWN_FIELD``.
@@ -237,10 +237,10 @@ def slot_at(message_type: Any, path: str) -> Any:
 
 
 def resolved(slot: Any) -> Any:
-    """Return the class of a nested message type; any other rosidl type as it is."""
+    """Return the class of a nested message type; return any other rosidl type unchanged."""
     if not isinstance(slot, idl.NamespacedType):
         return slot
-    # Goal, result and feedback of an action are attributes of its class.
+    # The goal, result and feedback of an action are attributes of its class.
     found: Any = importlib.import_module(".".join(slot.namespaces))
     for name in slot.name.split("_"):
         found = getattr(found, name)
@@ -273,7 +273,7 @@ def _plain(value: Any) -> Any:
 
 
 def _assignments(message: Any, values: Any, path: str) -> Iterable[tuple[Any, str, Any]]:
-    """Check all values of one message and return what to set: owner, field, value."""
+    """Check all values of one message and return the assignments: owner, field, value."""
     seconds = _as_seconds(type(message), values, path)
     if seconds is not None:
         values = seconds
@@ -329,7 +329,7 @@ def _list(slot: Any, value: Any, path: str) -> list[Any]:
 def _text(slot: Any, value: Any, path: str) -> str:
     if not isinstance(value, str):
         raise _wrong_type(path, "text", value)
-    # The C code behind a message would cut the text at a zero and fail at half a character.
+    # The C code of a message would cut the text at a zero and fail at half a character.
     if "\0" in value or any("\ud800" <= character <= "\udfff" for character in value):
         raise Refused(
             "WRONG_TYPE", f"'{path}' holds a character that ROS cannot send; expected plain text"
@@ -363,7 +363,7 @@ def _integer(slot: Any, value: Any, path: str) -> int | bytes:
 
 
 def _integer_range(typename: str) -> tuple[int, int]:
-    """Return the smallest value and the one after the largest of ``int8`` to ``uint64``."""
+    """Return the range of ``int8`` to ``uint64``: the smallest value, and the largest plus one."""
     if typename not in idl.EXPLICIT_INTEGER_TYPES:
         raise Refused("WRONG_TYPE", f"a field of the IDL type {typename} cannot be written")
     bits = int(typename.rpartition("int")[2])
@@ -371,7 +371,7 @@ def _integer_range(typename: str) -> tuple[int, int]:
 
 
 def _as_seconds(message_type: Any, value: Any, path: str) -> dict[str, int] | None:
-    """Return the fields of a Time or Duration written as seconds; None for anything else."""
+    """Return the fields of a Time or Duration that is written as seconds; None for others."""
     module = message_type.__module__.split(".")
     limits = _SECONDS.get((module[0], module[1] if len(module) > 1 else "", message_type.__name__))
     if limits is None or isinstance(value, bool) or not isinstance(value, int | float):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals, results, feedback and answers of actions: refused, if too large, before they are objects.
+"""Refusal of goals, results, feedback and answers that are too large, before they become objects.
 
-rclpy 7.1.6 takes them by the types that an action server or client has as its action; here these
-are replaced by stand-ins. This module goes with :mod:`bt_agents_ros.workarounds.bounded_types`.
+rclpy 7.1.6 takes them by the types in the action of an action server or client; this module
+replaces these types by stand-ins. Remove it with :mod:`bt_agents_ros.workarounds.bounded_types`.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from bt_agents_ros.workarounds.bounded_types import bounded
 from bt_agents_ros.workarounds.departed_clients import DepartedClients
 
 _PARTS = frozenset(("goal", "cancel", "result", "feedback", "status"))
-"""What an action server or client takes that is from outside."""
+"""Parts that an action server or client takes from outside."""
 
 SERVICES: Mapping[str, str] = {
     "goal": "_action/send_goal",
     "cancel": "_action/cancel_goal",
     "result": "_action/get_result",
 }
-"""What an action server takes and answers → the end of the name of the service."""
+"""Part that an action server takes and answers → the end of the name of its service."""
 
 
 def take_bounded(waitable: Any, departed: DepartedClients) -> tuple[Any, list[Refused]]:
-    """Take the data of a waitable; of an action server or client without what is too large.
+    """Take the data of a waitable; drop parts of an action server or client that are too large.
 
-    A goal that is too large is rejected, a cancel too, a result is unknown; of an answer that is
-    too large the future gets the :class:`Refused` as its exception. Feedback is lost. Goals of
-    clients that have left, and their questions for results, are dropped, as nobody would follow
-    them; their cancels are not.
+    If they are too large, goals and cancel requests are rejected, results are unknown, the futures
+    of answers get the :class:`Refused` as their exception, and feedback is lost. Goals and result
+    requests of clients that have left are dropped, because no client would follow them; their
+    cancel requests are not.
 
     Returns:
-        The data, and why each part that is missing in it is refused.
+        The data, and the reason for each refused part.
     """
     if isinstance(waitable, ActionServer):
         refuse: Callable[[Any, str, Any, Refused], None] = partial(_refuse_request, departed)
@@ -70,7 +70,7 @@ def take_bounded(waitable: Any, departed: DepartedClients) -> tuple[Any, list[Re
 
 @cache
 def _bounded_action(action: Any) -> Any:
-    """Return an action whose messages and services are stand-ins."""
+    """Return a copy of an action whose messages and services are stand-ins."""
     services = {
         name: SimpleNamespace(Request=bounded(service.Request), Response=bounded(service.Response))
         for name in ("SendGoalService", "GetResultService", "CancelGoalService")

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stand-ins for types: what rclpy takes of them is refused, if too large, before it is an object.
+"""Stand-ins for types, which refuse messages that are too large before they become objects.
 
-rclpy 7.1.6 takes requests, goals and answers as Python objects only, and makes them of the C
-structure in which the middleware has put them: a request with 400,000 nested values takes 1.5 s.
-Of a stand-in the size and the lists of this structure are looked at first. This module can go when
-rclpy takes requests and answers as bytes, or asks somebody before it makes objects.
+rclpy 7.1.6 takes requests, goals and answers only as Python objects, and makes them from the C
+structure that the middleware has filled: a request with 400,000 nested values takes 1.5 s. A
+stand-in first checks the size and the lists of this structure. Remove this module when rclpy takes
+requests and answers as bytes, or has a hook before it makes objects.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from bt_agents_ros.size_check import (
 from bt_agents_ros.types import resolved, slots_of
 
 Size: TypeAlias = Callable[[int], int]
-"""Returns the serialized size of the C structure at an address [bytes]."""
+"""Function that returns the serialized size of the C structure at an address [bytes]."""
 
 CONVERT = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p)
-"""Function that makes an object of the message at an address."""
+"""Function that makes an object from the message at an address."""
 
 _HEADER = 4
 """Bytes before the first field of a serialized message."""
@@ -60,7 +60,7 @@ _SIZES = {
     "double": 8,
     "long double": 16,
 }
-"""Size of a number in a C structure, which is its alignment, too."""
+"""Size of a number in a C structure, which is also its alignment."""
 
 _CAPSULE = ctypes.pythonapi.PyCapsule_New
 _CAPSULE.restype = ctypes.py_object
@@ -74,23 +74,23 @@ _POINTER_OF.argtypes = (ctypes.py_object, ctypes.c_char_p)
 def bounded(kind: Any) -> Any:
     """Return the stand-in for a type of messages, requests or responses.
 
-    rclpy takes it where it takes the type, and returns a message of the type, or the
-    :class:`Refused` with which it is refused. Called, it makes a message of the type.
+    rclpy accepts it in place of the type, and returns a message of the type, or the
+    :class:`Refused` of a refusal. Calling the stand-in makes a message of the type.
     """
     return bounded_by(kind, serialized_size(kind))
 
 
 def bounded_by(kind: Any, size: Size | None) -> Any:
-    """Return a stand-in as :func:`bounded` does, with a function for the size of messages.
+    """Return a stand-in like :func:`bounded`, with a function for the size of messages.
 
-    Without one, all that is in a message is counted after it is an object.
+    Without one, the content of a message is counted after it has become an object.
     """
     check_for_type_support(kind)
     made = type(kind)
     original = converter_of(kind)
 
     def checked(address: int) -> Any:
-        # An exception does not come through C.
+        # An exception does not pass through C.
         try:
             if size is None:
                 message = original(address)
@@ -126,23 +126,23 @@ def bounded_by(kind: Any, size: Size | None) -> Any:
 
 @cache
 def converter_of(kind: Any) -> Callable[[int], Any]:
-    """Return the function that makes an object of the message of a type at an address."""
+    """Return the function that makes an object from a message of a type at an address."""
     return CONVERT(pointer_of(type(kind)._CONVERT_TO_PY))
 
 
 def capsule(function: Any) -> Any:
-    """Return a C function as rclpy takes it; the caller keeps the function."""
+    """Return a C function as the capsule that rclpy takes; the caller keeps the function alive."""
     return _CAPSULE(ctypes.cast(function, ctypes.c_void_p), None, None)
 
 
 def pointer_of(taken: Any) -> int:
-    """Return the address of the C function that rclpy has of a type."""
+    """Return the address of the C function in a capsule that rclpy has for a type."""
     return int(_POINTER_OF(taken, None))
 
 
 @cache
 def serialized_size(kind: Any) -> Size | None:
-    """Return the function of Fast DDS for the size of messages of a type; None without it."""
+    """Return Fast DDS' function for the size of messages of a type; None if there is none."""
     package, *folders = kind.__module__.split(".")
     library = f"lib{package}__rosidl_typesupport_fastrtps_c.so"
     name = f"get_serialized_size_{package}__{folders[0]}__{kind.__name__}"
@@ -161,15 +161,15 @@ def serialized_size(kind: Any) -> Size | None:
 
 @dataclass(frozen=True)
 class ListField:
-    """List in the C structure of a message, or the messages in a field that is no list.
+    """List in the C structure of a message, or message in a field that is not a list.
 
     Attributes:
         field: Its name.
-        offset: Where it is in the structure.
-        most: Entries that it may have; None for any number.
-        count: How many entries there are where their number is fixed; None for a list.
-        entry: Type of its entries where these are messages.
-        has_lists: Whether its entries have lists themselves.
+        offset: Its offset in the structure.
+        most: Maximum number of entries; None for any number.
+        count: Number of entries if it is fixed; None for a list.
+        entry: Type of its entries if they are messages.
+        has_lists: Whether its entries contain lists.
         step: Size of an entry.
     """
 
@@ -182,7 +182,7 @@ class ListField:
     step: int
 
     def entries(self, address: int) -> tuple[int, int]:
-        """Return how many entries a message at an address has, and where the first one is."""
+        """Return the number of entries in a message at an address, and the first one's address."""
         start = address + self.offset
         if self.count is not None:
             return self.count, start
@@ -191,7 +191,7 @@ class ListField:
 
 @dataclass(frozen=True)
 class _Layout:
-    """C structure of a message: its size, its alignment, and what of it has lists."""
+    """C structure of a message: its size, its alignment, and its parts with lists."""
 
     size: int
     alignment: int
@@ -199,17 +199,17 @@ class _Layout:
 
 
 def count_at(address: int) -> ctypes.c_size_t:
-    """Return the number of entries of the list at an address, where it can be set."""
+    """Return the number of entries of the list at an address, as a C variable that can be set."""
     return ctypes.c_size_t.from_address(address + _POINTER)
 
 
 def check_lists(kind: Any, address: int, *, deep: bool = True) -> None:
-    """Check the number of entries of the lists of a message, before it is an object.
+    """Check the number of entries of the lists of a message before it becomes an object.
 
     Args:
         kind: Type of the message.
-        address: Where it is.
-        deep: Whether those of messages in its lists are checked, too.
+        address: Its address.
+        deep: Whether to check the lists of messages in its lists, too.
 
     Raises:
         Refused: ``TOO_LARGE``.
@@ -224,7 +224,7 @@ def check_lists(kind: Any, address: int, *, deep: bool = True) -> None:
 
 
 def lists_of(kind: Any) -> tuple[ListField, ...]:
-    """Return the lists of a type of messages, and its fields with messages that have lists."""
+    """Return the lists of a message type, and its fields with messages that have lists."""
     return _layout_of(kind).lists
 
 
@@ -262,7 +262,7 @@ def _layout_of(kind: Any) -> _Layout:
                 )
             )
         at, alignment = at + size, max(alignment, aligned)
-    # C has no structure without a member.
+    # C has no structure without members.
     return _Layout(_aligned(max(at, 1), alignment), alignment, tuple(lists))
 
 

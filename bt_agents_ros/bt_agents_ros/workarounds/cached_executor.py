@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Single-threaded executor of every node, with a wait set that is reused between waits.
 
-It stands in for two executors of rclpy 7.1.6. ``SingleThreadedExecutor`` collects anew for each
-wait what there is to wait for, and wraps each callback in a task. ``EventsExecutor`` is as quick
-or quicker than ours, but there a task that raises is a segmentation fault (ros2/rclpy#1641,
-fixed by ros2/rclpy#1718), services of coroutines never answer before rclpy 7.1.11, messages that
-wait behind a callback that raises stay in the queue, and its ``spin`` keeps the GIL. This module
-can go when ``EventsExecutor`` of the oldest supported rclpy passes ``tests/ros/test_executor.py``.
+It replaces two executors of rclpy 7.1.6. ``SingleThreadedExecutor`` collects all entities anew for
+each wait, and wraps each callback in a task. ``EventsExecutor`` is at least as fast as ours, but a
+task that raises causes a segmentation fault (ros2/rclpy#1641, fixed by ros2/rclpy#1718), services
+with coroutines never answer before rclpy 7.1.11, messages that wait after a callback that raises
+stay in the queue, and its ``spin`` keeps the GIL. Remove this module when ``EventsExecutor`` of
+the oldest supported rclpy passes ``tests/ros/test_executor.py``.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ from bt_agents_ros.workarounds.sender_identity import IdentifiedRequest
 from bt_agents_ros.workarounds.sliced_conversion import Slices, is_sliced, slices
 
 _MESSAGES = 32
-"""Messages of one subscription that are handled at most between two waits."""
+"""Maximum number of messages of one subscription to handle between two waits."""
 
 _QUEUES_S = 0.002
-"""Time for handling queued messages between two waits [s]."""
+"""Time for queued messages between two waits [s]."""
 
 _BATCH_S = 0.05
-"""Time for callbacks between two waits after which due timers come before the rest of them [s]."""
+"""Time for callbacks between two waits after which due timers precede the rest of them [s]."""
 
 _LARGE_BYTES = 8 * MIB
-"""Bytes of a message that take tens of milliseconds to be taken."""
+"""Size of messages that take tens of milliseconds to take [bytes]."""
 
 _LOCAL_S = 0.01
-"""Time for what nodes of this process hand over to each other between two waits [s]."""
+"""Time between two waits for items that nodes of this process send to each other [s]."""
 
 _Call: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 
@@ -63,21 +63,19 @@ _Call: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 class CachedExecutor(Executor):
     """Executor that runs one callback after the other, in the thread that spins it.
 
-    What is called, when, and what becomes of an error is as with ``SingleThreadedExecutor``; the
-    wait set is made anew only when a node, an entity or a callback group has changed. Messages and
-    requests beyond the limits come to no callback: they are logged, requests are answered. Timers
-    that become due while many callbacks are long do not wait for all of them, so that a node goes
-    on with its heartbeat. A large message is made in slices, between which it does other work; the
-    next message of the topic waits, and is taken after all else that is there. Messages for a
-    group that is polled (:class:`~bt_agents_ros.workarounds.cached_wait_set.PolledGroup`) wake it
-    not.
+    It calls callbacks and treats errors like ``SingleThreadedExecutor``, but rebuilds the wait set
+    only when a node, an entity or a callback group has changed. Messages and requests beyond the
+    limits reach no callback: they are logged, and requests are answered. Due timers do not wait
+    for all of many long callbacks, so that a node keeps sending its heartbeat. A large message is
+    converted in slices with other work in between; the next message of the topic waits, and is
+    taken after everything else. Messages for a polled group
+    (:class:`~bt_agents_ros.workarounds.cached_wait_set.PolledGroup`) do not wake it.
 
     Args:
-        bus: What its nodes hand over to each other. It comes to callbacks as what the middleware
-            delivers does, in turn with it.
+        bus: Bus between its nodes. Its items reach callbacks in turn with those of the middleware.
     """
 
-    # An interrupt may end __init__ before rclpy has set it, and the __del__ of rclpy reads it.
+    # rclpy's __del__ reads this, even if an interrupt ends __init__ before rclpy sets it.
     _sigint_gc: Any = None
 
     def __init__(self, *, context: Any = None, bus: LocalBus | None = None) -> None:
@@ -120,13 +118,13 @@ class CachedExecutor(Executor):
             self._release_wait_set()
 
     def wake(self) -> None:
-        """Have the wait set made anew; from any thread."""
+        """Request a new wait set; callable from any thread."""
         self._changed = True
         if get_ident() != self._thread:
             super().wake()
 
     def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Future:
-        """Schedule a function or a coroutine; from any thread."""
+        """Schedule a function or a coroutine; callable from any thread."""
         task = _Task(callback, args, kwargs, executor=self)
         self._new_tasks.append(task)
         if get_ident() != self._thread:
@@ -142,11 +140,11 @@ class CachedExecutor(Executor):
         return bool(super().shutdown(timeout_sec))
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Do one piece of work; wait for it if there is none.
+        """Do one piece of work; wait if there is none.
 
         Raises:
             ExternalShutdownException: The context was shut down.
-            Exception: What a callback raises.
+            Exception: An exception of a callback.
         """
         self._thread = get_ident()
         if self._bus is not None and not self._batch and not self._is_shutdown:
@@ -177,11 +175,11 @@ class CachedExecutor(Executor):
         self._look_at_timers = time.monotonic() + _BATCH_S
         if self._wait_set is not None:
             for timer in self._wait_set.timers:
-                # Whether it is due is seen when it is taken.
+                # Taking it checks whether it is due.
                 self._batch.appendleft(partial(self._run_callback, self._take_due_timer, timer))
 
     def _collect_local(self, bus: LocalBus) -> None:
-        """Put what nodes have handed over into the batch, or else what they send to others."""
+        """Put items of the bus into the batch, or if there are none, publications for others."""
         if time.monotonic() < self._local_until:
             ready = [task for task in self._suspended if task.is_ready]
             if ready:
@@ -212,7 +210,7 @@ class CachedExecutor(Executor):
         ended = self._task_ended and self._suspended
         local = self._bus is not None and _ready(self._bus)
         if self._new_tasks or converted or ended or local:
-            # With this it returns at once; with a timeout of zero it takes a tenth of a ms.
+            # With this the wait returns at once; a timeout of zero would take a tenth of a ms.
             self._guard.trigger()
         ready = self._wait_set.wait(timeout_s)
         if not self._context.ok():
@@ -234,13 +232,13 @@ class CachedExecutor(Executor):
                 self._batch.append(partial(self._run_callback, self._takes[kind], entity))
 
     def _drain(self, subscription: Any, left: int, until: float) -> None:
-        """Handle queued messages of a topic that had one at the wait before, one at a time."""
+        """Handle queued messages of a topic that had one at the previous wait, one at a time."""
         took_one = self._run_callback(self._take_subscription, subscription)
         if took_one and left > 1 and time.monotonic() < until:
             self._batch.append(partial(self._drain, subscription, left - 1, until))
 
     def _run_callback(self, take: Callable[[Any], _Call | None], entity: Any) -> bool:
-        """Run the callback of an entity; return False if there was nothing to take any more."""
+        """Run the callback of an entity; return False if there was nothing left to take."""
         group = entity.callback_group
         if not group.beginning_execution(entity):
             if isinstance(entity, GuardCondition):
@@ -254,7 +252,7 @@ class CachedExecutor(Executor):
                     with entity.handle:
                         return False
             except InvalidHandle:
-                # It has been destroyed, perhaps without a call of wake().
+                # It was destroyed, perhaps without a call of wake().
                 self._changed = True
                 return False
             coroutine = call()
@@ -289,10 +287,10 @@ class CachedExecutor(Executor):
                     group.ending_execution(task.entity)
 
     def _take_waitable(self, waitable: Any) -> _Call:
-        """Return the callback of a waitable, after its data has been taken.
+        """Take the data of a waitable and return its callback.
 
         rclpy sets the executor of every future of a waitable each time; an action server has one
-        for each goal of the last minutes, which is why finished ones are skipped here.
+        for each goal of the last minutes, so this method skips finished ones.
         """
         data, refused = take_bounded(waitable, self._departed)
         for reason in refused:
@@ -337,7 +335,7 @@ class CachedExecutor(Executor):
     def _take_subscription(self, subscription: Any) -> _Call | None:
         """Return the callback of a subscription with its next message; None without one.
 
-        The message is taken as bytes, so that a large one is refused before it is made an object.
+        The message is taken as bytes, so that a large one is refused before it becomes an object.
         """
         if subscription in self._in_slices:
             return None
@@ -365,7 +363,7 @@ class CachedExecutor(Executor):
         return _callback_of(subscription, message, info)
 
     def _convert_slice(self, subscription: Any, made: Slices, info: Any) -> None:
-        """Make a part of a message; its callback is called, or the next part made, in a turn."""
+        """Convert a slice of a message; its callback or its next slice gets its own turn."""
         self._in_slices.discard(subscription)
         try:
             next(made)
@@ -379,7 +377,7 @@ class CachedExecutor(Executor):
         self._in_slices.add(subscription)
 
     def _take_converted(self, subscription: Any) -> _Call:
-        """Return the callback of a subscription with a message that was made in slices."""
+        """Return the callback of a subscription with a message that was converted in slices."""
         self._in_slices.discard(subscription)
         call = self._converted.pop(subscription)
         with subscription.handle:
@@ -389,7 +387,7 @@ class CachedExecutor(Executor):
         self._log_refusal(subscription, subscription.logger_name, subscription.topic_name, refused)
 
     def _take_service(self, service: Any) -> _Call:
-        """Return the callback of a service with its next request, or what answers a large one."""
+        """Return the callback of a service with its next request, or that refuses a large one."""
         with service.handle:
             request, header = service.handle.service_take_request(
                 bounded(service.srv_type.Request)
@@ -415,7 +413,7 @@ class CachedExecutor(Executor):
         return execute
 
     def _take_client(self, client: Any) -> _Call:
-        """Return what hands the next answer to its future, or why it is refused."""
+        """Return a callback that passes the next answer, or its refusal, to its future."""
         with client.handle:
             header, response = client.handle.take_response(bounded(client.srv_type.Response))
         if header is None:
@@ -428,7 +426,7 @@ class CachedExecutor(Executor):
             try:
                 future = client.get_pending_request(sequence_number)
             except KeyError:
-                return  # nobody waits for it any more
+                return  # nothing waits for it any more
             future._set_executor(self)
             if isinstance(response, Refused):
                 future.set_exception(response)
@@ -443,7 +441,7 @@ class CachedExecutor(Executor):
             get_logger(logger).warning(line)
 
     def _take_due_timer(self, timer: Any) -> _Call | None:
-        """Return the callback of a timer, unless a callback before has stopped the timer."""
+        """Return the callback of a timer, unless an earlier callback stopped the timer."""
         try:
             with timer.handle:
                 is_due = timer.handle.is_timer_ready()
@@ -456,14 +454,14 @@ def _deserialized(kind: Any, message: bytes) -> Any:
     """Return a message from its bytes.
 
     Raises:
-        Refused: ``TOO_LARGE``, or ``MALFORMED`` where the bytes are none of its type.
+        Refused: ``TOO_LARGE``, or ``MALFORMED`` if the bytes do not fit the type.
     """
     # Few are large enough, and the stand-in takes 4 µs.
     taken = bounded(kind) if may_exceed(kind, len(message)) else kind
     try:
         made = deserialize_message(message, taken)
     except Exception as error:
-        # rclpy has no common root for what it makes of bad bytes.
+        # rclpy's exceptions for bad bytes have no common base class.
         raise Refused(
             "MALFORMED", f"{len(message)} bytes are no {kind.__name__}: {error}"
         ) from None
@@ -483,16 +481,16 @@ def _callback_of(subscription: Any, message: Any, info: Any) -> _Call:
 
 
 def _ready(bus: LocalBus) -> list[LocalQueue]:
-    """Return the queues with something that a callback may take now."""
+    """Return the queues with an item that a callback may take now."""
     return [one for one in bus.pending if one.entity.callback_group.can_execute(one.entity)]
 
 
 async def _nothing() -> None:
-    """Callback of a timer that has been stopped, or of a message that was refused or is gone."""
+    """Callback of a stopped timer, or of a message that was refused or is gone."""
 
 
 def _answer_refused(response: Any, refused: Refused) -> None:
-    """Set the fields by which our responses, and those about parameters, say that they refuse."""
+    """Set the refusal in the fields of our responses, and of those about parameters."""
     if hasattr(response, "code"):
         response.code = refused.code
         response.message = refused.reason
@@ -505,11 +503,11 @@ def _answer_refused(response: Any, refused: Refused) -> None:
 
 
 class _Task(Future):
-    """Function to be called, or coroutine that is resumed until its end.
+    """Function to call, or coroutine to resume until its end.
 
     Attributes:
         awaited: Future that the coroutine awaits; None before its start, or for a bare yield.
-        entity: Owner of the callback; None for a task of :meth:`CachedExecutor.create_task`.
+        entity: Owner of the callback; None for tasks of :meth:`CachedExecutor.create_task`.
     """
 
     def __init__(self, call: Any, args: Any, kwargs: Any, *, executor: Executor) -> None:
@@ -532,16 +530,16 @@ class _Task(Future):
         return self.awaited is None or bool(self.awaited.done() or self.awaited.cancelled())
 
     def cancel(self) -> None:
-        """Close the coroutine; it is resumed no more."""
+        """Close the coroutine and never resume it again."""
         if not self.is_over and self._coroutine is not None:
             self._coroutine.close()
         super().cancel()
 
     def resume(self) -> None:
-        """Call the function, or resume the coroutine if what it awaits is done.
+        """Call the function, or resume the coroutine if its awaited future is done.
 
         Raises:
-            BaseException: Whatever it raises, which is also stored as its exception.
+            BaseException: Any exception of the function, which is also stored.
         """
         if self.is_over or not self.is_ready:
             return

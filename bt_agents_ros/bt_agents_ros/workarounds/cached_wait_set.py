@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wait set that is reused between waits, for :mod:`~bt_agents_ros.workarounds.cached_executor`.
 
-rclpy 7.1.6 collects the entities of all nodes, and makes and fills a wait set, for every single
-wait (``Executor._wait_for_ready_callbacks``); that is most of what a hop of a message costs. There
-is no issue to wait for upstream: rclpy's answer is ``EventsExecutor``, and this module can go
-together with our executor.
+For every wait, rclpy 7.1.6 collects the entities of all nodes, and makes and fills a wait set
+(``Executor._wait_for_ready_callbacks``); that is most of the cost of a message hop. There is no
+upstream issue: rclpy's answer is ``EventsExecutor``. Remove this module together with our
+executor.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from rclpy.waitable import NumberOfEntities
 _EVENTS_S = 2.0
 """Period for polling events of the middleware, such as QoS mismatches [s].
 
-There are two for each publisher and subscription, and they are rare.
+Each publisher and subscription has two, and they are rare.
 """
 
 _POLLS_S = (0.1, 0.3)
 """Shortest and longest time between two polls of polled subscriptions [s].
 
-A node with a heartbeat of its own polls them when it wakes for that.
+A node with its own heartbeat polls them when it wakes for that.
 """
 
 
@@ -40,23 +40,23 @@ _ENTITIES = {
     "client": "clients",
     "service": "services",
 }
-"""Kind of entity, as a wait set calls it → where a node lists its own."""
+"""Kind of entity in wait sets → attribute of a node that lists its own."""
 
 
 class PolledGroup(MutuallyExclusiveCallbackGroup):
-    """Callback group of subscriptions whose messages wake nobody and may come 0.3 s late.
+    """Callback group of subscriptions whose messages wake no node and may come 0.3 s late.
 
-    To wake for each heartbeat is most of what an idle node does. A heartbeat that also says what
-    goes on is none for it: it would be handled after what has happened since.
+    Waking for each heartbeat is most of the work of an idle node. Do not use the group for
+    heartbeats that also report ongoing work: they would be handled after later events.
     """
 
 
 class CachedWaitSet:
     """Wait set over the entities of some nodes, whose handles it holds until :meth:`release`.
 
-    Entities of a busy callback group are left out; ``wakers`` are guard conditions that end a
-    wait. Subscriptions of a :class:`PolledGroup` are ready whenever a wait ends, but not more
-    often than they are to be polled.
+    It omits entities of busy callback groups; ``wakers`` are guard conditions that end a wait.
+    Subscriptions of a :class:`PolledGroup` are ready whenever a wait ends, but not more often than
+    their polling period.
     """
 
     def __init__(self, nodes: list[Any], wakers: tuple[Any, ...], context: Any) -> None:
@@ -118,7 +118,7 @@ class CachedWaitSet:
         return list(self._tables["timer"].values())
 
     def wait(self, timeout_s: float | None) -> list[tuple[str, Any]]:
-        """Wait for entities; return those that are ready with their kinds, or early with none."""
+        """Wait for entities; return the ready ones with their kinds, or early none."""
         now = time.monotonic()
         polls_events = now >= self._events_due
         if polls_events:
@@ -136,7 +136,7 @@ class CachedWaitSet:
         if self._polled:
             left_s = max(0.0, min(left_s, self._polled_at + _POLLS_S[1] - now))
         wait_set.wait(int(1e9 * (left_s if timeout_s is None else min(timeout_s, left_s))))
-        # First, as a timer looks whether whoever is heard so has been silent for too long.
+        # First, because timers check whether the senders of polled messages are silent.
         ready = [("polled", one) for one in self._take_polled()]
         ready += [("waitable", one) for one in self._waitables if one.is_ready(wait_set)]
         for kind, table in self._tables.items():
@@ -148,7 +148,7 @@ class CachedWaitSet:
         return ready
 
     def _take_polled(self) -> list[Any]:
-        """Return the polled subscriptions, if it is time again."""
+        """Return the polled subscriptions, if they are due."""
         now = time.monotonic()
         if not self._polled or now < self._polled_at + _POLLS_S[0]:
             return []
@@ -156,12 +156,12 @@ class CachedWaitSet:
         return self._polled
 
     def release(self) -> None:
-        """Release the handles, so that entities that were destroyed really go."""
+        """Release the handles, so that destroyed entities are freed."""
         self._held.close()
 
 
 def _hold(held: ExitStack, entities: Iterable[Any]) -> dict[int, Any]:
-    """Return the entities that can be waited for, by the pointer that a wait set returns."""
+    """Return the entities to wait for, by the pointer that a wait set returns."""
     found = {}
     for entity in entities:
         if entity.callback_group.can_execute(entity):
@@ -185,13 +185,13 @@ class _Events:
     """Stand-in for a wait set that collects the handles of event handlers.
 
     Attributes:
-        handles: Those added so far.
+        handles: Handles added so far.
     """
 
     def __init__(self) -> None:
         self.handles: list[Any] = []
 
     def add_event(self, handle: Any) -> int:
-        """Store the handle; return its index, as a wait set does."""
+        """Store the handle; return its index, like a wait set."""
         self.handles.append(handle)
         return len(self.handles) - 1

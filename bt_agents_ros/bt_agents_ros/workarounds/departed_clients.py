@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clients of services and actions that have left before their answers were sent.
+"""Clients of services and actions that leave before their answers are sent.
 
 rmw_fastrtps_shared_cpp 8.4 waits for 0.1 s at each answer to a client that has left, so that 50
 requests of one that leaves at once silence a node for 5 s. Here the first such wait shows that a
-client has left, and its other requests are not answered. No issue is known upstream; this module
-can go when the middleware drops an answer that nobody reads at once.
+client has left, and its other requests stay unanswered. No upstream issue is known; remove this
+module when the middleware immediately drops an answer without a reader.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _MOST = 1_000
 
 
 class DepartedClients:
-    """Clients that have left, as answers to them and the graph have shown.
+    """Clients that have left, as shown by answers to them and by the graph.
 
-    When one has left, all clients of its participant are looked up in the graph for some time
-    before they are answered; one that the graph shows, as again after a break of the network, is.
-    A service is named by its full name; one of an action by the end of its name, from ``_action/``
-    on, as rclpy does not say the rest. Its node, or for a full name any one of the process, is
-    asked for only when the graph is to be looked at; with none the client counts as one that is
-    there.
+    After one has left, all clients of its participant are looked up in the graph for some time
+    before they are answered; those on the graph, perhaps again after a network failure, are
+    answered. A service is given by its full name, the service of an action by the end of its name
+    from ``_action/`` on, because rclpy does not tell the rest. Its node, or for a full name any
+    node of the process, is requested only for a look at the graph; without a node, the client
+    counts as present.
 
     Attributes:
         clock: Returns the time [s].
@@ -42,7 +42,7 @@ class DepartedClients:
         self._suspect_until: dict[bytes, float] = {}
 
     def have(self, node: GraphNode, service: str, header: Any) -> bool:
-        """Return whether the client that has sent a request has left."""
+        """Return whether the client of a request has left."""
         if not self._suspect_until:
             return False
         client = client_guid(header)
@@ -66,7 +66,7 @@ class DepartedClients:
         self.on_answered(node, service, header, began)
 
     def on_answered(self, node: GraphNode, service: str, header: Any, began: float) -> None:
-        """Handle the end of an answer that was begun at a time; a slow one may have no reader."""
+        """Handle the end of an answer that began at a time; a slow one may have no reader."""
         if self.clock() - began < _SLOW_S:
             return
         client = client_guid(header)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Endpoints of the nodes of one process, which hand over to each other without middleware.
+"""Endpoints of nodes in one process, which exchange messages without middleware.
 
-rclpy 7.1.6 sends each message through the middleware, also to the node beside: it is serialized,
-queued, waited for and made an object again. Here publishers, subscriptions, services, clients and
-both ends of actions of a process find each other on its bus; the middleware, which is told to
-ignore endpoints of the same process, carries only what others send and hear. This module can go
-when rclpy hands messages over within a process, as rclcpp does.
+rclpy 7.1.6 sends each message through the middleware, even to a node of the same process: it
+serializes the message, queues it, waits for it and makes it an object again. Here publishers,
+subscriptions, services, clients and both ends of actions of a process find each other on its bus;
+the middleware, which ignores endpoints of the same process, carries only messages from and to
+other processes. Remove this module when rclpy passes messages within a process, as rclcpp does.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _buses: WeakKeyDictionary[Any, LocalBus] = WeakKeyDictionary()
 
 @contextmanager
 def handing_over(context: Any, bus: LocalBus) -> Iterator[None]:
-    """Connect all endpoints that nodes of a context make within this block to a bus."""
+    """Connect to a bus all endpoints that nodes of a context make within this block."""
     before = server_module._rclpy, client_module._rclpy
     _buses[context] = bus
     server_module._rclpy = ImplementationWith(ActionServer=_ServerHandle)
@@ -63,7 +63,7 @@ def handing_over(context: Any, bus: LocalBus) -> Iterator[None]:
 
 
 class ImplementationWith:
-    """The implementation of rclpy with other classes for some of its own."""
+    """The implementation of rclpy with some of its classes replaced."""
 
     def __init__(self, **replaced: Any) -> None:
         self.__dict__.update(replaced)
@@ -73,7 +73,7 @@ class ImplementationWith:
 
 
 class LocalNode(Node):
-    """Node whose endpoints are connected to the bus of its context, where there is one."""
+    """Node whose endpoints connect to the bus of its context, if there is one."""
 
     def create_publisher(self, *args: Any, **options: Any) -> Publisher[Any]:
         bus = _bus_of(self)
@@ -104,7 +104,7 @@ class LocalNode(Node):
 
 
 def _connected(node: LocalNode, entity: Any) -> Any:
-    """Return a subscription, client or service of a node, on the bus where there is one."""
+    """Return a subscription, client or service of a node, on the bus if there is one."""
     bus = _bus_of(node)
     if bus is None:
         return entity
@@ -144,7 +144,7 @@ class LocalPublisher(Publisher):
             raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
         self._bus.publish(self._writer, msg)
         if self._writer.channel.is_latched:
-            # Nobody changes what is kept.
+            # Kept messages are never changed.
             write = partial(self._write, self._writer.kept[-1].message)
             self._bus.send_out(write, self if self._writer.channel.depth == 1 else None)
         elif super().get_subscription_count():
@@ -163,7 +163,7 @@ class LocalPublisher(Publisher):
 
 
 class LocalSubscription(Subscription):
-    """Subscription that also receives what publishers of the bus send."""
+    """Subscription that also receives messages from publishers on the bus."""
 
     _bus: LocalBus
     _reader: LocalReader
@@ -184,7 +184,7 @@ class LocalSubscription(Subscription):
 
 
 class LocalService(Service):
-    """Service that also answers clients of the bus.
+    """Service that also answers clients on the bus.
 
     Attributes:
         is_identified: Whether its callback takes requests with their sender.
@@ -201,7 +201,7 @@ class LocalService(Service):
         self._server = bus.add_server(self.service_name, self.srv_type, queue)
 
     def call_of(self, asked: LocalRequest, _executor: Any) -> Callable[[], Any]:
-        """Return what calls the callback with a request, and answers it."""
+        """Return a function that calls the callback with a request, and answers it."""
 
         async def execute() -> None:
             response = await await_or_execute(
@@ -221,7 +221,7 @@ class LocalService(Service):
 
 
 class LocalClient(Client):
-    """Client that calls the service of the bus, and the one of another process without it."""
+    """Client that calls a service on the bus, or if there is none, in another process."""
 
     _bus: LocalBus
     _queue: LocalQueue
@@ -248,12 +248,12 @@ class LocalClient(Client):
         return future
 
     def call_of(self, answer: tuple[int, Any], executor: Any) -> Callable[[], Any]:
-        """Return what hands an answer to its future."""
+        """Return a function that passes an answer to its future."""
 
         async def execute() -> None:
             number, response = answer
             future = self._pending_requests.get(number)
-            if future is not None:  # somebody still waits for it
+            if future is not None:  # something still waits for it
                 future._set_executor(executor)
                 future.set_result(response)
 
@@ -275,14 +275,14 @@ _REQUESTS = {
     "result": ("get_result", "GetResultService"),
     "cancel": ("cancel_goal", "CancelGoalService"),
 }
-"""Part of an action, as in the data of its ends → its service, and where that has its type.
+"""Part of an action, as in the data of its ends → its service, and the attribute with its type.
 
-In the order in which rclpy hands over their profiles, before those of feedback and status.
+The order is that in which rclpy passes their profiles, before those of feedback and status.
 """
 
 
 class _ServerHandle(rclpy_implementation.ActionServer):
-    """Handle of an action server that also serves clients of the bus."""
+    """Handle of an action server that also serves clients on the bus."""
 
     _bus: LocalBus | None = None
 
@@ -342,7 +342,7 @@ class _ServerHandle(rclpy_implementation.ActionServer):
         self._bus.send_out(partial(super().publish_feedback, copied(message)))
 
     def publish_status(self) -> None:
-        """Publish the state of all goals, when the nodes have what they wait for: the last one."""
+        """Publish the latest state of all goals after the nodes have received their messages."""
         if self._bus is None:
             super().publish_status()
         else:
@@ -353,7 +353,7 @@ class _ServerHandle(rclpy_implementation.ActionServer):
         states: dict[bytes, GoalStatus] = {}
         for key, goal in goals.items():
             if goal._goal_handle is not None:
-                # The property ``status`` takes a lock that whoever calls this may hold.
+                # The property ``status`` takes a lock that the caller may hold.
                 status, known = goal._goal_handle.get_status(), self._states.get(key)
                 states[key] = (
                     known
@@ -376,7 +376,7 @@ class _ServerHandle(rclpy_implementation.ActionServer):
 
 
 class _ClientHandle(rclpy_implementation.ActionClient):
-    """Handle of an action client that asks the server of the bus, where there is one."""
+    """Handle of an action client that calls the server on the bus, if there is one."""
 
     _bus: LocalBus | None = None
 
@@ -438,7 +438,7 @@ class _ClientHandle(rclpy_implementation.ActionClient):
 
 
 def _own_states(client: ActionClient, message: GoalStatusArray) -> GoalStatusArray:
-    """Return a copy of the states of those goals that a client follows."""
+    """Return a copy of the states of the goals that a client follows."""
     followed = client._goal_handles
     states = message.status_list if followed else ()
     return GoalStatusArray(
@@ -449,7 +449,7 @@ def _own_states(client: ActionClient, message: GoalStatusArray) -> GoalStatusArr
 
 
 def action_data(queue: LocalQueue, item: Any) -> dict[str, Any]:
-    """Return an item of an end of an action as the data that it would take of the middleware."""
+    """Return an item for an action server or client as the data it takes from the middleware."""
     match item:
         case LocalRequest():
             data = {queue.part: (item, item.request)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter services of rclpy whose setters refuse where rclpy 7.1 raises and so ends a node."""
+"""Parameter services of rclpy whose setters refuse requests at which rclpy 7.1 ends the node."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LONGEST_NAME = 80
 
 
 class GuardedParameterService(ParameterService):
-    """Callbacks of the two setters; a type or name that does not exist is a refusal."""
+    """Callbacks of the two setters, which refuse types or names that do not exist."""
 
     def _set_parameters_callback(self, request: Any, response: Any) -> Any:
         response.results = [_set_together(self._get_node(), [p]) for p in request.parameters]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Logger that finds its caller by the frame alone, without reading source files.
+"""Logger that identifies its caller by the frame alone, without reading source files.
 
 ``RcutilsLogger.log`` of rclpy 7.1.6 calls ``inspect.getframeinfo`` and resolves symbolic links for
-every line that is logged (ros2/rclpy#775 fixed it only for lines below the level). No issue is
-open for the rest; this module can go when a line of rclpy's own logger takes well below 100 µs.
+every logged line (ros2/rclpy#775 fixed it only for lines below the level). No issue is open for
+the rest; remove this module when a line of rclpy's own logger takes well below 100 µs.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from bt_agents_core.text import printable_lines
 
-# rclpy's filters, such as ``once``, identify a caller by the first frame outside of these files.
+# rclpy's filters, such as ``once``, identify a caller by the first frame outside these files.
 rcutils_logger._internal_callers.append(str(Path(__file__).resolve()))
 
 
 _FURTHER = "\n    "
-"""Start of each further line of a log line, so that none passes for a log line of its own."""
+"""Start of further lines of a log message, so that none looks like a separate log message."""
 
 
 class QuickLogger(rcutils_logger.RcutilsLogger):
-    """Logger of rclpy that logs printable text only; ``log`` takes a thirtieth of the time."""
+    """rclpy logger that logs printable text only; its ``log`` takes a thirtieth of the time."""
 
     def get_child(self, name: str) -> QuickLogger:
-        """Return a logger of the same kind for a part of what this one is for."""
+        """Return a child logger of the same kind."""
         made = super().get_child(name)
         child = QuickLogger(made.name)
-        # Whoever has the pair takes the name from /rosout when it is deleted.
+        # The owner of the pair removes the name from /rosout when it is deleted.
         child.logger_sublogger_namepair = made.logger_sublogger_namepair
         made.logger_sublogger_namepair = None
         return child
 
     def log(self, message: str, severity: Any, **filters: Any) -> bool:
-        """Log a line; one with filters, such as ``once``, goes through rclpy's own method."""
+        """Log a message; with filters, such as ``once``, use rclpy's own method."""
         if not self.is_enabled_for(severity):
             return False
         message = _FURTHER.join(printable_lines(message).splitlines())

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Action server that spends no time on formatting goal ids for debug lines.
+"""Action server that does not format goal ids for debug lines.
 
 ``ActionServer`` of rclpy 7.1.6 formats the id of a goal into half a dozen debug lines per goal,
-also while these lines are not logged, and numpy takes 60 µs to format one. No issue is known
-upstream; this module can go when rclpy formats these lines only for an enabled debug level.
+even if these lines are not logged, and numpy takes 60 µs to format one. No upstream issue is
+known; remove this module when rclpy formats these lines only for an enabled debug level.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bt_agents_core.errors import Refused
 
 
 class QuietActionServer(ActionServer):
-    """Action server of rclpy in which the id of a goal is an array that is formatted at once."""
+    """rclpy action server in which goal ids are arrays that format fast."""
 
     def take_data(self) -> dict[str, Any]:
         data: dict[str, Any] = super().take_data()
@@ -25,7 +25,7 @@ class QuietActionServer(ActionServer):
         return data
 
     def quicken(self, data: dict[str, Any]) -> None:
-        """Replace the ids of goals in what was taken."""
+        """Replace the goal ids in taken data."""
         for kind in ("goal", "cancel", "result"):
             if kind not in data or isinstance(data[kind][1], Refused):
                 continue
@@ -45,5 +45,5 @@ class _GoalId(np.ndarray):
 
 
 def _make_quick(goal_id: Any) -> None:
-    # The setter would copy it into a plain array.
+    # The setter would copy the id into a plain array.
     goal_id._uuid = goal_id.uuid.view(_GoalId)

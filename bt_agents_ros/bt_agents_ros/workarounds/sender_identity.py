@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions and services whose callbacks are told which participant a message is from.
+"""Subscriptions and services whose callbacks get the participant that sent a message.
 
 rclpy 7.1.6 drops the GID of the publisher and of the client, which the middleware reports with
-each message. Both are read here: of a message by taking it with rcl itself, of a request from the
-header that rclpy takes. This module can go when rclpy passes GIDs to callbacks.
+each message. This module reads both: for a message by taking it with rcl itself, for a request
+from the header that rclpy takes. Remove it when rclpy passes GIDs to callbacks.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from bt_agents_ros.workarounds.local_endpoints import ImplementationWith
 
 UNKNOWN = ""
-"""Sender where the middleware does not say who it is: any but Fast DDS."""
+"""Sender if the middleware does not report it: any but Fast DDS."""
 
 PREFIX = 12
 """Leading bytes of a GUID that all endpoints of a participant share."""
 
 HEARTBEATS_PER_S = 100.0
-"""Heartbeats of a sender that are made objects, which is ten times as many as it sends [1/s]."""
+"""Most heartbeats of a sender that become objects, ten times as many as it sends [1/s]."""
 
 _GID = 16
 _MOST_SENDERS = 1_000
@@ -86,7 +86,7 @@ class _ServiceInfo(ctypes.Structure):
 
 
 class _IdentifyingSubscription(rclpy_implementation.Subscription):
-    """Handle whose messages come with their sender, for any executor that takes from handles."""
+    """Handle whose messages carry their sender, for any executor that takes from handles."""
 
     accepts: Callable[[str], bool] | None = None
 
@@ -118,12 +118,12 @@ class _IdentifyingSubscription(rclpy_implementation.Subscription):
 
 
 class SenderRates:
-    """Acceptance of so many messages a second of each sender, and of no more of it.
+    """Limit on the messages per second of each sender.
 
-    So the heartbeats of one process are heard beside a flood of another on their topic.
+    It keeps the heartbeats of one process audible during a flood by another on the same topic.
 
     Args:
-        per_s: Messages of a sender [1/s].
+        per_s: Most messages of a sender [1/s].
         clock: Returns the time [s].
     """
 
@@ -135,7 +135,7 @@ class SenderRates:
         self._next_s: dict[str, float] = {}
 
     def __call__(self, sender: str) -> bool:
-        """Return whether a message of a sender is accepted."""
+        """Return whether to accept a message of a sender."""
         now = self._clock()
         if now < self._next_s.get(sender, now):
             return False
@@ -146,14 +146,14 @@ class SenderRates:
 
 
 class IdentifiedRequest(NamedTuple):
-    """Request with the participant of the client that has sent it."""
+    """Request with the participant of its client."""
 
     request: Any
     sender: str
 
 
 class _IdentifyingService(rclpy_implementation.Service):
-    """Handle whose requests come with their sender."""
+    """Handle whose requests carry their sender."""
 
     def service_take_request(self, kind: Any) -> tuple[Any, Any]:
         request, header = super().service_take_request(kind)
@@ -173,19 +173,19 @@ def create_identified_subscription(
     callback_group: CallbackGroup | None = None,
     accepts: Callable[[str], bool] | None = None,
 ) -> Subscription[Any]:
-    """Return a subscription whose callback takes a message and the participant it is from.
+    """Return a subscription whose callback takes a message and the participant of its sender.
 
     Args:
         node: The node that listens.
         kind: Type of the messages.
         topic: Name of the topic.
         callback: Takes each message and its sender.
-        qos_profile: As of any subscription.
+        qos_profile: As for any subscription.
         raw: Whether the callback takes bytes.
-        callback_group: The node's own one without any.
-        accepts: Returns whether messages of a sender are wanted; the others are dropped at once,
-            several thousand in the time that one takes to be handled, so that a flood of them
-            keeps those of the right sender from nobody. Without it all are.
+        callback_group: Callback group; defaults to that of the node.
+        accepts: Returns whether to accept a sender's message; others are dropped at once, several
+            thousand in the time of handling one, so that a flood of them does not hold up the
+            messages of the right sender. Without it, all messages are accepted.
     """
     with _made_with(Subscription=_IdentifyingSubscription):
         subscription = node.create_subscription(
@@ -207,7 +207,7 @@ def create_identified_service(
     callback: Callable[[Any, Any, str], Any],
     qos_profile: QoSProfile,
 ) -> Service:
-    """Return a service whose callback takes request, response and the client's participant."""
+    """Return a service whose callback takes a request, a response and the client's participant."""
     with _made_with(Service=_IdentifyingService):
         service = node.create_service(
             kind,
@@ -221,7 +221,7 @@ def create_identified_service(
 
 @contextmanager
 def _made_with(**handles: Any) -> Iterator[None]:
-    """Have the nodes make entities with these handles within this block."""
+    """Let nodes make entities with these handles within this block."""
     before = node_module._rclpy
     node_module._rclpy = ImplementationWith(**handles)
     try:
@@ -231,20 +231,20 @@ def _made_with(**handles: Any) -> Iterator[None]:
 
 
 def client_guid(header: Any) -> bytes:
-    """Return the GUID with which a client reads its answers, from the header of a request.
+    """Return the GUID of a client's reader for answers, from the header of a request.
 
     Args:
-        header: What rclpy takes with a request of a service or of an action; both wrap a structure
-            of C.
+        header: Header that rclpy takes with a request of a service or an action; both wrap a C
+            structure.
 
     Returns:
-        16 bytes; none where the middleware does not say it, or for a request of this process.
+        16 bytes; empty if the middleware does not report it, or for a request of this process.
     """
     is_of_service = isinstance(header, rclpy_implementation.rmw_service_info_t)
     is_of_action = isinstance(header, rclpy_implementation.rmw_request_id_t)
     if not (is_of_service or is_of_action) or not _has_guids():
         return b""
-    # Of a pybind11 object, the pointer to what it wraps follows the head of the Python object.
+    # In a pybind11 object, the pointer to the wrapped object follows the Python object head.
     wrapped = ctypes.c_void_p.from_address(id(header) + object.__basicsize__).value
     if not wrapped:
         return b""
@@ -269,13 +269,13 @@ def _participant(guid: Any) -> str:
 
 @cache
 def _has_guids() -> bool:
-    """Whether GIDs of messages and requests are GUIDs, which begin with their participant."""
+    """Return whether GIDs of messages and requests are GUIDs, which begin with the participant."""
     return str(get_rmw_implementation_identifier()).startswith("rmw_fastrtps")
 
 
 @cache
 def _libraries() -> tuple[ctypes.CDLL, ctypes.CDLL]:
-    """Return rcl and rcutils, which rclpy has loaded."""
+    """Return the libraries rcl and rcutils, which rclpy has loaded."""
     rcl, rcutils = ctypes.CDLL("librcl.so"), ctypes.CDLL("librcutils.so")
     rcutils.rcutils_get_default_allocator.restype = _Allocator
     rcl.rcl_take_serialized_message.argtypes = (ctypes.c_void_p,) * 4

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of large messages to objects in slices, between which their node does other work.
+"""Conversion of large messages to objects in slices, so that the node can work in between.
 
-rclpy 7.1.6 makes all objects of a message in one call: a card of 10,000 agents takes half a
-second, in which nothing else happens. Here the entries of its lists are made one after the other,
-of the C structure that rclpy has filled. This module goes with
-:mod:`bt_agents_ros.workarounds.bounded_types`.
+rclpy 7.1.6 makes all objects of a message in one call: a card of 10,000 agents blocks the node for
+half a second. This module makes the entries of its lists one after the other from the C structure
+that rclpy has filled. Remove it with :mod:`bt_agents_ros.workarounds.bounded_types`.
 """
 
 from __future__ import annotations
@@ -34,23 +33,23 @@ from bt_agents_ros.workarounds.bounded_types import (
 )
 
 LARGE_BYTES = 32 * 1024
-"""Messages of more bytes are converted in slices: a slice makes the objects of about as many."""
+"""Larger messages are converted in slices [bytes]; a slice covers about as many bytes."""
 
 SLICE_S = 0.01
 """Time for one slice of a conversion [s]."""
 
 _FEW_ENTRIES = 200
-"""A message in a list is made at once when its own lists have no more messages than that."""
+"""A message in a list is made at once if its own lists have no more messages than this."""
 
 _CREATE = ctypes.CFUNCTYPE(ctypes.c_void_p)
 _DESTROY = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 Slices: TypeAlias = Generator[None, None, Any]
-"""Yields after each slice, and returns the message."""
+"""Generator that yields after each slice and returns the message."""
 
 
 def is_sliced(kind: Any, size: int) -> bool:
-    """Return whether a message of a type and of so many bytes is converted in slices."""
+    """Return whether a message of a type and a size is converted in slices."""
     return size > LARGE_BYTES and bool(_parts_of(kind))
 
 
@@ -63,7 +62,7 @@ def slices(kind: Any, message: bytes, clock: Callable[[], float]) -> Slices:
         clock: Returns a steady time [s].
 
     Raises:
-        Refused: ``TOO_LARGE``, or ``MALFORMED`` where the bytes are none of its type.
+        Refused: ``TOO_LARGE``, or ``MALFORMED`` if the bytes do not fit the type.
     """
     check_for_type_support(kind)
     converter = _Converter(len(message), clock)
@@ -73,7 +72,7 @@ def slices(kind: Any, message: bytes, clock: Callable[[], float]) -> Slices:
 
 
 class _Structure:
-    """C structure of a serialized message, which is destroyed at the end of a ``with``."""
+    """Context manager of the C structure of a serialized message."""
 
     def __init__(self, kind: Any, message: bytes) -> None:
         self._kind = kind
@@ -98,7 +97,7 @@ class _Structure:
         try:
             deserialize_message(self._message, stand_in())
         except Exception as error:
-            # rclpy has no common root for what it makes of bad bytes.
+            # rclpy's exceptions for bad bytes have no common base class.
             self._destroy()
             raise Refused(
                 "MALFORMED", f"{len(self._message)} bytes are no {self._kind.__name__}: {error}"
@@ -115,7 +114,7 @@ class _Structure:
 
 
 class _Converter:
-    """Conversion of one message, with the end of the slice that is under way."""
+    """Conversion of one message, with the end of the current slice."""
 
     def __init__(self, size: int, clock: Callable[[], float]) -> None:
         self._size = size
@@ -129,7 +128,7 @@ class _Converter:
             self._until = self._clock() + SLICE_S
 
     def message(self, kind: Any, address: int) -> Slices:
-        """Make a message: first without its lists of messages, then these."""
+        """Make a message, first without its lists of messages, then with these."""
         check_lists(kind, address, deep=False)
         parts = [(part, *part.of.entries(address + part.offset)) for part in _parts_of(kind)]
         made = self._made(kind, address, parts)
@@ -171,8 +170,8 @@ class _Part:
     """List of messages in a message.
 
     Attributes:
-        path: Fields from the message to the one that has the list; empty for itself.
-        offset: Where that one is in the C structure.
+        path: Fields from the message to the one that has the list; empty if it is the same.
+        offset: Offset of that message in the C structure.
         of: The list.
     """
 
